@@ -1,0 +1,63 @@
+# Everything starts from nothing but make and Python 3.11: the first target that needs the package installs it.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV ?= .venv
+EXPERIMENTS = $(basename $(notdir $(wildcard experiments/*.yaml)))
+
+SPI = $(VENV)/bin/spi
+INSTALLED = $(VENV)/.installed
+INSTALLED_TEST = $(VENV)/.installed-test
+PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
+
+.DEFAULT_GOAL = help
+.DELETE_ON_ERROR:
+.PHONY: help install demo test test-uncompiled lint check figures bench clean $(EXPERIMENTS)
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
+	@echo "experiments (run one and plot it):"
+	@awk '/^title:/ { n = split(FILENAME, path, "/"); sub(/[.]yaml$$/, "", path[n]); sub(/^title: */, ""); gsub(/["]/, ""); \
+	  printf "  %-26s %s\n", path[n], $$0 }' /dev/null $(wildcard experiments/*.yaml)
+
+# A stamp is newer than what it was made from, so a second call costs nothing.  The package is installed in editable
+# form: an edit in spi/ needs no new installation.
+$(INSTALLED): pyproject.toml constraints.txt
+	@echo "setting up $(VENV)" >&2
+	@"$(PYTHON)" -c 'import sys; sys.exit("Python 3.11 or newer is needed; say make PYTHON=...") if sys.version_info < (3, 11) else None'
+	"$(PYTHON)" -m venv --clear $(VENV)
+	$(PIP) --editable .
+	@touch $@
+
+$(INSTALLED_TEST): $(INSTALLED)
+	$(PIP) --editable '.[test]'
+	@touch $@
+
+install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
+
+demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
+
+test: $(INSTALLED_TEST) ## set up and run the tests
+	$(VENV)/bin/python -m pytest
+
+test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
+	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest
+
+lint: $(INSTALLED_TEST)
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/ruff format --check
+
+check: lint ## lint, and validate every experiment
+	$(SPI) check experiments/*.yaml
+
+figures: $(EXPERIMENTS) ## run and plot every experiment
+
+$(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
+	$(SPI) run $<
+	$(SPI) plot $<
+
+bench: $(INSTALLED) ## time the kernels against a naive loop
+	$(VENV)/bin/python benchmarks/kernels.py
+
+clean: ## remove results, caches and the virtual environment
+	rm -rf results .venv build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	find spi tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,110 @@
+"""The stochastic rigid body (Example expl-SRB and section 4.2): y is the angular momentum in the body frame."""
+
+from typing import Annotated, NamedTuple
+
+from ..dispatch import inlined, means
+from ..protocol import (
+    NonNegative,
+    Positive,
+    casimirs,
+    drift_angle,
+    drift_flow,
+    drift_gradient,
+    drift_hessian,
+    hamiltonian,
+    noise_angle,
+    noise_flow,
+    noise_gradient,
+    noise_hessian,
+    sin_versine,
+    structure,
+)
+
+Positives = tuple[Positive, Positive, Positive]
+Strengths = tuple[NonNegative | None, NonNegative | None, NonNegative | None]
+
+
+class RigidBody(NamedTuple):
+    """B(y) v = v x y, H = sum_k y_k^2 / (2 I_k), Ĥ_k = y_k^2 / (2 Î_k), C(y) = |y|^2.
+
+    The example in the paper's section 2 has Ĥ_k without the 2; its section 4, which this follows, has it.
+    """
+
+    inertia: Annotated[Positives, "moments of inertia I_1, I_2, I_3"]
+    noise_inertia: Annotated[Positives, "moments of inertia Î_1, Î_2, Î_3 of the noise"]
+    sigma: Annotated[Strengths, "strengths of the three noises; 0 switches one off"] = (1.0, 1.0, 1.0)
+
+
+RigidBody.dimension = 3
+RigidBody.pieces = 3
+RigidBody.noises = 3
+
+
+@inlined
+def rotate(k, theta, y, angles):
+    """Turn y by the angle theta about axis k: for k = 0, y2 + i y3 is multiplied by exp(-i theta)."""
+    s, v = sin_versine(angles, theta)
+    y1, y2, y3 = y
+    if k == 0:
+        return y1, y2 + (s * y3 - v * y2), y3 - (s * y2 + v * y3)
+    if k == 1:
+        return y1 - (s * y3 + v * y1), y2, y3 + (s * y1 - v * y3)
+    return y1 + (s * y2 - v * y1), y2 - (s * y1 + v * y2), y3
+
+
+@means(drift_angle, RigidBody)
+def _(model, k, t, y):
+    return abs(t * (1.0 / model.inertia[k]) * y[k])
+
+
+@means(noise_angle, RigidBody)
+def _(model, k, t, y):
+    return abs(t * (1.0 / model.noise_inertia[k]) * y[k])
+
+
+@means(drift_flow, RigidBody)
+def _(model, k, t, y, angles):
+    return rotate(k, t * (1.0 / model.inertia[k]) * y[k], y, angles)
+
+
+@means(noise_flow, RigidBody)
+def _(model, k, t, y, angles):
+    return rotate(k, t * (1.0 / model.noise_inertia[k]) * y[k], y, angles)
+
+
+@means(structure, RigidBody)
+def _(model, y, v):
+    return v[1] * y[2] - v[2] * y[1], v[2] * y[0] - v[0] * y[2], v[0] * y[1] - v[1] * y[0]
+
+
+@means(casimirs, RigidBody)
+def _(model, y):
+    return (y[0] * y[0] + y[1] * y[1] + y[2] * y[2],)
+
+
+@means(hamiltonian, RigidBody)
+def _(model, y):
+    i = model.inertia
+    return 0.5 * (y[0] * y[0] / i[0] + y[1] * y[1] / i[1] + y[2] * y[2] / i[2])
+
+
+@means(drift_gradient, RigidBody)
+def _(model, y):
+    return drift_hessian(model, y, y)
+
+
+@means(drift_hessian, RigidBody)
+def _(model, y, v):
+    i = model.inertia
+    return v[0] * (1.0 / i[0]), v[1] * (1.0 / i[1]), v[2] * (1.0 / i[2])
+
+
+@means(noise_gradient, RigidBody)
+def _(model, k, y):
+    return noise_hessian(model, k, y, y)
+
+
+@means(noise_hessian, RigidBody)
+def _(model, k, y, v):
+    c = 1.0 / model.noise_inertia[k]
+    return (v[0] * c if k == 0 else 0.0, v[1] * c if k == 1 else 0.0, v[2] * c if k == 2 else 0.0)

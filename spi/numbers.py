@@ -1,0 +1,149 @@
+"""Arithmetic in the numbers of a spec file: ``2/3``, ``cos(1.1)``, ``2^-16``, ``10^9``, ``0.1+0.3i``.
+
+    sum     = term { (+|-) term }
+    term    = factor { (*|/) factor }
+    factor  = (+|-) factor | power
+    power   = atom [ (^|**) factor ]             so -2^2 = -4, 2^3^2 = 512, 2^-3 = 1/8
+    atom    = literal[i] | pi | i | function ( sum ) | ( sum )
+
+Whole numbers stay whole under + - * and powers, so that 10^9 and 2^64-1 are exact.
+"""
+
+import cmath
+import difflib
+import math
+import re
+
+FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "abs")
+CONSTANTS = {"pi": math.pi, "i": 1j}
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<literal>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?P<imaginary>i\b)?"
+    r"|(?P<word>[A-Za-z_]\w*)|(?P<sign>\*\*|[-+*/^()])|(?P<end>$)|(?P<other>\S))"
+)
+_LONGEST = 200
+
+
+class NumberError(ValueError):
+    """The text is no number; the message says why in a few words, without a full stop."""
+
+
+def parse(text):
+    """The value of arithmetic: an int, a finite float, or a complex number if ``i`` occurs in it.
+
+    Raises NumberError for everything else, such as division by zero, overflow or an unknown word.
+    """
+    if len(text) > _LONGEST:
+        raise NumberError(f"longer than {_LONGEST} characters")
+    try:
+        return _Parser(text).parse()
+    except ZeroDivisionError:
+        raise NumberError("division by zero") from None
+    except OverflowError:
+        raise NumberError("too large") from None
+    except RecursionError:
+        raise NumberError("too deeply nested") from None
+
+
+class _Parser:
+    def __init__(self, text):
+        self.text = text
+        self.position = 0
+        self.next()
+
+    def next(self):
+        self.token = _TOKEN.match(self.text, self.position)
+        self.position = self.token.end()
+
+    def take(self, *signs):
+        """The sign at hand if it is one of these, moving on; else None."""
+        sign = self.token["sign"]
+        if sign not in signs:
+            return None
+        self.next()
+        return sign
+
+    def parse(self):
+        value = self.sum()
+        if self.token["end"] is None:
+            raise self.unexpected()
+        return value
+
+    def unexpected(self):
+        found = self.token[0].strip()
+        return NumberError(f"unexpected '{found}'" if found else "it ends too early")
+
+    def sum(self):
+        value = self.term()
+        while sign := self.take("+", "-"):
+            other = self.term()
+            value = _finite(value + other if sign == "+" else value - other)
+        return value
+
+    def term(self):
+        value = self.factor()
+        while sign := self.take("*", "/"):
+            other = self.factor()
+            value = _finite(value * other if sign == "*" else value / other)
+        return value
+
+    def factor(self):
+        if sign := self.take("+", "-"):
+            value = self.factor()
+            return value if sign == "+" else -value
+        base = self.atom()
+        return _power(base, self.factor()) if self.take("^", "**") else base
+
+    def atom(self):
+        token = self.token
+        if literal := token["literal"]:
+            self.next()
+            value = _finite(int(literal) if literal.isdigit() else float(literal))
+            return value * 1j if token["imaginary"] else value
+        if self.take("("):
+            return self.closing()
+        if not (word := token["word"]):
+            raise self.unexpected()
+        self.next()
+        if word in CONSTANTS:
+            return CONSTANTS[word]
+        if word not in FUNCTIONS:
+            near = difflib.get_close_matches(word, (*FUNCTIONS, *CONSTANTS), 1)
+            raise NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
+        if not self.take("("):
+            raise NumberError(f"'{word}' without parentheses")
+        return _apply(word, self.closing())
+
+    def closing(self):
+        value = self.sum()
+        if not self.take(")"):
+            raise self.unexpected() if self.token["end"] is None else NumberError("a parenthesis is not closed")
+        return value
+
+
+def _finite(value):
+    """The value itself; OverflowError if it is infinite, or an int beyond the floats."""
+    if isinstance(value, int):
+        float(value)
+    elif not cmath.isfinite(value):
+        raise OverflowError
+    return value
+
+
+def _power(base, exponent):
+    if isinstance(base, int) and isinstance(exponent, int) and base.bit_length() * max(exponent, 0) > 2048:
+        # An exact result could fill the memory; floats overflow at once, and are exact for 0, 1 and -1.
+        base = float(base)
+    value = _finite(base**exponent)
+    if isinstance(value, complex) and not isinstance(base, complex) and not isinstance(exponent, complex):
+        raise NumberError(f"({base})^{exponent} has no real value")
+    return value
+
+
+def _apply(name, argument):
+    if name == "abs":
+        return abs(argument)
+    try:
+        return _finite(getattr(cmath if isinstance(argument, complex) else math, name)(argument))
+    except ValueError:
+        raise NumberError(f"{name}({argument}) has no value") from None

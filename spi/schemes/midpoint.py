@@ -1,0 +1,150 @@
+"""The implicit stochastic midpoint rule, the paper's second comparator; it needs truncated increments."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dispatch import inlined, means, number, unrolled
+from ..elementary import bits, from_bits
+from ..fields import (
+    add_scaled,
+    dot,
+    squared_distance,
+    step_field,
+    step_field_derivative,
+    step_gradient,
+    unit,
+)
+from ..protocol import advance, component_indices, dimension, load, store, structure, work_size
+from ..rng import LANES
+
+
+class Midpoint(NamedTuple):
+    """z = y + F((y + z)/2) with F = B grad K, K = h H + sum_k sigma_k dW_k Ĥ_k; preserves quadratic Casimirs.
+
+    Newton's method for the midpoint x = y + F(x)/2, started from y + F(y)/2, all lanes of a block together, until the
+    correction of every lane is below 2^-30 |x|: what is left is of the order of its square.  The new state is y + F(x),
+    so that the change of a quadratic Casimir is |F| times what is left of the equation.  A solve with
+    |x - y - F(x)/2| > ``tolerance`` |x| counts as a failure.
+    """
+
+    tolerance: float = 1e-13
+    most_iterations: int = 20
+
+
+_ENOUGH = 2.0**-60  # for squares
+
+
+@means(work_size, Midpoint)
+def _(scheme, model):
+    d = dimension(model)
+    return LANES * (d + d * (d + 1) + 2)
+
+
+@means(advance, Midpoint)
+def _(scheme, model, h, dW, y, work, report):
+    d = dimension(model)
+    x = work[: d * LANES]
+    matrix = work[d * LANES :]
+    for lane in range(LANES):
+        state = load(model, y, lane)
+        store(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
+    iterations = 0
+    unfinished = 1
+    while unfinished > 0 and iterations < scheme.most_iterations:
+        newton_system(model, h, dW, y, x, matrix)
+        eliminate(d, matrix)
+        unfinished = correct(model, x, matrix[d * d * LANES :])
+        iterations += 1
+    failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance)
+    report[0] += LANES
+    report[1] += LANES * iterations
+    report[2] += failures
+    report[3] = max(report[3], residual)
+
+
+@inlined
+def newton_system(model, h, dW, y, x, matrix):
+    """Write I - F'(x)/2 and, as one more column, y + F(x)/2 - x; entry (i, j) of a lane at [(j d + i) LANES + lane]."""
+    right = matrix[dimension(model) * dimension(model) * LANES :]
+    for lane in range(LANES):
+        middle = load(model, x, lane)
+        gradient = step_gradient(model, h, dW, lane, middle)
+        newton_columns(model, matrix, h, dW, lane, middle, gradient)
+        reached = add_scaled(load(model, y, lane), 0.5, structure(model, middle, gradient))
+        store(right, lane, add_scaled(reached, -1.0, middle))
+
+
+@unrolled(component_indices)
+def newton_columns(index, model, matrix, h, dW, lane, x, gradient):
+    j = number(index)
+    e = unit(component_indices(model), j)
+    column = add_scaled(e, -0.5, step_field_derivative(model, h, dW, lane, x, gradient, e))
+    store(matrix[j * dimension(model) * LANES :], lane, column)
+    return matrix
+
+
+@inlined
+def eliminate(d, matrix):
+    """Solve the d x d systems of all lanes by elimination with partial pivoting; the solution replaces column d.
+
+    Rows are exchanged lane by lane: the pivot row is compared with each row below it and keeps the larger entry.
+    """
+    swap = matrix[d * (d + 1) * LANES :]
+    factor = matrix[(d * (d + 1) + 1) * LANES :]
+    for c in range(d):
+        for r in range(c + 1, d):
+            p, q = matrix[(c * d + c) * LANES :], matrix[(c * d + r) * LANES :]
+            for lane in range(LANES):
+                a, b = p[lane], q[lane]
+                exchange = abs(b) > abs(a)
+                swap[lane] = 1.0 if exchange else 0.0
+                factor[lane] = (a if exchange else b) / (b if exchange else a)
+            for j in range(c, d + 1):
+                p, q = matrix[(j * d + c) * LANES :], matrix[(j * d + r) * LANES :]
+                for lane in range(LANES):
+                    a, b = p[lane], q[lane]
+                    exchange = swap[lane] > 0.0
+                    top = b if exchange else a
+                    p[lane] = top
+                    q[lane] = (a if exchange else b) - factor[lane] * top
+    for r in range(d - 1, -1, -1):
+        p = matrix[(d * d + r) * LANES :]
+        for j in range(r + 1, d):
+            q, known = matrix[(j * d + r) * LANES :], matrix[(d * d + j) * LANES :]
+            for lane in range(LANES):
+                p[lane] -= q[lane] * known[lane]
+        q = matrix[(r * d + r) * LANES :]
+        for lane in range(LANES):
+            p[lane] /= q[lane]
+
+
+@inlined
+def correct(model, x, correction):
+    """Add the corrections to x; how many lanes need another iteration (those that are not finite do not)."""
+    unfinished = 0
+    for lane in range(LANES):
+        change = load(model, correction, lane)
+        new = add_scaled(load(model, x, lane), 1.0, change)
+        store(x, lane, new)
+        unfinished += 1 if dot(change, change) > _ENOUGH * dot(new, new) else 0
+    return unfinished
+
+
+@inlined
+def finish(model, h, dW, y, x, tolerance):
+    """y becomes y + F(x); the number of lanes whose squared relative residual exceeds `tolerance`, the largest residual.
+
+    The largest is found by its bits, so that the loop is vectorised and a NaN counts as the largest of all.
+    """
+    failures = 0
+    largest = 0
+    for lane in range(LANES):
+        state, middle = load(model, y, lane), load(model, x, lane)
+        change = step_field(model, h, dW, lane, middle)
+        size = dot(middle, middle)
+        residual = squared_distance(middle, add_scaled(state, 0.5, change))
+        failures += 0 if residual <= tolerance * size else 1
+        largest = max(largest, bits(residual / (size + 1e-300)))
+        store(y, lane, add_scaled(state, 1.0, change))
+    return failures, np.sqrt(from_bits(largest))

@@ -1,0 +1,322 @@
+"""Strong errors: how far the paths of a scheme at step h are from its own paths at the reference step.
+
+The error at h is sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2) over the grid of h, as in Theorem thm-general; the value at
+the final time is kept as well.
+"""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dispatch import inlined, means, tuplewise
+from ..ensemble import Grid, Noise, empty_report, integrate, thread_count
+from ..estimators import (
+    GROUPS,
+    RESOLVED,
+    fit_order,
+    group_counts,
+    is_resolved,
+    jackknife_stderr,
+    root_mean_square,
+    samples_needed,
+)
+from ..fields import squared_distance
+from ..protocol import REPORT, casimirs, load, observe
+from ..records import Group
+from ..rng import BROWNIAN, LANES
+from ..schemes import SCHEMES
+
+_PARTS = 8  # a block's lanes are summed up in this many parts, lane mod 8, so that the sums are vectors
+_BLOCKS_PER_ROUND = GROUPS // _PARTS
+_BATCH_BYTES = 64e6
+_BATCH_SECONDS = 0.5
+
+
+class StrongSums(NamedTuple):
+    """What one batch of blocks contributes; a row per block.
+
+    `squares[row, offsets[l] + n - 1, part]` is the sum of |y_h - y_ref|^2 at time n h over the lanes of a part, for
+    step size number l > 0; `drift[row, l, c, lane]` the largest |C_c(y) - C_c(y_0)| so far (for the reference: at the
+    end); `nonfinite[row, l]` the number of paths that are not finite at the end.
+    """
+
+    squares: np.ndarray
+    drift: np.ndarray
+    nonfinite: np.ndarray
+    offsets: np.ndarray  #: (levels,) int64
+    steps: np.ndarray  #: (levels,) int64, how many steps each step size takes
+    initial_casimirs: tuple
+
+
+@tuplewise("a[i] - a[i]", total=True)
+def _zero_if_finite(a):
+    """0, or NaN if a component is not finite."""
+
+
+@inlined
+def _watch_casimirs(drift, model, initial, y):
+    for lane in range(LANES):
+        values = casimirs(model, load(model, y, lane))
+        for c in range(len(values)):
+            change = abs(values[c] - initial[c])
+            if not change <= drift[c, lane]:  # true for NaN
+                drift[c, lane] = change
+
+
+@means(observe, StrongSums)
+def _(observer, model, row, paths, level, n, y, reference):
+    if level > 0:
+        squares = observer.squares[row, observer.offsets[level] + n - 1]
+        for first in range(0, LANES, _PARTS):
+            for part in range(_PARTS):
+                lane = first + part
+                square = squared_distance(load(model, y, lane), load(model, reference, lane))
+                squares[part] += square if lane < paths else 0.0
+    last = n == observer.steps[level]
+    if level > 0 or last:
+        _watch_casimirs(observer.drift[row, level], model, observer.initial_casimirs, y)
+    if last:
+        for lane in range(paths):
+            observer.nonfinite[row, level] += 0 if _zero_if_finite(load(model, y, lane)) == 0.0 else 1
+
+
+class State(NamedTuple):
+    """What is known after the blocks 0, ..., blocks - 1; enough to go on from."""
+
+    blocks: int
+    seconds: float  #: wall clock
+    squares: np.ndarray  #: (GROUPS, points)
+    drift: np.ndarray  #: (levels, casimirs)
+    nonfinite: np.ndarray  #: (levels,)
+    report: np.ndarray  #: (levels, len(REPORT))
+
+
+class Plan(NamedTuple):
+    """A case turned into what the ensemble needs."""
+
+    scheme: NamedTuple
+    model: NamedTuple
+    initial: tuple
+    grid: Grid
+    noise: Noise
+    steps: np.ndarray  #: (levels,)
+    samples: int
+
+    @property
+    def points(self):
+        """Grid points of all step sizes but the reference."""
+        return int(self.steps[1:].sum())
+
+    @property
+    def blocks(self):
+        return -(-self.samples // LANES)
+
+
+def plan(case, scheme):
+    """The plan for one scheme of a case."""
+    doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
+    total = round(case.final_time / case.reference_step)
+    return Plan(
+        SCHEMES[scheme].record,
+        case.model,
+        case.initial,
+        Grid(case.reference_step, total, doublings, case.truncate_noise),
+        Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
+        total >> doublings,
+        case.samples,
+    )
+
+
+def cost(case):
+    """Steps of one path, all step sizes together, and bytes of memory needed, for one scheme."""
+    p = plan(case, case.schemes[0])
+    return int(p.steps.sum()), int(_BATCH_BYTES) + 8 * GROUPS * p.points
+
+
+def start(p):
+    """The state before the first block."""
+    levels = len(p.steps)
+    return State(
+        0,
+        0.0,
+        np.zeros((GROUPS, p.points)),
+        np.zeros((levels, len(casimirs(p.model, p.initial)))),
+        np.zeros(levels, np.int64),
+        np.zeros((levels, len(REPORT))),
+    )
+
+
+def _observer(p, rows):
+    levels = len(p.steps)
+    initial = casimirs(p.model, p.initial)
+    offsets = np.concatenate(([0, 0], np.cumsum(p.steps[1:-1]))) if levels > 1 else np.zeros(1, np.int64)
+    return StrongSums(
+        np.zeros((rows, max(p.points, 1), _PARTS)),
+        np.zeros((rows, levels, len(initial), LANES)),
+        np.zeros((rows, levels), np.int64),
+        offsets.astype(np.int64),
+        p.steps,
+        initial,
+    )
+
+
+def advance_state(p, state, blocks):
+    """The state after the next `blocks` blocks; the same bits however the blocks are divided into calls."""
+    began = time.perf_counter()
+    sums, report = _observer(p, blocks), empty_report(blocks, len(p.steps))
+    integrate(p.scheme, p.model, p.initial, p.grid, p.noise, sums, report, state.blocks, blocks, p.samples)
+    squares = state.squares.reshape(_BLOCKS_PER_ROUND, _PARTS, -1).copy()
+    drift, total_report = state.drift.copy(), state.report.copy()
+    for row in range(blocks):
+        block = state.blocks + row
+        squares[block % _BLOCKS_PER_ROUND] += sums.squares[row, : p.points].T
+        lanes = min(LANES, p.samples - block * LANES)
+        # a path that left the finite numbers has no last drift but NaN: it is infinitely far
+        drift = np.maximum(drift, np.nan_to_num(sums.drift[row, :, :, :lanes], nan=np.inf).max(axis=-1))
+        total_report[:, :3] += report[row, :, :3]
+        total_report[:, 3] = np.maximum(total_report[:, 3], report[row, :, 3])
+    return State(
+        state.blocks + blocks,
+        state.seconds + time.perf_counter() - began,
+        squares.reshape(GROUPS, -1),
+        drift,
+        state.nonfinite + sums.nonfinite.sum(axis=0),
+        total_report,
+    )
+
+
+def batches(p, state):
+    """Run all blocks that are left; yields the state after each batch of about half a second."""
+    most = max(1, min(_BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * _PARTS * max(p.points, 1)))))
+    blocks = min(thread_count(), most)
+    while state.blocks < p.blocks:
+        began = time.perf_counter()
+        state = advance_state(p, state, min(blocks, p.blocks - state.blocks))
+        yield state
+        rate = blocks / (time.perf_counter() - began)
+        blocks = int(np.clip(rate * _BATCH_SECONDS, min(thread_count(), most), min(most, 4 * blocks)))
+
+
+def errors(p, state):
+    """Per step size, from large to small: error, its leave-one-out values, time index, and the same at the final time.
+
+    Leaving out groups is done at the time where the supremum over all paths is reached.
+    """
+    counts = group_counts(min(state.blocks * LANES, p.samples))
+    value, without = root_mean_square(state.squares, counts)
+    sup, sup_without, where, final, final_without = [], [], [], [], []
+    end = 0
+    for n in p.steps[1:]:
+        begin, end = end, end + n
+        # a path that left the finite numbers makes the mean square infinite
+        curve = np.nan_to_num(value[begin:end], nan=np.inf)
+        at = int(np.argmax(curve))
+        sup.append(curve[at])
+        sup_without.append(without[:, begin + at])
+        where.append(at)
+        final.append(curve[-1])
+        final_without.append(without[:, end - 1])
+    pick = np.array(where, dtype=int)[::-1]
+    return (
+        np.array(sup)[::-1],
+        np.array(sup_without).T[:, ::-1],
+        pick,
+        np.array(final)[::-1],
+        np.array(final_without).T[:, ::-1],
+        counts,
+    )
+
+
+def current_stderr(p, state):
+    """The standard error at the final time of the largest step, for the progress line."""
+    counts = group_counts(min(state.blocks * LANES, p.samples))
+    value, without = root_mean_square(state.squares[:, -1], counts)
+    return float(jackknife_stderr(value, without, counts))
+
+
+def nanoseconds_per_step(p, h):
+    """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
+    steps = 2048
+    alone = p._replace(
+        grid=p.grid._replace(reference_step=h, reference_steps=steps, doublings=np.zeros(1, np.int64)),
+        steps=np.array([steps]),
+        samples=LANES,
+    )
+    best = np.inf
+    for _ in range(3):
+        sums, report = _observer(alone, 1), empty_report(1, 1)
+        began = time.perf_counter()
+        integrate(alone.scheme, alone.model, alone.initial, alone.grid, alone.noise, sums, report, 0, 1, LANES)
+        best = min(best, time.perf_counter() - began)
+    return 1e9 * best / (steps * LANES)
+
+
+def group(case, scheme, state):
+    """The results of one scheme of a case, from its final state."""
+    p = plan(case, scheme)
+    row = SCHEMES[scheme]
+    h = np.array(case.steps)
+    error, without, where, final, final_without, counts = errors(p, state)
+    stderr = jackknife_stderr(error, without, counts)
+    resolved = is_resolved(error, stderr)
+    order = fit_order(h, error, without, counts, resolved, case.reference_step)
+    ns = np.array([nanoseconds_per_step(p, step) for step in case.steps])
+    down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
+    variables = {
+        "error": error,
+        "error_stderr": stderr,
+        "error_time": (where + 1) * h,
+        "error_final": final,
+        "error_final_stderr": jackknife_stderr(final, final_without, counts),
+        "nonfinite": state.nonfinite[down],
+        "resolved": resolved,
+        "seconds": ns * 1e-9 * p.steps[down] * case.samples,
+        "ns_per_step": ns,
+    }
+    if state.report.any():
+        variables |= {name: state.report[down, i] for i, name in enumerate(REPORT)}
+    active = sum(s is not None for s in case.model.sigma)
+    return Group(
+        case.name,
+        scheme,
+        {"h": h, "casimir": np.arange(state.drift.shape[1])},
+        {name: (("h",), values) for name, values in variables.items()}
+        | {"casimir_drift": (("h", "casimir"), state.drift[down])},
+        {
+            "scheme_label": row.label,
+            "case_title": case.title,
+            "order": order.order,
+            "order_ci": (order.low, order.high),
+            "points_in_fit": order.points,
+            "expected_order": row.strong_order if active > 1 else row.strong_order_single,
+            "samples": case.samples,
+            "seed": case.seed,
+            "reference_step": case.reference_step,
+            "reference_nonfinite": int(state.nonfinite[0]),
+            "reference_casimir_drift": tuple(float(x) for x in state.drift[0]),
+            "final_time": case.final_time,
+            "initial": case.initial,
+            "truncate_noise": case.truncate_noise,
+            "wall_seconds": state.seconds,
+            "threads": thread_count(),
+            "model": case.model_name,
+            **{f"model_{name}": value for name, value in case.model._asdict().items()},
+            "note": _note(error, stderr, resolved, case.samples),
+        },
+    )
+
+
+def _note(error, stderr, resolved, samples):
+    """What a reader must know about points that are not resolved, or an empty text."""
+    finite = np.isfinite(error)
+    if resolved.all():
+        return ""
+    if samples == 1:
+        return "one path has no standard error: not resolved"
+    if not finite.all():
+        return "paths left the finite numbers: the error there is infinite"
+    needed = samples_needed(error, stderr, samples)[~resolved].max()
+    if not np.isfinite(needed) or needed <= 0:
+        return f"not resolved: the error is below {RESOLVED:g} standard errors"
+    return f"not resolved, needs about {float(f'{needed:.1g}'):.0f} samples"

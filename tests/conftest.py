@@ -1,0 +1,13 @@
+"""Before any test file is imported: where Numba keeps what the tests compile."""
+
+import hashlib
+import os
+from pathlib import Path
+
+import spi
+
+# The package names its cache by its own sources, and compiled kernels also contain what tests/helpers.py says: without
+# this an edit there would go unnoticed.  Programs that tests start inherit the folder.
+_digest = hashlib.sha256(Path(__file__).with_name("helpers.py").read_bytes()).hexdigest()[:16]
+os.environ["SPI_CACHE_DIR"] = str(Path(os.environ["NUMBA_CACHE_DIR"]).parent / f"tests-{_digest}")
+spi._point_cache_at_sources()

@@ -1,0 +1,179 @@
+"""What several test files share: a model, records that only tests need, and kernels around the words.
+
+Kernels are found in the disk cache by the types of their arguments, so records live in a module that can be imported;
+an edit of this file empties the cache of the tests (see conftest.py).
+"""
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from spi.dispatch import kernel, means, number, unrolled
+from spi.ensemble import Grid, Noise, empty_report, integrate
+from spi.fields import add_noise_fields, add_scaled, drift_field
+from spi.models import RigidBody
+from spi.protocol import advance, dimension, load, noise_indices, observe, store, work_size
+from spi.rng import BROWNIAN, LANES
+from spi.schemes import SCHEMES
+
+COMPILED = not numba.config.DISABLE_JIT
+
+#: The example of the paper's section 4.2.
+RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))
+#: The same equations with one noise.
+ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, None, None))
+INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
+
+
+# --- records for the ensemble ----------------------------------------------------------------------------------------
+
+
+class Snapshots(NamedTuple):
+    """An observer that keeps the states after every ``strides[level]`` steps of each level; idle lanes are not kept."""
+
+    strides: np.ndarray
+    states: np.ndarray  #: block, level, snapshot, component * LANES + lane
+
+
+@means(observe, Snapshots)
+def _(observer, model, row, paths, level, n, y, reference):
+    if n % observer.strides[level] == 0:
+        kept = observer.states[row, level, n // observer.strides[level] - 1]
+        for i in range(dimension(model)):
+            for lane in range(paths):
+                kept[i * LANES + lane] = y[i * LANES + lane]
+
+
+class Increments(NamedTuple):
+    """Not a scheme at all: the new state is the increment itself, so that an observer sees it to the last bit."""
+
+
+@unrolled(noise_indices)
+def put_increments(index, model, y, dW):
+    k = number(index)
+    for lane in range(k * LANES, (k + 1) * LANES):
+        y[lane] = dW[lane]
+    return y
+
+
+@means(advance, Increments)
+def _(scheme, model, h, dW, y, work, report):
+    put_increments(model, y, dW)
+
+
+class WithoutCorrection(NamedTuple):
+    """A wrong scheme: Euler-Maruyama that takes the Stratonovich equation for an Itô equation."""
+
+
+@means(advance, WithoutCorrection)
+def _(scheme, model, h, dW, y, work, report):
+    for lane in range(LANES):
+        state = load(model, y, lane)
+        new = add_scaled(state, h, drift_field(model, state))
+        store(y, lane, add_noise_fields(model, new, dW, lane, state))
+
+
+def simulate(
+    scheme,
+    model=RIGID_BODY,
+    *,
+    h,
+    steps,
+    doublings=(0,),
+    snapshots=1,
+    blocks=1,
+    first_block=0,
+    samples=None,
+    truncate=False,
+    seed=1,
+    initial=INITIAL,
+):
+    """Run the ensemble with ``steps`` steps of the reference step h.
+
+    Returns the states at ``snapshots`` equidistant times, an array [level, snapshot, component, path] (with 0 in place
+    of ``snapshots``: a list of levels, all steps kept), and the report, an array [block, level, column].
+    """
+    d, levels = type(model).dimension, len(doublings)
+    counts = np.array([steps >> s for s in doublings])
+    assert all(count << s == steps for count, s in zip(counts, doublings, strict=True))
+    most = snapshots or steps
+    strides = counts // snapshots if snapshots else np.ones(levels, np.int64)
+    observer = Snapshots(strides, np.full((blocks, levels, most, d * LANES), np.nan))
+    report = empty_report(blocks, levels)
+    integrate(
+        scheme,
+        model,
+        initial,
+        Grid(h, steps, np.array(doublings), truncate),
+        Noise(np.uint64(seed), np.uint64(BROWNIAN)),
+        observer,
+        report,
+        first_block,
+        blocks,
+        (first_block + blocks) * LANES if samples is None else samples,
+    )
+    states = observer.states.reshape(blocks, levels, most, d, LANES).transpose(1, 2, 3, 0, 4)
+    states = states.reshape(levels, most, d, blocks * LANES)
+    return (states if snapshots else [states[level, :count] for level, count in enumerate(counts)]), report
+
+
+# --- schemes and flows without the ensemble --------------------------------------------------------------------------
+
+
+@kernel
+def _advance(scheme, model, h, dW, y, work, report):
+    for n in range(dW.shape[0]):
+        advance(scheme, model, h, dW[n], y, work, report)
+
+
+def take_steps(scheme, model, h, dW, y):
+    """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report."""
+    y = np.array(y, float)
+    block, report = y.ravel(), np.zeros(4)
+    dW = np.ascontiguousarray(dW, float).reshape(-1, type(model).noises * LANES)
+    _advance(scheme, model, float(h), dW, block, np.empty(work_size(scheme, model)), report)
+    return block.reshape(y.shape), report
+
+
+def take_step(scheme, model, h, dW, y):
+    """The same for one step with increments dW [noise, lane]."""
+    return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y)
+
+
+def random_states(generator, d=3):
+    """States of one block, an array [component, lane] of standard normals."""
+    return generator.standard_normal((d, LANES))
+
+
+# --- the rigid body by hand, from the paper's section 4.2 ------------------------------------------------------------
+
+
+def turned(k, angle, y, sin=math.sin, cos=math.cos):
+    """exp of the flow about axis k = 0, 1, 2, as the paper prints it for k = 0 and cyclically for the others."""
+    c, s = cos(angle), sin(angle)
+    y1, y2, y3 = y
+    if k == 0:
+        return y1, c * y2 + s * y3, c * y3 - s * y2
+    if k == 1:
+        return c * y1 - s * y3, y2, c * y3 + s * y1
+    return c * y1 + s * y2, c * y2 - s * y1, y3
+
+
+def composition(model, h, dW, y, noise_first=True):
+    """One step of slpI (or of its variant with the deterministic part first) for one path, by the printed formulas."""
+
+    def noise(y):
+        for k in range(3):
+            y = turned(k, (model.sigma[k] or 0.0) * dW[k] * y[k] / model.noise_inertia[k], y)
+        return y
+
+    def drift(y):
+        for k in range(3):
+            y = turned(k, h * y[k] / model.inertia[k], y)
+        return y
+
+    return drift(noise(y)) if noise_first else noise(drift(y))
+
+

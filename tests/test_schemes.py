@@ -1,0 +1,437 @@
+"""One step, and many steps, of every scheme: against formulas written out by hand, and the structure that it keeps.
+
+The ensemble is not involved: increments are drawn here, with fixed seeds.
+"""
+
+import warnings
+
+import mpmath
+import numpy as np
+import pytest
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    ONE_NOISE,
+    RIGID_BODY,
+    composition,
+    random_states,
+    simulate,
+    take_step,
+    take_steps,
+    turned,
+)
+
+from spi.dispatch import kernel
+from spi.models import RigidBody
+from spi.protocol import REPORT, strengths
+from spi.schemes import SCHEMES
+from spi.schemes.midpoint import Midpoint, eliminate
+from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED
+
+MODELS = {
+    "three_noises": RIGID_BODY,
+    "one_noise": ONE_NOISE,
+    "other_parameters": RigidBody((1.3, 0.4, 2.2), (0.7, 2.0, 0.5), (0.5, 2.0, 0.3)),
+}
+SPLITTINGS = {"splitting": True, "splitting_drift_first": False}  # whether the noise acts first
+IMPLICIT = "midpoint"
+SOLVES, ITERATIONS, FAILURES, RESIDUAL = range(len(REPORT))
+
+
+@pytest.fixture
+def generator():
+    return np.random.default_rng(2024)
+
+
+@pytest.fixture(params=MODELS.values(), ids=MODELS.keys())
+def model(request):
+    return request.param
+
+
+def on_the_sphere(generator):
+    """States of length 1, for which the implicit equations are solvable at every h and truncated dW used here."""
+    y = random_states(generator)
+    return y / np.linalg.norm(y, axis=0)
+
+
+def increments(generator, h, steps=None):
+    shape = (3, LANES) if steps is None else (steps, 3, LANES)
+    return np.sqrt(h) * np.clip(generator.standard_normal(shape), -3.0, 3.0)
+
+
+def relative(a, b):
+    """The largest distance of two arrays of states [component, lane], relative to the length of the second."""
+    return np.max(np.linalg.norm(np.asarray(a) - b, axis=0) / np.linalg.norm(b, axis=0))
+
+
+# --- the equation, by hand -------------------------------------------------------------------------------------------
+
+
+def field(model, h, dW, y):
+    """h B grad H + sum_k sigma_k dW_k B grad Ĥ_k as the paper prints them (y x grad, component by component)."""
+    y1, y2, y3 = y
+    g1, g2, g3 = (
+        h * y[k] / model.inertia[k] + strengths(model)[k] * dW[k] * y[k] / model.noise_inertia[k] for k in range(3)
+    )
+    return np.array([y2 * g3 - y3 * g2, y3 * g1 - y1 * g3, y1 * g2 - y2 * g1])
+
+
+def ito_correction(model, y):
+    """For k = 1: f_1 = (0, y1 y3, -y1 y2) / Î_1, so f_1' f_1 = -(y1 / Î_1)^2 (0, y2, y3); the others alike."""
+    s = [(strength * y[k] / model.noise_inertia[k]) ** 2 for k, strength in enumerate(strengths(model))]
+    return -0.5 * np.array([(s[1] + s[2]) * y[0], (s[0] + s[2]) * y[1], (s[0] + s[1]) * y[2]])
+
+
+# --- the table -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_rows_are_complete(name):
+    row = SCHEMES[name]
+    assert isinstance(row.record, tuple) and row.label and row.preserves
+    for order in (row.strong_order, row.strong_order_single, row.weak_order):
+        assert order in (0.5, 1.0, 1.5, 2.0)
+    assert row.strong_order <= row.strong_order_single
+    assert len({row.label for row in SCHEMES.values()}) == len(SCHEMES)
+
+
+# --- Euler-Maruyama --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("h", [0.0, 1e-3, 0.3])
+def test_euler_maruyama_is_the_ito_formula(model, h, generator):
+    y, dW = random_states(generator), increments(generator, h + 0.1)
+    new, _ = take_step(SCHEMES["euler_maruyama"].record, model, h, dW, y)
+    assert relative(new, y + field(model, h, dW, y) + h * ito_correction(model, y)) < 1e-14
+    if h == 0.3:  # negative control
+        assert relative(new, y + field(model, h, dW, y)) > 1e-2
+
+
+# --- splitting -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("h", [0.0, 1e-3, 0.2, 1.0])
+@pytest.mark.parametrize("name", SPLITTINGS)
+def test_splitting_is_the_composition_of_flows(name, model, h, generator):
+    """At h = 0.2 and 1 some lanes need range reduction; at h = 1 rounding errors grow within the step."""
+    y, dW = random_states(generator), increments(generator, h + 0.01)
+    new, _ = take_step(SCHEMES[name].record, model, h, dW, y)
+    expected = [composition(model, h, dW[:, lane], y[:, lane], SPLITTINGS[name]) for lane in range(LANES)]
+    assert relative(new, np.transpose(expected)) < (1e-12 if h == 1.0 else 1e-14)
+    if h > 0.1:  # negative control: the other order is another scheme
+        other = [composition(model, h, dW[:, lane], y[:, lane], not SPLITTINGS[name]) for lane in range(LANES)]
+        assert relative(new, np.transpose(other)) > 1e-2
+
+
+@pytest.mark.parametrize("name", SPLITTINGS)
+def test_splitting_without_time_is_the_noise_flows(name, model, generator):
+    y, dW = random_states(generator), increments(generator, 0.1)
+    new, _ = take_step(SCHEMES[name].record, model, 0.0, dW, y)
+    expected = []
+    for lane in range(LANES):
+        state = tuple(y[:, lane])
+        for k in range(3):
+            state = turned(k, strengths(model)[k] * dW[k, lane] * state[k] / model.noise_inertia[k], state)
+        expected.append(state)
+    assert relative(new, np.transpose(expected)) < 3e-15
+
+
+def test_no_noise_and_no_time_changes_nothing(generator):
+    y = random_states(generator)
+    for row in SCHEMES.values():
+        new, _ = take_step(row.record, RIGID_BODY, 0.0, np.zeros((3, LANES)), y)
+        assert np.array_equal(new, y)
+
+
+LOCKED = 1e40  # a moment of inertia so large that nothing turns about its axis
+
+
+def turned_exactly(k, angle, y):
+    """By 60 digits, for an angle that is the float64 `angle` itself."""
+    with mpmath.workdps(60):
+        exact = turned(k, mpmath.mpf(float(angle)), [mpmath.mpf(float(c)) for c in y], mpmath.sin, mpmath.cos)
+        return [float(c) for c in exact]
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("which", ["drift", "noise"])
+@pytest.mark.parametrize("angle", [0.785, 0.786, -4.0, 1e5, 1.59e6, 1.61e6, -1e8, 1e15])
+def test_one_large_angle_in_a_block(angle, which, axis, generator):
+    """A sweep chooses its sine by the largest angle of its lanes: right in the lane that has it and in all others.
+
+    Only one flow turns, so that its angles are known to the last bit.
+    """
+    inertia = tuple(0.8 if k == axis else LOCKED for k in range(3))
+    still = (LOCKED, LOCKED, LOCKED)
+    y = np.sign(random_states(generator)) * generator.uniform(0.3, 1.0, (3, LANES))
+    y[axis] *= 0.1
+    if which == "drift":
+        model, h, dW = RigidBody(inertia, still), 0.5, np.zeros((3, LANES))
+        y[axis, 17] = angle * 0.8 / h
+        t = np.full(LANES, h)
+    else:
+        model, h, dW = RigidBody(still, inertia), 0.0, np.zeros((3, LANES))
+        dW[axis] = 0.3 * generator.standard_normal(LANES)
+        dW[axis, 17] = angle * 0.8 / y[axis, 17]
+        t = dW[axis]
+    angles = t * (1.0 / 0.8) * y[axis]
+    assert abs(angles[17] / angle - 1) < 1e-14
+    expected = np.transpose([turned_exactly(axis, angles[lane], y[:, lane]) for lane in range(LANES)])
+    for scheme in (LIE_TROTTER, LIE_TROTTER_EXCHANGED):
+        new, _ = take_step(scheme, model, h, dW, y)
+        assert np.array_equal(new[axis], y[axis])
+        others = [k for k in range(3) if k != axis]
+        assert relative(new[others], expected[others]) < 1e-15
+
+
+# --- lanes are independent -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
+    y, dW, h = random_states(generator), increments(generator, 0.1, steps=5), 0.05
+    scheme = SCHEMES[name].record
+    clean, clean_report = take_steps(scheme, RIGID_BODY, h, dW, y)
+    spoilt = np.array([3, 4, 30, 31, 63])
+    y[:, 3] = np.nan
+    y[1, 4] = np.nan
+    y[2, 30] = np.inf
+    y[0, 31] = -np.inf
+    dW[2, 0, 63] = np.nan
+    with np.errstate(all="ignore"):
+        new, report = take_steps(scheme, RIGID_BODY, h, dW, y)
+    others = np.delete(np.arange(LANES), spoilt)
+    assert np.all(np.isnan(new[:, spoilt]).any(axis=0))
+    # A sweep may take another road to the same sine, an iteration may end a turn later: the last digits may differ.
+    assert relative(new[:, others], clean[:, others]) < 1e-14
+    if name == IMPLICIT:
+        assert report[ITERATIONS] <= 2 * clean_report[ITERATIONS]  # no looping for what is lost
+        assert report[FAILURES] == 5 * 4 + 3
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_lane_does_not_depend_on_its_place(name, generator):
+    """Lanes in another order give the same bits in another order."""
+    y, dW, order = random_states(generator), increments(generator, 0.1, steps=3), generator.permutation(LANES)
+    new, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW, y)
+    permuted, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW[:, :, order], y[:, order])
+    assert np.array_equal(permuted, new[:, order])
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_noise_that_is_off_has_no_effect(name, generator):
+    """None and 0 mean the same; and increments of a noise that is off are not read."""
+    y, dW, h = random_states(generator), increments(generator, 0.1), 0.1
+    zero, _ = take_step(SCHEMES[name].record, RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0)), h, dW, y)
+    dW[1:] = np.nan
+    off, _ = take_step(SCHEMES[name].record, ONE_NOISE, h, dW, y)
+    if name in SPLITTINGS:
+        assert np.array_equal(off, zero)  # a flow through the angle 0 is left out
+    else:
+        assert relative(off, zero) < 1e-15  # one rounding more or less where 0 is not added
+    on, _ = take_step(SCHEMES[name].record, RIGID_BODY, h, increments(generator, 0.1), y)
+    assert relative(on, zero) > 1e-2
+
+
+# --- Poisson maps ----------------------------------------------------------------------------------------------------
+
+DELTA = 2e-4
+POINTS = 4  # a block holds 4 points with 1 + 2 * 6 states each
+
+
+def structure_matrix(y):
+    y1, y2, y3 = y
+    return np.array([[0, -y3, y2], [y3, 0, -y1], [-y2, y1, 0]])
+
+
+def poisson_defect(scheme, model, h, generator):
+    """The largest entry of D B(y) D^T - B(Phi(y)) over random y and dW; D by central differences of fourth order.
+
+    All states that belong to one point are lanes of one block with the same increments.
+    """
+    worst = 0.0
+    y, dW = np.ones((3, LANES)), np.zeros((3, LANES))
+    offsets = [np.zeros(3)] + [j * DELTA * e for e in np.eye(3) for j in (-2, -1, 1, 2)]
+    for point in range(POINTS):
+        lanes = slice(point * len(offsets), (point + 1) * len(offsets))
+        y[:, lanes] = (generator.standard_normal(3) + np.array(offsets)).T
+        dW[:, lanes] = increments(generator, h)[:, :1]
+    new, _ = take_step(scheme, model, h, dW, y)
+    for point in range(POINTS):
+        base = point * len(offsets)
+        columns = []
+        for i in range(3):
+            a, b, c, d = (new[:, base + 1 + 4 * i + j] for j in range(4))
+            columns.append((8.0 * (c - b) - (d - a)) / (12.0 * DELTA))
+        jacobian = np.transpose(columns)
+        defect = jacobian @ structure_matrix(y[:, base]) @ jacobian.T - structure_matrix(new[:, base])
+        worst = max(worst, np.abs(defect).max())
+    return worst
+
+
+@pytest.mark.parametrize("h", [0.01, 0.1, 0.5])
+@pytest.mark.parametrize("name", [name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves])
+def test_poisson_maps(name, model, h, generator):
+    for _ in range(5 if COMPILED else 1):
+        assert poisson_defect(SCHEMES[name].record, model, h, generator) < 1e-8
+
+
+def test_all_splittings_claim_to_be_poisson_maps_and_no_others():
+    assert {name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves} == set(SPLITTINGS)
+
+
+@pytest.mark.parametrize("name", ["euler_maruyama", "midpoint"])
+def test_comparators_are_no_poisson_maps(name, model, generator):
+    """Negative control.  The midpoint rule keeps quadratic Casimirs but, for a B that is not constant, not B."""
+    assert poisson_defect(SCHEMES[name].record, model, 0.5, generator) > 1e-3
+
+
+# --- Casimirs --------------------------------------------------------------------------------------------------------
+
+
+def casimir_errors(scheme, h, steps, seed=5):
+    """|C(y_n) - C(y_0)| / C(y_0) of every lane after many steps."""
+    generator = np.random.default_rng(seed)
+    y = on_the_sphere(generator)
+    new, report = take_steps(scheme, RIGID_BODY, h, increments(generator, h, steps), y)
+    before, after = (y**2).sum(axis=0), (new**2).sum(axis=0)
+    return np.abs(after - before) / before, report
+
+
+STEPS = 1000 if COMPILED else 20
+
+
+@pytest.mark.parametrize("name", [name for name, row in SCHEMES.items() if "Casimirs" in row.preserves])
+@pytest.mark.parametrize("h", [1e-2, 0.2])
+def test_casimirs_are_kept(name, h):
+    errors, report = casimir_errors(SCHEMES[name].record, h, STEPS)
+    assert errors.max() < 1e-13
+    assert report[FAILURES] == 0
+
+
+def test_euler_maruyama_does_not_keep_them():
+    errors, _ = casimir_errors(SCHEMES["euler_maruyama"].record, 1e-2, STEPS)
+    assert np.median(errors) > 1e-3
+
+
+@pytest.mark.skipif(not COMPILED, reason="64 million steps")
+@pytest.mark.parametrize("name", SPLITTINGS)
+def test_casimir_of_splitting_walks_without_bias(name):
+    """10^6 steps of 64 paths by the ensemble; C(y_0) = 1.  A bias of 1e-17 a step would show as 20 standard errors."""
+    h = 2.0**-10
+    states, _ = simulate(SCHEMES[name].record, h=h, steps=10**6)
+    drift = (states[0, 0] ** 2).sum(axis=0) - np.sum(np.square(INITIAL))
+    assert np.abs(drift).mean() <= 1e-12
+    standard_error = drift.std(ddof=1) / np.sqrt(drift.size)
+    assert abs(drift.mean()) <= 4 * standard_error
+    assert standard_error < 1e-12 / 4  # so that the bound says something
+
+
+# --- midpoint --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("h", [1e-3, 0.1, 0.5])
+def test_midpoint_satisfies_its_equation(model, h, generator):
+    y, dW = on_the_sphere(generator), increments(generator, h)
+    new, report = take_step(Midpoint(), model, h, dW, y)
+    assert relative(new, y + field(model, h, dW, 0.5 * (y + new))) < 1e-14
+    # Negative control: explicit, or with the mean of the fields instead of the field of the mean (the trapezoidal rule).
+    for wrong in (field(model, h, dW, y), 0.5 * (field(model, h, dW, y) + field(model, h, dW, new))):
+        assert relative(new, y + wrong) > (1e-3 if h > 0.01 else 1e-8)
+    assert report[SOLVES] == LANES and report[FAILURES] == 0
+    assert LANES <= report[ITERATIONS] <= 8 * LANES
+    assert report[RESIDUAL] <= Midpoint().tolerance
+
+
+def test_midpoint_reports_what_it_could_not_solve(generator):
+    y, dW = on_the_sphere(generator), increments(generator, 0.1)
+    dW[:, 7] = 0.0
+    still = (LOCKED, LOCKED, LOCKED)
+    model = RIGID_BODY._replace(inertia=still)  # so that lane 7 is at rest and solved by its first guess
+    for most in (0, 1):
+        _, report = take_step(Midpoint(most_iterations=most), model, 0.1, dW, y)
+        assert report[SOLVES] == LANES and report[ITERATIONS] == most * LANES
+        assert report[FAILURES] == LANES - 1
+        assert report[RESIDUAL] > 1e-8
+    with np.errstate(all="ignore"):
+        new, report = take_step(Midpoint(), model, 0.1, 1e3 * dW, y)
+    assert 0 < report[FAILURES] < LANES  # increments this large are what truncation is for
+    assert report[ITERATIONS] <= Midpoint().most_iterations * LANES
+    assert np.array_equal(new[:, 7], y[:, 7])
+    _, loose = take_step(Midpoint(tolerance=1.0, most_iterations=1), model, 0.1, dW, y)
+    assert loose[FAILURES] == 0
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_midpoint_reports_a_residual_that_is_not_finite(bad, generator):
+    """However NaN comes about: the processor's own, from inf - inf, has its sign bit set.  And it is not forgotten."""
+    y, dW = on_the_sphere(generator), increments(generator, 0.1, steps=2)
+    y[1, 20] = bad
+    with np.errstate(all="ignore"):
+        _, report = take_steps(Midpoint(), RIGID_BODY, 0.1, dW, y)
+    assert report[FAILURES] == 2
+    assert not np.isfinite(report[RESIDUAL])
+
+
+def test_midpoint_adds_up_its_reports(generator):
+    y, dW = on_the_sphere(generator), increments(generator, 0.1, steps=4)
+    _, total = take_steps(Midpoint(), RIGID_BODY, 0.1, dW, y)
+    parts = []
+    for n in range(4):
+        y, report = take_step(Midpoint(), RIGID_BODY, 0.1, dW[n], y)
+        parts.append(report)
+    assert np.array_equal(total[:RESIDUAL], np.sum(parts, axis=0)[:RESIDUAL])
+    assert total[RESIDUAL] == np.max(parts, axis=0)[RESIDUAL]
+
+
+@kernel
+def eliminate_block(d, matrix):
+    eliminate(d, matrix)
+
+
+def solutions(systems, right):
+    """Of systems [lane, row, column], with the layout that `eliminate` wants: column by column, lanes together."""
+    d = systems.shape[1]
+    augmented = np.concatenate([systems, right[:, :, np.newaxis]], axis=2)
+    matrix = np.concatenate([augmented.transpose(2, 1, 0).ravel(), np.full(2 * LANES, np.nan)])
+    eliminate_block(d, matrix)
+    return matrix[d * d * LANES : d * (d + 1) * LANES].reshape(d, LANES).T
+
+
+@pytest.mark.parametrize("d", [1, 2, 3, 8])
+def test_elimination(d, generator):
+    systems, right = generator.standard_normal((LANES, d, d)), generator.standard_normal((LANES, d))
+    expected = np.linalg.solve(systems, right[:, :, np.newaxis])[:, :, 0]
+    conditions = np.linalg.cond(systems)
+    errors = np.linalg.norm(solutions(systems, right) - expected, axis=1) / np.linalg.norm(expected, axis=1)
+    assert np.all(errors < 1e-15 * d * conditions)
+
+
+@pytest.mark.parametrize("d", [2, 3, 8])
+def test_elimination_needs_its_pivots(d, generator):
+    """Systems that fail without exchanges of rows: leading entries 0 or tiny, and permutations."""
+    systems = generator.standard_normal((LANES, d, d)) + 2.0 * np.eye(d)[:, ::-1]
+    systems[0:16, 0, 0] = 0.0
+    systems[16:24, 0, 0] = 1e-20
+    systems[24:32, : d - 1, 0] = 0.0  # only the last row has an entry in the first column
+    for lane in range(32, LANES):
+        systems[lane] = np.eye(d)[generator.permutation(d)]
+    right = generator.standard_normal((LANES, d))
+    expected = np.linalg.solve(systems, right[:, :, np.newaxis])[:, :, 0]
+    conditions = np.linalg.cond(systems)
+    assert conditions.max() < 1e5
+    with np.errstate(all="ignore"):
+        found = solutions(systems, right)
+    errors = np.linalg.norm(found - expected, axis=1) / np.linalg.norm(expected, axis=1)
+    assert np.all(errors < 1e-14 * d * conditions)
+
+
+def test_elimination_of_singular_systems_is_not_finite_and_stays_in_its_lane(generator):
+    systems, right = generator.standard_normal((LANES, 3, 3)), generator.standard_normal((LANES, 3))
+    clean = solutions(systems, right)
+    systems[11] = 0.0
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        found = solutions(systems, right)
+    assert not np.any(np.isfinite(found[11]))
+    assert np.array_equal(np.delete(found, 11, axis=0), np.delete(clean, 11, axis=0))

@@ -1,0 +1,629 @@
+"""Spec files: what good ones mean, and the one line that each bad one gets."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from spi.models.rigid_body import RigidBody
+from spi.numbers import NumberError, parse
+from spi.spec import SpecError, json_schema, load
+
+GOOD = """\
+title: A title
+kind: strong
+model:
+  name: rigid_body
+  inertia: [2, 1, 2/3]
+  noise_inertia: [1, 2, 3]
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+steps: 2^-2 .. 2^-4
+reference_step: 2^-6
+schemes: [euler_maruyama, splitting]
+samples: 10
+"""
+EXPERIMENTS = Path(__file__).parent.parent / "experiments"
+
+
+@pytest.fixture
+def spec(tmp_path, monkeypatch):
+    """Write a spec as s.yaml in the current folder and load it."""
+    monkeypatch.chdir(tmp_path)
+
+    def write_and_load(text, *arguments, **options):
+        data = text if isinstance(text, bytes) else text.encode()
+        Path("s.yaml").write_bytes(data)
+        return load("s.yaml", *arguments, **options)
+
+    return write_and_load
+
+
+def error(call, *arguments, **options):
+    with pytest.raises(SpecError) as caught:
+        call(*arguments, **options)
+    message = str(caught.value)
+    assert len(message.splitlines()) == 1
+    return message
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Good files
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_rigid_body_strong():
+    """The file that the issue asks for, number by number."""
+    e = load(EXPERIMENTS / "rigid_body_strong.yaml")
+    (case,) = e.cases
+    assert (e.name, e.figure, e.kind, e.profile) == ("rigid_body_strong", 10, "strong", "laptop")
+    assert case.model == RigidBody((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))
+    assert (case.name, case.title, case.model_name) == ("main", e.title, "rigid_body")
+    assert case.initial == (math.cos(1.1), 0.0, math.sin(1.1))
+    assert case.steps == tuple(2.0**-k for k in range(5, 14))
+    assert (case.reference_step, case.final_time, case.samples, case.seed) == (2.0**-16, 1.0, 500, 1)
+    assert case.schemes == ("euler_maruyama", "midpoint", "splitting")
+    assert case.truncate_noise is True
+    assert json.loads(json.dumps(e.effective)) == e.effective
+
+
+@pytest.mark.parametrize("path", sorted(EXPERIMENTS.glob("*.yaml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("profile", ["laptop", "paper", "quick"])
+def test_all_experiments_are_valid(path, profile):
+    assert load(path, profile).cases
+
+
+def test_defaults(spec):
+    e = spec(GOOD.replace("title: A title\n", ""))
+    assert (e.title, e.figure, e.cases[0].title) == ("s", None, "s")
+    assert (e.cases[0].truncate_noise, e.cases[0].seed, e.cases[0].model.sigma) == (False, 1, (1.0, 1.0, 1.0))
+
+
+def test_noise_off_is_none(spec):
+    model = spec(GOOD, overrides=["model.sigma=[1, 0, 0.0]"]).cases[0].model
+    assert model.sigma == (1.0, None, None)
+    assert type(model.sigma[0]) is float
+
+
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [
+        ("2^-4 .. 2^-2", (1 / 4, 1 / 8, 1 / 16)),
+        ("2^-3 .. 2^-3", (1 / 8,)),
+        ("1/4..1/8", (1 / 4, 1 / 8)),
+        ("[1/16, 0.25]", (1 / 4, 1 / 16)),
+    ],
+)
+def test_steps_from_large_to_small(spec, steps, expected):
+    assert spec(GOOD, overrides=[f"steps={steps}"]).cases[0].steps == expected
+
+
+def test_decimal_steps_become_exact_multiples(spec):
+    case = spec(GOOD, overrides=["steps=[0.3, 0.6]", "reference_step=0.1*1.5", "final_time=6*0.1"]).cases[0]
+    assert case.steps == (4 * case.reference_step, 2 * case.reference_step)
+
+
+@pytest.mark.parametrize(("text", "samples"), [("10^9", 10**9), ("1e3", 1000), ("2*(3+4)", 14), ("'7'", 7)])
+def test_whole_numbers(spec, text, samples):
+    value = spec(GOOD, overrides=[f"samples={text}"]).cases[0].samples
+    assert value == samples
+    assert type(value) is int
+
+
+def test_largest_seed_is_exact(spec):
+    assert spec(GOOD, overrides=["seed=2^64-1"]).cases[0].seed == 2**64 - 1
+
+
+CASES = (
+    GOOD
+    + """\
+cases:
+  - name: one
+    title: One noise
+    model: {sigma: [1, 0, 0]}
+  - {name: three, samples: 20}
+profiles:
+  paper: {samples: 1000, cases: {three: {samples: 2000}}}
+"""
+)
+
+
+def test_cases_override_the_file(spec):
+    one, three = spec(CASES).cases
+    assert (one.name, one.title, one.samples, one.model.sigma) == ("one", "One noise", 10, (1.0, None, None))
+    assert (three.name, three.title, three.samples, three.model.sigma) == ("three", "three", 20, (1.0, 1.0, 1.0))
+    assert one.model.inertia == three.model.inertia
+
+
+def test_profiles_override_cases(spec):
+    assert [c.samples for c in spec(CASES, "paper").cases] == [1000, 2000]
+    quick = spec(CASES, "quick")
+    assert quick.cases == spec(CASES).cases
+    assert quick.profile == "quick"
+
+
+def test_overrides_have_the_last_word(spec):
+    assert [c.samples for c in spec(CASES, "paper", ["samples=5"]).cases] == [5, 5]
+    assert [c.samples for c in spec(CASES, overrides=["samples=5", "cases.one.samples=6"]).cases] == [6, 5]
+    assert [c.samples for c in spec(CASES, overrides=["samples=5", "samples=7"]).cases] == [7, 7]
+
+
+def test_anchors_and_merge_keys(spec):
+    shared = GOOD.replace("kind: strong", "kind: strong\nprofiles: {quick: &q {samples: 3}, paper: {<<: *q, seed: 2}}")
+    case = spec(shared, "paper").cases[0]
+    assert (case.samples, case.seed) == (3, 2)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The hash
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("samples: 10", "samples: 2*5   # a comment"),
+        ("title: A title", "title: Another\nfigure: 3"),
+        ("steps: 2^-2 .. 2^-4", "steps: [0.0625, 1/8, 2^-2]"),
+        ("kind: strong", "seed: 1\nkind: strong"),
+        ("kind: strong", "kind: strong\nprofiles: {paper: {samples: 99}}"),
+    ],
+)
+def test_hash_ignores_what_changes_no_result(spec, old, new):
+    assert old in GOOD
+    changed = spec(GOOD.replace(old, new))
+    assert changed.hash == spec(GOOD).hash
+    assert changed.effective == spec(GOOD).effective
+
+
+@pytest.mark.parametrize("override", ["samples=11", "seed=2", "model.sigma=[1, 1, 0]", "final_time=2", "steps=[1/4]"])
+def test_hash_changes_with_a_value(spec, override):
+    changed = spec(GOOD, overrides=[override])
+    assert changed.hash != spec(GOOD).hash
+    assert changed.text == GOOD
+
+
+def test_hash_of_a_profile_is_that_of_its_content(spec):
+    assert spec(CASES, "quick").hash == spec(CASES).hash != spec(CASES, "paper").hash
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Bad files
+# ---------------------------------------------------------------------------------------------------------------------
+
+NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
+WHOLE = "must be a whole number such as 500 or 10^6"
+SCHEMES = "splitting, splitting_drift_first, euler_maruyama, midpoint"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        # keys
+        ("samples", "smaples", "12: smaples: is no known key; did you mean 'samples'?"),
+        ("  inertia", "  inerta", "5: model.inerta: is no known key; did you mean 'inertia'?"),
+        ("kind: strong", "knd: strong", "2: knd: is no known key; did you mean 'kind'?"),
+        ("kind: strong\n", "", "1: kind: missing key 'kind'; add kind: strong"),
+        ("samples: 10\n", "", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
+        (
+            "  noise_inertia: [1, 2, 3]\n",
+            "",
+            "3: model.noise_inertia: missing key 'noise_inertia'; "
+            "add noise_inertia: moments of inertia Î_1, Î_2, Î_3 of the noise",
+        ),
+        ("  name: rigid_body\n", "", "3: model.name: missing key 'name'; add name: rigid_body"),
+        ("samples: 10", "samples: 10\nsamples: 11", "13: samples: is given twice; remove one"),
+        ("  inertia", "  name: x\n  inertia", "5: model.name: is given twice; remove one"),
+        ("samples", "[a]: 3\nsamples", "1: has a list or mapping as a key; keys must be words"),
+        # names
+        ("kind: strong", "kind: strnog", "2: kind: is 'strnog'; did you mean 'strong'?"),
+        ("kind: strong", "kind: weather", "2: kind: is 'weather'; known: strong"),
+        ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
+        (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
+        (", splitting", ", 7", f"11: schemes: entry 2 is '7'; known: {SCHEMES}"),
+        ("[euler_maruyama, splitting]", "[]", f"11: schemes: is empty; must hold at least one of {SCHEMES}"),
+        (", splitting", ", euler_maruyama", "11: schemes: has 'euler_maruyama' twice; remove one"),
+        (
+            ", splitting",
+            ", midpoint",
+            "11: schemes: has 'midpoint', which needs bounded increments; set truncate_noise: true",
+        ),
+        # types
+        ("[euler_maruyama, splitting]", "splitting", "11: schemes: is 'splitting'; must be a list in square brackets"),
+        ("title: A title", "title: [a]", "1: title: is a list; must be text"),
+        ("title: A title", "figure: seven", f"1: figure: is 'seven' (unknown word 'seven'); {WHOLE}"),
+        ("title: A title", "figure: 0", "1: figure: is 0; must be at least 1"),
+        ("samples: 10", "samples: 10.5", f"12: samples: is '10.5'; {WHOLE}"),
+        ("samples: 10", "samples: true", f"12: samples: is true; {WHOLE}"),
+        ("samples: 10", "samples:", f"12: samples: is empty; {WHOLE}"),
+        ("samples: 10", "samples: 0", "12: samples: is 0; must be at least 1"),
+        ("samples: 10", "samples: 10^16", "12: samples: is 10^16; must be at most 1000000000000000"),
+        ("samples: 10", "seed: -1\nsamples: 10", "12: seed: is -1; must be at least 0"),
+        ("samples: 10", "seed: 2^64\nsamples: 10", "12: seed: is 2^64; must be at most 18446744073709551615"),
+        ("samples", "truncate_noise: 1\nsamples", "12: truncate_noise: is '1'; must be true or false"),
+        ("final_time: 1", "final_time: yes", f"8: final_time: is true; {NUMBER}"),
+        ("final_time: 1", "final_time: {a: 1}", f"8: final_time: is a mapping; {NUMBER}"),
+        ("final_time: 1", "final_time: 2 apples", f"8: final_time: is '2 apples' (unexpected 'apples'); {NUMBER}"),
+        ("final_time: 1", "final_time: 1/0", f"8: final_time: is '1/0' (division by zero); {NUMBER}"),
+        ("final_time: 1", "final_time: 10^10^10", f"8: final_time: is '10^10^10' (too large); {NUMBER}"),
+        ("final_time: 1", "final_time: .inf", f"8: final_time: is '.inf' (unexpected '.'); {NUMBER}"),
+        ("final_time: 1", "final_time: 1+2i", f"8: final_time: is '1+2i', which is complex; {NUMBER}"),
+        ("final_time: 1", "final_time: -1", "8: final_time: is -1; must be greater than 0"),
+        ("final_time: 1", "final_time: !secret 1", "8: final_time: has the tag !secret; remove the tag"),
+        (
+            "cos(1.1)",
+            "cot(1.1)",
+            f"7: initial: entry 1 is 'cot(1.1)' (unknown word 'cot', did you mean 'cos'?); {NUMBER}",
+        ),
+        (
+            "cos(1.1)",
+            "coss(1)",
+            f"7: initial: entry 1 is 'coss(1)' (unknown word 'coss', did you mean 'cos'?); {NUMBER}",
+        ),
+        ("cos(1.1)", "yes", f"7: initial: entry 1 is true; {NUMBER}"),
+        ("cos(1.1), ", "", "7: initial: has 2 entries; must have 3, the dimension of rigid_body"),
+        # the model
+        ("[2, 1, 2/3]", "[2, 0, 2/3]", "5: model.inertia: entry 2 is 0; must be greater than 0"),
+        ("[2, 1, 2/3]", "[2, 1, -2/3]", "5: model.inertia: entry 3 is -2/3; must be greater than 0"),
+        ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3"),
+        ("[2, 1, 2/3]", "[2, 1, null]", f"5: model.inertia: entry 3 is empty; {NUMBER}"),
+        ("[2, 1, 2/3]", "[2, 1, 2/3]\n  sigma: [-1, 0, 0]", "6: model.sigma: entry 1 is -1; must be at least 0"),
+        # steps
+        ("2^-2 .. 2^-4", "[-1/4]", "9: steps: entry 1 is -1/4; must be greater than 0"),
+        ("2^-2 .. 2^-4", "[1/4, 0]", "9: steps: entry 2 is 0; must be greater than 0"),
+        ("2^-2 .. 2^-4", "[]", "9: steps: is empty; must hold at least one number"),
+        ("2^-2 .. 2^-4", "1/4", "9: steps: is '1/4'; must be a list in square brackets"),
+        (
+            "2^-2 .. 2^-4",
+            "0.1 .. 2^-4",
+            "9: steps: is '0.1 .. 2^-4'; a range must have powers of two at both ends, such as 2^-5 .. 2^-13",
+        ),
+        ("2^-2 .. 2^-4", "[1/4, 1/8, 0.25]", "9: steps: has 2^-2 twice; remove one"),
+        (
+            "2^-2 .. 2^-4",
+            "[1/4, 1/5]",
+            "9: steps: has 0.2, which is not 2, 4, 8, ... times the reference_step 2^-6; the nearest are 2^-3 and 2^-2",
+        ),
+        (
+            "2^-2 .. 2^-4",
+            "[3/64]",
+            "9: steps: has 0.046875, which is not 2, 4, 8, ... times the reference_step 2^-6; "
+            "the nearest are 2^-5 and 2^-4",
+        ),
+        (
+            "2^-2 .. 2^-4",
+            "[2^-6]",
+            "9: steps: has 2^-6, which is not 2, 4, 8, ... times the reference_step 2^-6; "
+            "the nearest are 2^-5 and 2^-4",
+        ),
+        ("2^-2 .. 2^-4", "[2]", "9: steps: has 2; must not exceed final_time, which is 1"),
+        (
+            "final_time: 1",
+            "final_time: 0.9",
+            "9: steps: has 2^-2, of which final_time 0.9 is no multiple; the nearest multiples are 0.75 and 1",
+        ),
+        (
+            "final_time: 1",
+            "final_time: 2^29",
+            "10: reference_step: gives more than 2^34 steps until final_time; must be at least 2^-5",
+        ),
+        (
+            "final_time: 1\nsteps: 2^-2 .. 2^-4",
+            "final_time: 2\ntruncate_noise: true\nsteps: [2^-2, 1]",
+            "10: steps: has 1; must be below 1 with truncate_noise, whose bound is 0 there",
+        ),
+        ("reference_step: 2^-6", "reference_step: 0", "10: reference_step: is 0; must be greater than 0"),
+        # cases and profiles
+        ("samples", "cases: []\nsamples", "12: cases: is an empty list; must be a list of mappings, each with a name"),
+        ("samples", "cases: [a]\nsamples", "12: cases: entry 1 is 'a'; must be a mapping, lines of key: value"),
+        (
+            "samples",
+            "cases:\n- title: x\nsamples",
+            "13: cases.name: missing key 'name'; add name: letters, digits, _ and -",
+        ),
+        (
+            "samples",
+            "cases:\n- name: a b\nsamples",
+            "13: cases.name: is 'a b'; must consist of letters, digits, _ and -",
+        ),
+        ("samples", "cases:\n- name: a\n- name: a\nsamples", "14: cases.name: is 'a' in two cases; names must differ"),
+        (
+            "samples",
+            "cases:\n- name: a\n  sampels: 3\nsamples",
+            "14: cases.sampels: is no known key; did you mean 'samples'?",
+        ),
+        ("samples", "cases:\n- {name: a, samples: 0}\nsamples", "13: cases.samples: is 0; must be at least 1"),
+        (
+            "samples",
+            "profiles: {papr: {}}\nsamples",
+            "12: profiles.papr: is no known profile besides laptop, the file itself; did you mean 'paper'?",
+        ),
+        (
+            "samples",
+            "profiles:\n  paper:\n    sample: 5\nsamples",
+            "14: profiles.paper.sample: is no known key; did you mean 'samples'?",
+        ),
+        (
+            "samples",
+            "profiles:\n  paper: {samples: 0}\nsamples",
+            "13: profiles.paper.samples: is 0; must be at least 1",
+        ),
+        (
+            "samples",
+            "profiles:\n  paper: {model: {sigm: 0}}\nsamples",
+            "13: profiles.paper.model.sigm: is no known key; did you mean 'sigma'?",
+        ),
+        (
+            "samples",
+            "profiles:\n  paper: {cases: {b: {}}}\nsamples",
+            "13: profiles.paper.cases.b: is no known case; known: main",
+        ),
+        ("samples", "profiles: 3\nsamples", "12: profiles: is '3'; must be a mapping, lines of key: value"),
+        # aliases
+        (
+            "samples",
+            "profiles: &a {paper: *a}\nsamples",
+            "12: profiles.paper: is too long or contains itself; a file may have 10000 entries, aliases included",
+        ),
+    ],
+)
+def test_bad_value(spec, old, new, message):
+    assert GOOD.count(old) >= 1
+    assert error(spec, GOOD.replace(old, new, 1)) == f"s.yaml:{message}"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "s.yaml:1: the file is empty; start with a line kind: strong"),
+        ("# only a comment\n", "s.yaml:1: the file is empty; start with a line kind: strong"),
+        ("- a\n- b\n", "s.yaml:1: is a list; must be a mapping, lines of key: value"),
+        ("just words\n", "s.yaml:1: is 'just words'; must be a mapping, lines of key: value"),
+        (
+            "kind: strong\nsteps: [1, 2\nsamples: 3\n",
+            "s.yaml:3: YAML: while parsing a flow sequence, expected ',' or ']', but got ':'; "
+            "check brackets, quotes, colons and indentation here",
+        ),
+        (
+            "kind: strong\n\tsamples: 3\n",
+            "s.yaml:2: YAML: while scanning for the next token, found character '\\t' that cannot start any token; "
+            "check brackets, quotes, colons and indentation here",
+        ),
+        (
+            "kind: strong\ntitle: \x07\n",
+            "s.yaml:2: YAML: has the character U+0007; check brackets, quotes, colons and indentation here",
+        ),
+        (
+            'kind: "\\UFFFFFFFF"\n',
+            "s.yaml:1: YAML: has an escape that stands for no character; "
+            "check brackets, quotes, colons and indentation here",
+        ),
+        (
+            "[" * 5000,
+            "s.yaml:1: YAML: is too deeply nested; check brackets, quotes, colons and indentation here",
+        ),
+        (
+            "kind: strong\n---\nkind: strong\n",
+            "s.yaml:2: YAML: expected a single document in the stream, but found another document; "
+            "check brackets, quotes, colons and indentation here",
+        ),
+        (b"kind: strong\ntitle: caf\xe9\n", "s.yaml:2: encoding: is not UTF-8; save the file as UTF-8"),
+    ],
+)
+def test_bad_file(spec, text, message):
+    assert error(spec, text) == message
+
+
+def test_aliases_cannot_fill_the_memory(spec):
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, 10)]
+    assert "is too long or contains itself" in error(spec, "\n".join(lines))
+
+
+def test_unreadable_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "good.yaml").write_text(GOOD)
+    assert error(load, "none.txt") == "none.txt: no such file; give the path of a YAML file"
+    assert error(load, "god.yaml") == "god.yaml: no such file; did you mean good.yaml?"
+    (tmp_path / "folder").mkdir()
+    assert error(load, "folder") == "folder: cannot be read (is a directory); give the path of a YAML file"
+    assert error(load, "a\0b").startswith("a b: cannot be read (embedded null byte")
+
+
+def test_unknown_profile(spec):
+    assert error(spec, GOOD, "papre") == "s.yaml: --profile: 'papre' is no known profile; did you mean 'paper'?"
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("samples", "samples: is no assignment; write --set key=value"),
+        ("=3", "=3: is no assignment; write --set key=value"),
+        ("sampels=3", "sampels: is no known key; did you mean 'samples'?"),
+        ("samples=-3", "samples: is -3; must be at least 1"),
+        ("samples=", f"samples: is empty; {WHOLE}"),
+        ("model.sigm=[1, 0, 0]", "model.sigm: is no known key; did you mean 'sigma'?"),
+        ("model.sigma=[1, 0]", "model.sigma: has 2 entries; must have 3"),
+        ("model=3", "model: is '3'; must be a mapping, lines of key: value"),
+        ("model.sigma.x=3", "model.sigma: is a mapping; must be a list in square brackets"),
+        ("cases.mian.samples=3", "cases.mian: is no known case; did you mean 'main'?"),
+        (
+            "steps=[1/3]",
+            "steps: has 0.333333333333, which is not 2, 4, 8, ... times the reference_step 2^-6; "
+            "the nearest are 2^-2 and 0.5",
+        ),
+        (
+            "steps=[1",
+            "steps: while parsing a flow sequence, expected ',' or ']', but got '<stream end>'; "
+            "check brackets, quotes, colons and indentation here",
+        ),
+    ],
+)
+def test_bad_override(spec, override, message):
+    assert error(spec, GOOD, overrides=[override]) == f"s.yaml: --set {message}"
+
+
+@given(st.text(max_size=60) | st.text("ab:-[]{}&*<>!|'\" \n#0.", max_size=40))
+@settings(max_examples=200, deadline=None)
+def test_garbage_is_an_error_of_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / "garbage.yaml"
+    path.write_text(text, encoding="utf-8", errors="replace")
+    assert error(load, path).startswith(f"{path}:")
+    (path.parent / "good.yaml").write_text(GOOD)
+    assume("=" not in text)
+    assert error(load, path.parent / "good.yaml", overrides=[f"steps={text} x"])
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Arithmetic
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def literals():
+    whole = st.integers(0, 999).map(lambda n: (str(n), n, 4))
+    real = st.floats(0, 1e6, allow_subnormal=False).map(lambda x: (repr(x), x, 4))
+    return whole | real | st.just(("pi", math.pi, 4))
+
+
+def compound(inner):
+    """(text, value or None where Python has none, how tightly it binds) made from such triples."""
+
+    def value(function, *arguments):
+        if any(a is None for a in arguments):
+            return None
+        try:
+            result = function(*arguments)
+            fine = (
+                result is not None and not isinstance(result, complex) and math.isfinite(result) and abs(result) < 1e100
+            )
+        except (ArithmeticError, ValueError):
+            return None
+        return result if fine else None
+
+    def bracketed(triple, binds):
+        return triple[0] if triple[2] >= binds else f"({triple[0]})"
+
+    def binary(sign, binds, function, left, right):
+        right_text = bracketed(right, binds if sign == "^" else binds + 1)
+        left_text = bracketed(left, binds + 1 if sign == "^" else binds)
+        return f"{left_text}{sign}{right_text}", value(function, left[1], right[1]), binds
+
+    two = st.tuples(inner, inner)
+    return st.one_of(
+        two.map(lambda t: binary("+", 1, lambda a, b: a + b, *t)),
+        two.map(lambda t: binary(" - ", 1, lambda a, b: a - b, *t)),
+        two.map(lambda t: binary("*", 2, lambda a, b: a * b, *t)),
+        two.map(lambda t: binary("/ ", 2, lambda a, b: a / b, *t)),
+        two.map(lambda t: binary("^", 3, lambda a, b: a**b if abs(b) < 60 else None, *t)),
+        inner.map(lambda t: (f"-{bracketed(t, 3)}", value(lambda a: -a, t[1]), 1)),
+        st.tuples(st.sampled_from(["sin", "cos", "tan", "exp", "log", "sqrt"]), inner).map(
+            lambda t: (f"{t[0]}({t[1][0]})", value(getattr(math, t[0]), t[1][1]), 4)
+        ),
+        inner.map(lambda t: (f"abs( {t[0]} )", value(abs, t[1]), 4)),
+    )
+
+
+@given(st.recursive(literals(), compound, max_leaves=8))
+@settings(deadline=None)
+def test_arithmetic_is_that_of_python(triple):
+    text, expected, _ = triple
+    assume(expected is not None and len(text) < 200)
+    assert parse(text) == expected
+
+
+@given(st.text("0123456789.e+-*/^() sincoqrtplgabx", max_size=30) | st.text(max_size=10))
+def test_parsing_never_fails_otherwise(text):
+    try:
+        value = parse(text)
+    except NumberError as error:
+        assert str(error)
+    else:
+        assert math.isfinite(abs(value))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2^3^2", 512),
+        ("2**-2", 0.25),
+        ("-2^2", -4),
+        ("--2", 2),
+        ("2^-3^2", 2.0**-9),
+        ("10^9", 10**9),
+        ("2^64-1", 2**64 - 1),
+        ("6/2", 3.0),
+        ("1e-3", 1e-3),
+        (" .5 ", 0.5),
+        ("5.", 5.0),
+        ("1^10^9", 1.0),
+        ("0.1+0.3i", 0.1 + 0.3j),
+        ("2*i^2", -2 + 0j),
+        ("abs(3+4i)", 5.0),
+    ],
+)
+def test_arithmetic(text, expected):
+    value = parse(text)
+    assert value == expected
+    assert type(value) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "it ends too early"),
+        ("1+", "it ends too early"),
+        ("(1", "a parenthesis is not closed"),
+        ("(1 2)", "unexpected '2'"),
+        ("1)", "unexpected ')'"),
+        ("2 3", "unexpected '3'"),
+        ("2pi", "unexpected 'pi'"),
+        ("1_000", "unexpected '_000'"),
+        ("sin", "'sin' without parentheses"),
+        ("sin()", "unexpected ')'"),
+        ("sine(1)", "unknown word 'sine', did you mean 'sin'?"),
+        ("__import__", "unknown word '__import__'"),
+        ("1/0", "division by zero"),
+        ("0^-1", "division by zero"),
+        ("1/(1-1.0)", "division by zero"),
+        ("1e999", "too large"),
+        ("10^10^10", "too large"),
+        ("9^9^9^9^9", "too large"),
+        ("exp(1000)", "too large"),
+        ("1/(1e308*10)", "too large"),
+        ("sqrt(-1)", "sqrt(-1) has no value"),
+        ("log(0)", "log(0) has no value"),
+        ("(-8)^(1/3)", "(-8)^0.3333333333333333 has no real value"),
+        ("1" * 201, "longer than 200 characters"),
+        ("٣", "unexpected '٣'"),
+    ],
+)
+def test_bad_arithmetic(text, reason):
+    with pytest.raises(NumberError) as caught:
+        parse(text)
+    assert str(caught.value) == reason
+
+
+@pytest.mark.parametrize("text", ["(" * 99 + "1" + ")" * 99, "-" * 199 + "1"])
+def test_nesting_is_harmless(text):
+    assert abs(parse(text)) == 1
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# JSON Schema
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def test_json_schema():
+    schema = json_schema()
+    assert json.loads(json.dumps(schema)) == schema
+    (strong,) = schema["oneOf"]
+    keys = strong["properties"]
+    assert keys["kind"] == {"const": "strong"}
+    assert keys["schemes"]["items"]["enum"] == SCHEMES.split(", ")
+    assert keys["final_time"]["anyOf"] == [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]
+    assert keys["samples"]["description"] == "number of Brownian paths"
+    assert keys["model"]["anyOf"][0]["properties"]["name"] == {"const": "rigid_body"}
+    assert strong["additionalProperties"] is False
