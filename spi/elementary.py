@@ -18,6 +18,7 @@ from .dispatch import INLINED, inlined
 #: Beyond this angle the quotient by pi/2 has more than 20 bits and reduction in three exact products fails.
 REDUCIBLE = 1.6e6
 SMALL = 0.25 * np.pi
+TINY = 2.0**-5
 
 _ROUND = 1.5 * 2.0**52  # adding and subtracting it rounds to an integer; its low bits are then that integer
 _ROUND_BITS = np.int64(0x4338000000000000)
@@ -36,7 +37,12 @@ _C4, _C5, _C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.1359
 _LN2_HI, _LN2_LO = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _LN2 = 0.6931471805599453
 _LOG2_E = 1.44269504088896340736
-_L1, _L2, _L3, _L4 = 6.666666666666735130e-01, 3.999999999940941908e-01, 2.857142874366239149e-01, 2.222219843214978396e-01
+_L1, _L2, _L3, _L4 = (
+    6.666666666666735130e-01,
+    3.999999999940941908e-01,
+    2.857142874366239149e-01,
+    2.222219843214978396e-01,
+)
 _L5, _L6, _L7 = 1.818357216161805012e-01, 1.531383769920937332e-01, 1.479819860511658591e-01
 
 _SIGNIFICAND = np.int64(0x000FFFFFFFFFFFFF)
@@ -91,6 +97,14 @@ def sin_versine_small(x):
     """(sin x, 1 - cos x) for |x| <= pi/4, each to 2 ulp relative."""
     z = x * x
     return x + x * z * _sine_tail(z), 0.5 * z - z * z * _cosine_tail(z)
+
+
+@inlined
+def sin_versine_tiny(x):
+    """(sin x, 1 - cos x) for |x| <= 2^-5: the same polynomials, without the terms that no longer count."""
+    z = x * x
+    s = x + x * z * (_S1 + z * (_S2 + z * _S3))
+    return s, 0.5 * z - z * z * (_C1 + z * (_C2 + z * _C3))
 
 
 @inlined

@@ -11,8 +11,9 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads
 
 from .dispatch import inlined, kernel, number, parallel_kernel, unrolled
-from .protocol import REPORT, advance, dimension, noise_indices, noises, observe, store, work_size
-from .rng import LANES, STEPS_PER_DRAW, draw_normals
+from .lanes import store
+from .protocol import REPORT, advance, dimension, noise_indices, noises, observe, work_size
+from .rng import LANES, STEPS_PER_DRAW, draw_increments
 
 
 class Grid(NamedTuple):
@@ -38,24 +39,12 @@ def truncation_bound(h):
 
 
 @unrolled(noise_indices)
-def draw_channels(index, model, normals, noise, draw, block, words):
-    """Normals of the next STEPS_PER_DRAW steps for every noise that is on."""
+def draw_channels(index, model, increments, noise, draw, block, scale, words):
+    """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on."""
     k = number(index)
-    width = STEPS_PER_DRAW * LANES
-    draw_normals(
-        noise.seed, noise.stream, np.uint64(k), draw, block, words, normals[k * width : (k + 1) * width]
-    )
-    return normals
-
-
-@unrolled(noise_indices)
-def fine_increments(index, model, dW, scale, normals, row):
-    """dW_k of the reference step from the normals."""
-    k = number(index)
-    base = (k * STEPS_PER_DRAW + row) * LANES
-    for lane in range(LANES):
-        dW[k * LANES + lane] = scale * normals[base + lane]
-    return dW
+    stride = noises(model) * LANES
+    draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, increments[k * LANES :], stride)
+    return increments
 
 
 @unrolled(noise_indices)
@@ -96,15 +85,16 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     for level in range(levels):
         level_of[grid.doublings[level]] = level
     width = noises(model) * LANES
-    dW, clipped, first_halves = np.empty(width), np.empty(width), np.empty((last + 1, width))
-    normals, words = np.empty(STEPS_PER_DRAW * width), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
+    drawn, words = np.empty(STEPS_PER_DRAW * width), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
+    clipped, first_halves = np.empty(width), np.empty((last + 1, width))
     work = np.empty(work_size(scheme, model))
     scale = np.sqrt(grid.reference_step)
 
     for n in range(grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
-            draw_channels(model, normals, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), words)
-        fine_increments(model, dW, scale, normals, n % STEPS_PER_DRAW)
+            draw_channels(model, drawn, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
+        row_drawn = n % STEPS_PER_DRAW
+        dW = drawn[row_drawn * width : (row_drawn + 1) * width]
         # dW belongs to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
         s = 0
         while True:

@@ -8,26 +8,24 @@ with independent Wiener processes W_1, ..., W_m.  In the program indices start a
 
 A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per noise; None = that noise is off and is
 neither drawn nor applied) and three class attributes: ``dimension`` d, ``pieces`` p, ``noises`` m.  A **scheme** is a
-NamedTuple of options; its orders and what it preserves stand beside it as class attributes.  An **observer** is a
+NamedTuple of options; its orders and what it preserves stand in ``schemes.SCHEMES``.  An **observer** is a
 NamedTuple of arrays into which a study collects what it needs.
 
 A state y is a tuple of d floats.  In kernels LANES paths travel together: their states are one array of d * LANES
-floats, component i of lane l at [i * LANES + l].
+floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
 """
 
 from typing import Annotated, NamedTuple
 
 import annotated_types
-import numpy as np
 from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
 from .dispatch import INLINED, constant, field_type, means, record_class, word, word_with_default
 from .elementary import sin_versine as _sin_versine
 from .elementary import sin_versine_huge as _sin_versine_huge
 from .elementary import sin_versine_small as _sin_versine_small
-from .rng import LANES
+from .elementary import sin_versine_tiny as _sin_versine_tiny
 
 #: What the fields of a record may hold, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
@@ -108,6 +106,10 @@ def _(values):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+class TinyAngles(NamedTuple):
+    """All angles lie within +-2^-5: short polynomials."""
+
+
 class SmallAngles(NamedTuple):
     """All angles lie within [-pi/4, pi/4]: no range reduction."""
 
@@ -120,7 +122,7 @@ class AnyAngles(NamedTuple):
     """Nothing is known: the library's scalar sine."""
 
 
-SMALL_ANGLES, REDUCED_ANGLES, ANY_ANGLES = SmallAngles(), ReducedAngles(), AnyAngles()
+TINY_ANGLES, SMALL_ANGLES, REDUCED_ANGLES, ANY_ANGLES = TinyAngles(), SmallAngles(), ReducedAngles(), AnyAngles()
 
 
 @word
@@ -130,6 +132,11 @@ def sin_versine(angles, x):
     Rotations use the versine, because with a rounded cosine the length drifts systematically (-1e-17 a step), while
     with p += s w - v p, w -= s p + v w its error is an unbiased walk of roundings.
     """
+
+
+@means(sin_versine, TinyAngles)
+def _(angles, x):
+    return _sin_versine_tiny(x)
 
 
 @means(sin_versine, SmallAngles)
@@ -254,50 +261,3 @@ def observe(observer, model, row, paths, level, n, y, reference):
     `y` are the states of the block at that level, `reference` those of the reference at the same time; `paths` says how
     many lanes count (the last block may be partly idle) and `row` which row of its arrays belongs to this block.
     """
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Derived once for all models
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def load(model, y, lane):
-    """The state of one lane as a tuple of ``dimension(model)`` floats."""
-    return tuple(float(y[i * LANES + lane]) for i in range(dimension(model)))
-
-
-def store(y, lane, state):
-    """Put a tuple of floats into one lane."""
-    for i, value in enumerate(state):
-        y[i * LANES + lane] = value
-
-
-@intrinsic
-def _load(typing, y, lane, model):
-    d = record_class(model).dimension
-
-    def code(context, builder, signature, arguments):
-        data = cgutils.create_struct_proxy(signature.args[0])(context, builder, arguments[0]).data
-        lane = arguments[1]
-        values = [
-            builder.load(builder.gep(data, [builder.add(lane, lane.type(i * LANES))], inbounds=True)) for i in range(d)
-        ]
-        return context.make_tuple(builder, signature.return_type, values)
-
-    return types.UniTuple(types.float64, d)(y, types.int64, model), code
-
-
-@intrinsic
-def _store(typing, y, lane, state):
-    def code(context, builder, signature, arguments):
-        data = cgutils.create_struct_proxy(signature.args[0])(context, builder, arguments[0]).data
-        lane = arguments[1]
-        for i, value in enumerate(cgutils.unpack_tuple(builder, arguments[2])):
-            builder.store(value, builder.gep(data, [builder.add(lane, lane.type(i * LANES))], inbounds=True))
-        return context.get_dummy_value()
-
-    return types.void(y, types.int64, state), code
-
-
-overload(load, jit_options=INLINED)(lambda model, y, lane: lambda model, y, lane: _load(y, lane, model))
-overload(store, jit_options=INLINED)(lambda y, lane, state: lambda y, lane, state: _store(y, lane, state))

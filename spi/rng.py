@@ -42,13 +42,13 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 
 @inlined
-def normal_pair(radius_word, angle_word):
-    """Two independent standard normals from two 32-bit words (Box and Muller).
+def normal_pair(radius_word, angle_word, scale=1.0):
+    """Two independent normals of standard deviation `scale` from two 32-bit words (Box and Muller).
 
-    The radius is sqrt(-2 ln u), u = (word + 1/2) / 2^32, hence at most 6.76.  The angle lies within pi/4 of the first
-    axis by 30 bits of its word; one more bit exchanges the two coordinates and one changes both signs.
+    The radius is scale sqrt(-2 ln u), u = (word + 1/2) / 2^32, hence at most 6.76 scale.  The angle lies within pi/4 of
+    the first axis by 30 bits of its word; one more bit exchanges the two coordinates and one changes both signs.
     """
-    radius = np.sqrt(-2.0 * log_normal(np.float64(np.int64(radius_word)) * 2.0**-32 + 2.0**-33))
+    radius = scale * np.sqrt(-2.0 * log_normal(np.float64(np.int64(radius_word)) * 2.0**-32 + 2.0**-33))
     word = np.int64(angle_word)
     radius = -radius if (word & 0x80000000) != 0 else radius
     s, v = sin_versine_small((np.float64(word & 0x3FFFFFFF) - 536870911.5) * _ANGLE)
@@ -59,11 +59,11 @@ def normal_pair(radius_word, angle_word):
 
 
 @inlined
-def draw_normals(seed, stream, channel, draw, block, words, normals):
-    """Standard normals of the steps 4 draw, ..., 4 draw + 3 of one channel, for the LANES paths of a block.
+def draw_increments(seed, stream, channel, draw, block, scale, words, increments, stride):
+    """Increments of the steps 4 draw, ..., 4 draw + 3 of one channel, for the LANES paths of a block.
 
-    `normals` (4 * LANES floats) receives step 4 draw + r of lane l at [r * LANES + l]; `words` (4 * LANES uint64) is
-    scratch.  `seed`, `stream`, `channel`, `draw` and `block` are uint64.
+    `increments` receives step 4 draw + r of lane l, `scale` times a standard normal, at [r * stride + l]; `words`
+    (4 * LANES uint64) is scratch.  `seed`, `stream`, `channel`, `draw` and `block` are uint64.
     """
     k0, k1 = seed & _LOW, seed >> _32
     c1 = (stream << np.uint64(16)) | channel
@@ -71,5 +71,14 @@ def draw_normals(seed, stream, channel, draw, block, words, normals):
     for lane in range(LANES):
         w = philox(draw, c1, c2 + np.uint64(lane), c3, k0, k1)
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
-    for lane in range(2 * LANES):
-        normals[lane], normals[2 * LANES + lane] = normal_pair(words[lane], words[2 * LANES + lane])
+    for half in range(2):
+        first, second = increments[half * stride :], increments[(half + 2) * stride :]
+        for lane in range(LANES):
+            pair = normal_pair(words[half * LANES + lane], words[(half + 2) * LANES + lane], scale)
+            first[lane], second[lane] = pair
+
+
+@inlined
+def draw_normals(seed, stream, channel, draw, block, words, normals):
+    """:func:`draw_increments` with scale 1, the four steps one after the other."""
+    draw_increments(seed, stream, channel, draw, block, 1.0, words, normals, LANES)

@@ -13,10 +13,10 @@ import numpy as np
 from spi.dispatch import kernel, means, number, unrolled
 from spi.ensemble import Grid, Noise, empty_report, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
+from spi.lanes import load, store
 from spi.models import RigidBody
-from spi.protocol import advance, dimension, load, noise_indices, observe, store, work_size
+from spi.protocol import advance, dimension, noise_indices, observe, work_size
 from spi.rng import BROWNIAN, LANES
-from spi.schemes import SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
 
@@ -175,5 +175,3 @@ def composition(model, h, dW, y, noise_first=True):
         return y
 
     return drift(noise(y)) if noise_first else noise(drift(y))
-
-

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
     ["dispatch", "elementary", "rng", "numbers"],
-    ["protocol", "fields"],
+    ["lanes", "protocol", "fields"],
     ["models", "schemes", "ensemble", "kolmogorov", "estimators", "records"],
     ["studies", "spec", "store", "tables", "plot", "workers"],
     ["run"],

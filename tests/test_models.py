@@ -16,6 +16,7 @@ from spi.protocol import (
     ANY_ANGLES,
     REDUCED_ANGLES,
     SMALL_ANGLES,
+    TINY_ANGLES,
     casimirs,
     dimension,
     drift_angle,
@@ -51,12 +52,16 @@ MODELS_UNDER_TEST = [
 POINTS = 4
 
 
+@pytest.fixture(params=range(POINTS), ids=lambda number: f"point{number}")
+def point(request):
+    return request.param
+
+
 @pytest.fixture(params=MODELS_UNDER_TEST, ids=[name for name, _, _ in MODELS_UNDER_TEST])
-def case(request):
-    """(model, list of random states): a fresh generator for every test, so that each is the same alone."""
+def case(request, point):
+    """(model, a random state); a generator for each, so that every test is the same when it runs alone."""
     _, model, sampler = request.param
-    generator = np.random.default_rng(7)
-    return model, [tuple(float(c) for c in sampler(generator)) for _ in range(POINTS)]
+    return model, tuple(sampler(np.random.default_rng([7, point])).tolist())
 
 
 def vectors(model, count, seed=11):
@@ -116,9 +121,8 @@ def flow_by_solver(field, t, y):
 
 @pytest.mark.parametrize("t", [-0.7, 1.3])
 def test_noise_flows_solve_their_equations(case, t):
-    model, states = case
+    model, y = case
     for k in range(noises(model)):
-        y = states[k % POINTS]
         expected = flow_by_solver(lambda y, k=k: structure(model, y, noise_gradient(model, k, y)), t, y)
         assert close(noise_flow(model, k, t, y, ANY_ANGLES), expected, 1e-10)
         # Negative control: the Hamiltonian with a factor 2 too many, or time backwards, is seen.
@@ -129,112 +133,106 @@ def test_noise_flows_solve_their_equations(case, t):
 @pytest.mark.parametrize("t", [-0.7, 1.3])
 def test_drift_flows_solve_their_equations(case, t):
     """The words give the gradient of the whole H only; the field of one piece is the derivative of its flow at 0."""
-    model, states = case
+    model, y = case
     for k in range(pieces(model)):
-        y = states[k % POINTS]
         field = lambda y, k=k: derivative(lambda s: drift_flow(model, k, s, y, ANY_ANGLES))  # noqa: E731
         assert close(drift_flow(model, k, t, y, ANY_ANGLES), flow_by_solver(field, t, y), 1e-10)
 
 
 def test_derivatives_of_flows_are_the_fields(case):
-    model, states = case
-    for y in states:
-        total = sum(derivative(lambda s, k=k: drift_flow(model, k, s, y, ANY_ANGLES)) for k in range(pieces(model)))
-        field = structure(model, y, drift_gradient(model, y))
-        assert close(total, field, 1e-11)
-        assert close(fields.drift_field(model, y), field, 1e-15)
-        for k in range(noises(model)):
-            field = structure(model, y, noise_gradient(model, k, y))
-            assert close(derivative(lambda s, k=k: noise_flow(model, k, s, y, ANY_ANGLES)), field, 1e-11)
-            assert close(fields.noise_field(model, k, y), field, 1e-15)
+    model, y = case
+    total = sum(derivative(lambda s, k=k: drift_flow(model, k, s, y, ANY_ANGLES)) for k in range(pieces(model)))
+    field = structure(model, y, drift_gradient(model, y))
+    assert close(total, field, 1e-11)
+    assert close(fields.drift_field(model, y), field, 1e-15)
+    for k in range(noises(model)):
+        field = structure(model, y, noise_gradient(model, k, y))
+        assert close(derivative(lambda s, k=k: noise_flow(model, k, s, y, ANY_ANGLES)), field, 1e-11)
+        assert close(fields.noise_field(model, k, y), field, 1e-15)
 
 
 @pytest.mark.parametrize(("s", "t"), [(0.3, 0.9), (-2.5, 1.0), (40.0, -17.0), (1e3, 1e3)])
 def test_flows_are_groups(case, s, t):
-    model, states = case
+    model, y = case
     for angle, flow in flows(model):
-        for y in states:
-            # An angle a is known to a rounding of a only, hence the second part of the bound.
-            bound = 1e-14 + 4e-16 * (angle(s, y) + angle(t, y))
-            assert close(flow(s, flow(t, y)), flow(s + t, y), bound)
-            assert close(flow(-t, flow(t, y)), y, bound)
-            assert flow(0.0, y) == y
+        # An angle a is known to a rounding of a only, hence the second part of the bound.
+        bound = 1e-14 + 4e-16 * (angle(s, y) + angle(t, y))
+        assert close(flow(s, flow(t, y)), flow(s + t, y), bound)
+        assert close(flow(-t, flow(t, y)), y, bound)
+        assert flow(0.0, y) == y
 
 
-@pytest.mark.parametrize("target", [1e-9, 0.1, 0.78, -0.78, 3.0, -100.0, 12345.6, 1.5e6])
+@pytest.mark.parametrize("target", [1e-9, 0.031, -0.031, 0.1, 0.78, -0.78, 3.0, -100.0, 12345.6, 1.5e6])
 def test_angle_ranges_agree(case, target):
-    """The same angle by the small, the reduced and the library's sine."""
-    model, states = case
+    """The same angle by the tiny, the small, the reduced and the library's sine."""
+    model, y = case
     for angle, flow in flows(model):
-        for y in states:
-            per_time = angle(1.0, y)
-            if per_time == 0.0:
-                continue
-            t = target / per_time
-            expected = flow(t, y, ANY_ANGLES)
-            assert close(flow(t, y, REDUCED_ANGLES), expected, 1e-15)
-            small = flow(t, y, SMALL_ANGLES)
-            assert close(small, expected, 1e-15) if abs(target) < np.pi / 4 else not close(small, expected, 1e-6)
+        per_time = angle(1.0, y)
+        if per_time == 0.0:
+            continue
+        t = target / per_time
+        expected = flow(t, y, ANY_ANGLES)
+        assert close(flow(t, y, REDUCED_ANGLES), expected, 1e-15)
+        for angles, limit in ((SMALL_ANGLES, np.pi / 4), (TINY_ANGLES, 2.0**-5)):
+            if abs(target) <= limit:
+                assert close(flow(t, y, angles), expected, 1e-15)
+            elif abs(target) > 1.0:  # negative control: beyond its range a polynomial is wrong
+                assert not close(flow(t, y, angles), expected, 1e-6)
 
 
 def test_flows_keep_casimirs_and_structure(case):
-    """A flow is a Poisson map: D B(y) D^T = B(flow(y)) with D its derivative; this needs every piece to be B grad H_k."""
-    model, states = case
+    """A flow is a Poisson map: D B(y) D^T = B(flow(y)), D its derivative; so every piece must be some B grad H_k."""
+    model, y = case
     unit = np.eye(dimension(model))
     for _, flow in flows(model):
-        for y in states:
-            after = flow(0.6, y)
-            assert close(casimirs(model, after), casimirs(model, y), 1e-14)
-            jacobian = np.array([derivative(lambda s, e=e: flow(0.6, along(y, e)(s))) for e in unit]).T
-            before = np.array([structure(model, y, tuple(e)) for e in unit.tolist()]).T
-            expected = np.array([structure(model, after, tuple(e)) for e in unit.tolist()]).T
-            assert close(jacobian @ before @ jacobian.T, expected, 1e-9)
+        after = flow(0.6, y)
+        assert close(casimirs(model, after), casimirs(model, y), 1e-14)
+        jacobian = np.array([derivative(lambda s, e=e, flow=flow: flow(0.6, along(y, e)(s))) for e in unit]).T
+        before = np.array([structure(model, y, tuple(e)) for e in unit.tolist()]).T
+        expected = np.array([structure(model, after, tuple(e)) for e in unit.tolist()]).T
+        assert close(jacobian @ before @ jacobian.T, expected, 1e-9)
 
 
 # --- gradients and structure -----------------------------------------------------------------------------------------
 
 
 def test_gradient_of_the_hamiltonian(case):
-    model, states = case
-    for y in states:
-        assert close(drift_gradient(model, y), gradient_of(lambda y: hamiltonian(model, y), y), 1e-11)
+    model, y = case
+    assert close(drift_gradient(model, y), gradient_of(lambda y: hamiltonian(model, y), y), 1e-11)
 
 
 def test_hessian_products(case):
-    model, states = case
+    model, y = case
     u, v = vectors(model, 2)
     gradients = [(lambda y: drift_gradient(model, y), lambda y, v: drift_hessian(model, y, v))]
     for k in range(noises(model)):
         gradients.append((lambda y, k=k: noise_gradient(model, k, y), lambda y, v, k=k: noise_hessian(model, k, y, v)))
-    for y in states:
-        for gradient, hessian in gradients:
-            assert close(hessian(y, v), derivative(lambda s, g=gradient: g(along(y, v)(s))), 1e-11)
-            # A field is a gradient only if its derivative is symmetric.
-            assert np.dot(u, hessian(y, v)) == pytest.approx(np.dot(v, hessian(y, u)), rel=1e-14, abs=1e-14)
+    for gradient, hessian in gradients:
+        assert close(hessian(y, v), derivative(lambda s, g=gradient: g(along(y, v)(s))), 1e-11)
+        # A field is a gradient only if its derivative is symmetric.
+        assert np.dot(u, hessian(y, v)) == pytest.approx(np.dot(v, hessian(y, u)), rel=1e-14, abs=1e-14)
 
 
 def test_structure_is_skew_and_satisfies_jacobi(case):
-    model, states = case
+    model, y = case
     u, v, w = vectors(model, 3)
-    for y in states:
-        size = np.linalg.norm(structure(model, y, v)) * np.linalg.norm(w)
-        assert abs(np.dot(v, structure(model, y, w)) + np.dot(w, structure(model, y, v))) <= 1e-14 * size
-        changed = derivative(lambda s: structure(model, along(y, u)(s), v))
-        assert close(structure_derivative(model, y, u, v), changed, 1e-11)
-        terms = [
-            np.dot(a, structure_derivative(model, y, structure(model, y, c), b))
-            for a, b, c in ((u, v, w), (v, w, u), (w, u, v))
-        ]
-        assert abs(sum(terms)) <= 1e-14 * sum(np.abs(terms))
+    size = np.linalg.norm(structure(model, y, v)) * np.linalg.norm(w)
+    assert abs(np.dot(v, structure(model, y, w)) + np.dot(w, structure(model, y, v))) <= 1e-14 * size
+    changed = derivative(lambda s: structure(model, along(y, u)(s), v))
+    assert close(structure_derivative(model, y, u, v), changed, 1e-11)
+    terms = [
+        np.dot(a, structure_derivative(model, y, structure(model, y, c), b))
+        for a, b, c in ((u, v, w), (v, w, u), (w, u, v))
+    ]
+    assert abs(sum(terms)) <= 1e-14 * sum(np.abs(terms))
 
 
 def test_casimirs_are_in_the_kernel_of_the_structure(case):
-    model, states = case
-    for y in states:
-        for c in range(len(casimirs(model, y))):
-            gradient = gradient_of(lambda y, c=c: casimirs(model, y)[c], y)
-            assert np.linalg.norm(gradient) > 0.1
-            assert np.linalg.norm(structure(model, y, tuple(gradient))) <= 1e-11 * np.linalg.norm(gradient)
+    model, y = case
+    for c in range(len(casimirs(model, y))):
+        gradient = gradient_of(lambda y, c=c: casimirs(model, y)[c], y)
+        assert np.linalg.norm(gradient) > 0.1
+        assert np.linalg.norm(structure(model, y, tuple(gradient))) <= 1e-11 * np.linalg.norm(gradient)
 
 
 # --- derived fields --------------------------------------------------------------------------------------------------
@@ -242,39 +240,37 @@ def test_casimirs_are_in_the_kernel_of_the_structure(case):
 
 def test_ito_correction(case):
     """h/2 sum_k sigma_k^2 f_k' f_k, with f_k' f_k the derivative of f_k along itself, by differences."""
-    model, states = case
+    model, y = case
     h = 0.37
-    for y in states:
-        correction = 0.0
-        for k in noise_indices(model):
-            direction = fields.noise_field(model, k, y)
-            changed = derivative(lambda s, k=k, v=direction: fields.noise_field(model, k, along(y, v)(s)))
-            assert close(fields.noise_field_derivative(model, k, y, direction), changed, 1e-11)
-            correction = correction + strengths(model)[k] ** 2 * changed
-        got = np.array(fields.add_ito_correction(model, y, h, y)) - y
-        assert close(got, 0.5 * h * correction, 1e-11)
-        # Negative controls: without the 1/2, with the other sign, without the correction.
-        for wrong in (1.0, -0.5, 0.0):
-            assert not close(got, wrong * h * correction, 1e-3)
+    correction = 0.0
+    for k in noise_indices(model):
+        direction = fields.noise_field(model, k, y)
+        changed = derivative(lambda s, k=k, v=direction: fields.noise_field(model, k, along(y, v)(s)))
+        assert close(fields.noise_field_derivative(model, k, y, direction), changed, 1e-11)
+        correction = correction + strengths(model)[k] ** 2 * changed
+    got = np.array(fields.add_ito_correction(model, y, h, y)) - y
+    assert close(got, 0.5 * h * correction, 1e-11)
+    # Negative controls: without the 1/2, with the other sign, without the correction.
+    for wrong in (1.0, -0.5, 0.0):
+        assert not close(got, wrong * h * correction, 1e-3)
 
 
 def test_field_of_a_step_and_its_derivative(case):
     """F = B grad(h H + sum_k sigma_k dW_k Ĥ_k) and F', of which the implicit midpoint rule is made."""
-    model, states = case
+    model, y = case
     h, lane = 0.21, 5
     dW = np.random.default_rng(3).standard_normal(noises(model) * fields.LANES)
     (v,) = vectors(model, 1)
-    for y in states:
-        expected = h * np.array(fields.drift_field(model, y))
-        for k in noise_indices(model):
-            dWk = dW[k * fields.LANES + lane]
-            expected += strengths(model)[k] * dWk * np.array(fields.noise_field(model, k, y))
-        assert close(fields.step_field(model, h, dW, lane, y), expected, 1e-14)
-        explicit = np.array(fields.add_noise_fields(model, y, dW, lane, y)) - y
-        assert close(explicit + h * np.array(fields.drift_field(model, y)), expected, 1e-14)
-        gradient = fields.step_gradient(model, h, dW, lane, y)
-        changed = derivative(lambda s: fields.step_field(model, h, dW, lane, along(y, v)(s)))
-        assert close(fields.step_field_derivative(model, h, dW, lane, y, gradient, v), changed, 1e-11)
+    expected = h * np.array(fields.drift_field(model, y))
+    for k in noise_indices(model):
+        dWk = dW[k * fields.LANES + lane]
+        expected += strengths(model)[k] * dWk * np.array(fields.noise_field(model, k, y))
+    assert close(fields.step_field(model, h, dW, lane, y), expected, 1e-14)
+    explicit = np.array(fields.add_noise_fields(model, y, dW, lane, y)) - y
+    assert close(explicit + h * np.array(fields.drift_field(model, y)), expected, 1e-14)
+    gradient = fields.step_gradient(model, h, dW, lane, y)
+    changed = derivative(lambda s: fields.step_field(model, h, dW, lane, along(y, v)(s)))
+    assert close(fields.step_field_derivative(model, h, dW, lane, y, gradient, v), changed, 1e-11)
 
 
 # --- the rigid body, by the paper's formulas -------------------------------------------------------------------------

@@ -3,8 +3,6 @@
 The ensemble is not involved: increments are drawn here, with fixed seeds.
 """
 
-import warnings
-
 import mpmath
 import numpy as np
 import pytest
@@ -156,7 +154,7 @@ def turned_exactly(k, angle, y):
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("which", ["drift", "noise"])
-@pytest.mark.parametrize("angle", [0.785, 0.786, -4.0, 1e5, 1.59e6, 1.61e6, -1e8, 1e15])
+@pytest.mark.parametrize("angle", [0.0312, 0.0313, 0.785, 0.786, -4.0, 1e5, 1.59e6, 1.61e6, -1e8, 1e15])
 def test_one_large_angle_in_a_block(angle, which, axis, generator):
     """A sweep chooses its sine by the largest angle of its lanes: right in the lane that has it and in all others.
 
@@ -165,7 +163,7 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
     inertia = tuple(0.8 if k == axis else LOCKED for k in range(3))
     still = (LOCKED, LOCKED, LOCKED)
     y = np.sign(random_states(generator)) * generator.uniform(0.3, 1.0, (3, LANES))
-    y[axis] *= 0.1
+    y[axis] *= 0.1 if abs(angle) > 0.1 else 0.01  # lane 17 alone decides
     if which == "drift":
         model, h, dW = RigidBody(inertia, still), 0.5, np.zeros((3, LANES))
         y[axis, 17] = angle * 0.8 / h
@@ -336,9 +334,9 @@ def test_midpoint_satisfies_its_equation(model, h, generator):
     y, dW = on_the_sphere(generator), increments(generator, h)
     new, report = take_step(Midpoint(), model, h, dW, y)
     assert relative(new, y + field(model, h, dW, 0.5 * (y + new))) < 1e-14
-    # Negative control: explicit, or with the mean of the fields instead of the field of the mean (the trapezoidal rule).
+    # Negative control: explicit, or with the mean of two fields in place of the field at the mean.
     for wrong in (field(model, h, dW, y), 0.5 * (field(model, h, dW, y) + field(model, h, dW, new))):
-        assert relative(new, y + wrong) > (1e-3 if h > 0.01 else 1e-8)
+        assert relative(new, y + wrong) > (1e-4 if h > 0.01 else 1e-8)
     assert report[SOLVES] == LANES and report[FAILURES] == 0
     assert LANES <= report[ITERATIONS] <= 8 * LANES
     assert report[RESIDUAL] <= Midpoint().tolerance
@@ -431,7 +429,7 @@ def test_elimination_of_singular_systems_is_not_finite_and_stays_in_its_lane(gen
     systems, right = generator.standard_normal((LANES, 3, 3)), generator.standard_normal((LANES, 3))
     clean = solutions(systems, right)
     systems[11] = 0.0
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):
         found = solutions(systems, right)
     assert not np.any(np.isfinite(found[11]))
     assert np.array_equal(np.delete(found, 11, axis=0), np.delete(clean, 11, axis=0))

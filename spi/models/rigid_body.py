@@ -25,7 +25,7 @@ Strengths = tuple[NonNegative | None, NonNegative | None, NonNegative | None]
 
 
 class RigidBody(NamedTuple):
-    """B(y) v = v x y, H = sum_k y_k^2 / (2 I_k), Ĥ_k = y_k^2 / (2 Î_k), C(y) = |y|^2.
+    """B(y) v = y x v, H = sum_k y_k^2 / (2 I_k), Ĥ_k = y_k^2 / (2 Î_k), C(y) = |y|^2.
 
     The example in the paper's section 2 has Ĥ_k without the 2; its section 4, which this follows, has it.
     """
@@ -74,7 +74,7 @@ def _(model, k, t, y, angles):
 
 @means(structure, RigidBody)
 def _(model, y, v):
-    return v[1] * y[2] - v[2] * y[1], v[2] * y[0] - v[0] * y[2], v[0] * y[1] - v[1] * y[0]
+    return y[1] * v[2] - y[2] * v[1], y[2] * v[0] - y[0] * v[2], y[0] * v[1] - y[1] * v[0]
 
 
 @means(casimirs, RigidBody)

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 from ..dispatch import means
 from ..fields import add_ito_correction, add_noise_fields, add_scaled, drift_field
-from ..protocol import advance, load, store
+from ..lanes import load, store
+from ..protocol import advance
 from ..rng import LANES
 
 

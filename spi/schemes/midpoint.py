@@ -15,7 +15,8 @@ from ..fields import (
     step_gradient,
     unit,
 )
-from ..protocol import advance, component_indices, dimension, load, store, structure, work_size
+from ..lanes import load, store
+from ..protocol import advance, component_indices, dimension, structure, work_size
 from ..rng import LANES
 
 
@@ -60,7 +61,7 @@ def _(scheme, model, h, dW, y, work, report):
     report[0] += LANES
     report[1] += LANES * iterations
     report[2] += failures
-    report[3] = max(report[3], residual)
+    report[3] = np.maximum(report[3], residual)  # keeps NaN
 
 
 @inlined
@@ -99,7 +100,8 @@ def eliminate(d, matrix):
                 a, b = p[lane], q[lane]
                 exchange = abs(b) > abs(a)
                 swap[lane] = 1.0 if exchange else 0.0
-                factor[lane] = (a if exchange else b) / (b if exchange else a)
+                top = b if exchange else a
+                factor[lane] = (a if exchange else b) / (1.0 if top == 0.0 else top)  # no pivot in these two rows
             for j in range(c, d + 1):
                 p, q = matrix[(j * d + c) * LANES :], matrix[(j * d + r) * LANES :]
                 for lane in range(LANES):
@@ -133,7 +135,7 @@ def correct(model, x, correction):
 
 @inlined
 def finish(model, h, dW, y, x, tolerance):
-    """y becomes y + F(x); the number of lanes whose squared relative residual exceeds `tolerance`, the largest residual.
+    """y becomes y + F(x); how many lanes have a squared relative residual above `tolerance`, and the largest residual.
 
     The largest is found by its bits, so that the loop is vectorised and a NaN counts as the largest of all.
     """
@@ -145,6 +147,6 @@ def finish(model, h, dW, y, x, tolerance):
         size = dot(middle, middle)
         residual = squared_distance(middle, add_scaled(state, 0.5, change))
         failures += 0 if residual <= tolerance * size else 1
-        largest = max(largest, bits(residual / (size + 1e-300)))
+        largest = max(largest, bits(abs(residual / (size + 1e-300))))
         store(y, lane, add_scaled(state, 1.0, change))
     return failures, np.sqrt(from_bits(largest))

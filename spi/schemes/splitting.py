@@ -9,27 +9,27 @@ from typing import NamedTuple
 from numba.extending import overload
 
 from ..dispatch import INLINED, inlined, means, number, unrolled, word
-from ..elementary import REDUCIBLE, SMALL, bits
+from ..elementary import REDUCIBLE, SMALL, TINY, bits
+from ..lanes import load, store
 from ..protocol import (
     ANY_ANGLES,
     REDUCED_ANGLES,
     SMALL_ANGLES,
+    TINY_ANGLES,
     advance,
     drift_angle,
     drift_flow,
-    load,
     noise_angle,
     noise_flow,
     noise_indices,
     piece_indices,
-    store,
     strengths,
 )
 from ..rng import LANES
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
-_SMALL_BITS, _REDUCIBLE_BITS = int(bits(SMALL)), int(bits(REDUCIBLE))
+_TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = int(bits(TINY)), int(bits(SMALL)), int(bits(REDUCIBLE))
 
 
 class DriftFlows(NamedTuple):
@@ -99,7 +99,9 @@ def drift_sweeps(index, model, y, t):
     largest = 0
     for lane in range(LANES):
         largest = max(largest, bits(drift_angle(model, k, t, load(model, y, lane))))
-    if largest <= _SMALL_BITS:
+    if largest <= _TINY_BITS:
+        drift_sweep(index, model, t, y, TINY_ANGLES)
+    elif largest <= _SMALL_BITS:
         drift_sweep(index, model, t, y, SMALL_ANGLES)
     elif largest <= _REDUCIBLE_BITS:
         drift_sweep(index, model, t, y, REDUCED_ANGLES)
@@ -122,7 +124,9 @@ def noise_sweeps(index, model, y, dW):
     largest = 0
     for lane in range(LANES):
         largest = max(largest, bits(noise_angle(model, k, sigma * dW[k * LANES + lane], load(model, y, lane))))
-    if largest <= _SMALL_BITS:
+    if largest <= _TINY_BITS:
+        noise_sweep(index, model, sigma, dW, y, TINY_ANGLES)
+    elif largest <= _SMALL_BITS:
         noise_sweep(index, model, sigma, dW, y, SMALL_ANGLES)
     elif largest <= _REDUCIBLE_BITS:
         noise_sweep(index, model, sigma, dW, y, REDUCED_ANGLES)

@@ -1,35 +1,38 @@
 """Spec files: YAML in, typed records out; every error names the file, the line and the key.
 
-A file is read into entries, values that know where they stand.  Later layers override earlier ones, key by key (and a
-model parameter by parameter, unless it names another model):
+Later layers override earlier ones, key by key (and a model parameter by parameter, unless it names another model):
 
     the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
 
-so that a profile or ``--set`` has the last word in every case.  Then the entries are read as the annotations of the
-records ask, and the record of the kind checks what concerns several keys at once.  All profiles of a file are checked,
-whichever is asked for.
+so that a profile or ``--set`` has the last word in every case.  All profiles of a file are checked, whichever is asked
+for.
 """
 
 import difflib
 import hashlib
 import json
 import re
+from functools import reduce
+from operator import getitem
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import NamedTuple
 
 import yaml
-from annotated_types import Ge
+from pydantic import ValidationError
 
-from ..entries import Entry, SpecError, fail, fail_missing, mapping, read, read_fields, suggestion
-from ..models import MODELS
-from .kinds import CASE_NAME, KINDS, PROFILES, ModelName, StrongCase, json_schema, keys
+from .kinds import FILE, KINDS, LAYERS, PROFILES, Case, StrongCase, entries_in, json_schema, shown, suggestion
 
-__all__ = ["KINDS", "PROFILES", "Experiment", "SpecError", "StrongCase", "json_schema", "load"]
+__all__ = ["KINDS", "PROFILES", "Case", "Experiment", "SpecError", "StrongCase", "json_schema", "load"]
 
 _MOST_ENTRIES = 10_000  # aliases of aliases could multiply without bound
-_FILE_KEYS = ("title", "figure", "kind", "cases", "profiles")
-_CASE_KEYS = ("name", "title")
-_Figure = Annotated[int, Ge(1), "number of the figure of the paper"] | None
+_MERGE = "tag:yaml.org,2002:merge"
+
+
+class SpecError(ValueError):
+    """An invalid spec: one line ``path:line: key: what is wrong; what would be right``."""
+
+    def __init__(self, message):
+        super().__init__("".join(c if c.isprintable() else " " for c in message))
 
 
 class Experiment(NamedTuple):
@@ -41,7 +44,7 @@ class Experiment(NamedTuple):
     figure: int | None  #: of the paper
     kind: str
     profile: str
-    cases: tuple[StrongCase, ...]
+    cases: tuple[Case, ...]
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
     effective: dict  #: all that decides the results, so without titles and figure; can be written as JSON
@@ -55,26 +58,27 @@ def load(path, profile="laptop", overrides=()):
     if profile not in PROFILES:
         raise SpecError(f"{path}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
     text = _text(path)
-    root = _Composer(lambda line: f"{path}:{line}:").compose(text, Entry(None, f"{path}:1:", ""))
-    kind, record = _kind(root)
-    title = read(str, root.value["title"]) if "title" in root.value else Path(path).stem
-    figure = read(_Figure, root.value["figure"]) if "figure" in root.value else None
-    owners = _owners(root, record)
-    layers = {"laptop": [], **_profiles(root, record, owners)}
-    built = {name: _cases(root, record, owners, layers[name], title) for name in layers}
-    profile_in_file = profile if profile in layers else "laptop"
-    cases = built[profile_in_file]
-    if overrides:
-        last = [_layer(_override(path, text), record, owners) for text in overrides]
-        cases = _cases(root, record, owners, layers[profile_in_file] + last, title)
-    effective = {"kind": kind, "cases": {case.name: _without_titles(case) for case in cases}}
+    document = Document(text, lambda line: f"{path}:{line}:")
+    if document.data is None:
+        document.fail((), f"the file is empty; start with a line kind: {' or '.join(KINDS)}")
+    file = _valid(FILE.validate_python, document.data, [(document, ())])
+    title = file.title or Path(path).stem
+    owners = _owners(document, file, title)
+    profiles = {name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})}
+    for above in ([], *profiles.values()):
+        _cases(file.kind, document, owners, above)
+    last = [(_override(path, override), ()) for override in overrides]
+    for layer in last:
+        _valid(LAYERS[file.kind][0].model_validate, layer[0].data, [layer])
+    cases = _cases(file.kind, document, owners, profiles.get(profile, []) + last)
+    effective = {"kind": file.kind, "cases": {c.name: c.model_dump(exclude={"name", "title"}) for c in cases}}
     canonical = json.dumps(effective, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
         title=title,
-        figure=figure,
-        kind=kind,
+        figure=file.figure,
+        kind=file.kind,
         profile=profile,
         cases=cases,
         text=text,
@@ -83,82 +87,93 @@ def load(path, profile="laptop", overrides=()):
     )
 
 
-def _without_titles(case):
-    rest = {k: v for k, v in case._asdict().items() if k not in ("name", "title", "model_name")}
-    return {**rest, "model": {"name": case.model_name, **case.model._asdict()}}
-
-
 # ---------------------------------------------------------------------------------------------------------------------
-# Entries from files and overrides
+# YAML as plain data that knows where it stands
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class _Composer:
-    """YAML to entries; nothing else is ever constructed.  `place` maps a line to the place of an entry."""
+class Document:
+    """A YAML text as dicts, lists, texts (numbers too), True, False and None.
 
-    def __init__(self, place):
-        self.place = place
-        self.left = _MOST_ENTRIES
+    A location is a tuple of keys and of indices of lists.  `place` says how a line is named in messages; `top` is the
+    location at which the text stands, so that an override is a document as well.
+    """
 
-    def compose(self, text, blank):
-        """The entry `blank` with the value that a YAML text has."""
+    def __init__(self, text, place, top=()):
+        self.place, self.left = place, _MOST_ENTRIES
+        self.places = {top[:n]: place(1) for n in range(len(top) + 1)}
+        self.data = self._compose(text, top)
+        for key in reversed(top):
+            self.data = {key: self.data}
+
+    def at(self, loc):
+        """The value at a location."""
+        return reduce(getitem, loc, self.data)
+
+    def depth(self, loc):
+        """How far a location can be followed."""
+        return next(n for n in range(len(loc), -1, -1) if loc[:n] in self.places)
+
+    def fail(self, loc, message):
+        """Raise the SpecError about a location; a key that is missing is reported where its mapping starts."""
+        key = ".".join(name for name in loc if isinstance(name, str))
+        item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
+        raise SpecError(f"{self.places[loc[: self.depth(loc)]]} {key}{': ' if key else ''}{item}{message}")
+
+    def _compose(self, text, top):
         try:
             node = yaml.compose(text, Loader=yaml.SafeLoader)
-            return blank if node is None else self.entry(node, blank, ())
+            return None if node is None else self._value(node, top, ())
         except SpecError:
             raise
         except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            place, what = self.at(mark), ", ".join(part for part in (error.context, error.problem) if part)
+            line = (error.problem_mark or error.context_mark).line + 1
+            what = ", ".join(part for part in (error.context, error.problem) if part)
         except yaml.reader.ReaderError as error:
-            place = self.place(text.count("\n", 0, error.position) + 1)
-            what = f"has the character U+{error.character:04X}"
+            line, what = text.count("\n", 0, error.position) + 1, f"has the character U+{error.character:04X}"
         except RecursionError:
-            place, what = blank.place, "is too deeply nested"
+            line, what = 1, "is too deeply nested"
         except (ValueError, OverflowError):
-            place, what = blank.place, "has an escape that stands for no character"
-        fail(Entry(None, place, blank.key or "YAML"), what, "check brackets, quotes, colons and indentation here")
+            line, what = 1, "has an escape that stands for no character"
+        top = top or ("YAML",)
+        self.places[top] = self.place(line)
+        self.fail(top, f"{what}; check brackets, quotes, colons and indentation here")
 
-    def at(self, mark):
-        return self.place(mark.line + 1)
-
-    def entry(self, node, blank, around):
-        """`blank` with the value of a node; `around` are the nodes that contain it."""
+    def _value(self, node, loc, around):
+        """The value of a node at a location; `around` are the nodes that contain it."""
         self.left -= 1
         if self.left < 0 or node in around:
-            fail(blank, "is too long or contains itself", f"a file may have {_MOST_ENTRIES} entries, aliases included")
+            self.fail(loc, f"is too long or contains itself; a file may have {_MOST_ENTRIES} entries, aliases included")
         if not node.tag.startswith("tag:yaml.org,2002:"):
-            fail(blank, f"has the tag {node.tag}", "remove the tag")
+            self.fail(loc, f"has the tag {node.tag}; remove the tag")
         if isinstance(node, yaml.MappingNode):
-            value = self.pairs(node, blank, (*around, node))
-        elif isinstance(node, yaml.SequenceNode):
-            value = []
-            for number, item in enumerate(node.value, 1):
-                blank_item = Entry(None, self.at(item.start_mark), blank.key, f"entry {number} ")
-                value.append(self.entry(item, blank_item, (*around, node)))
-        elif node.tag.endswith(":null"):
-            value = None
-        elif node.tag.endswith(":bool"):
-            value = node.value.lower() in ("true", "yes", "on")
-        else:
-            value = node.value
-        return blank._replace(value=value)
+            return self._mapping(node, loc, (*around, node))
+        if isinstance(node, yaml.SequenceNode):
+            for n, item in enumerate(node.value):
+                self.places[*loc, n] = self.place(item.start_mark.line + 1)
+            return [self._value(item, (*loc, n), (*around, node)) for n, item in enumerate(node.value)]
+        if node.tag.endswith(":bool"):
+            return node.value.lower() in ("true", "yes", "on")
+        return None if node.tag.endswith(":null") else node.value
 
-    def pairs(self, node, blank, around):
-        """name -> entry; what ``<<`` merges in is overridden by the mapping's own keys."""
+    def _mapping(self, node, loc, around):
+        """A dict; what ``<<`` merges in is overridden by the mapping's own keys."""
         merged, own = {}, {}
-        for key, value in node.value:
+        # What is merged in comes first, so that the mapping's own keys have the last word on places too.
+        for key, value in sorted(node.value, key=lambda pair: pair[0].tag != _MERGE):
             if not isinstance(key, yaml.ScalarNode):
-                fail(blank, "has a list or mapping as a key", "keys must be words")
-            entry = Entry(None, self.at(key.start_mark), blank.inner(key.value))
-            if key.tag == "tag:yaml.org,2002:merge":
-                sources = value.value if isinstance(value, yaml.SequenceNode) else [value]
-                for source in reversed(sources):
-                    merged |= mapping(self.entry(source, entry._replace(key=blank.key or "<<"), around))
-            elif key.value in own:
-                fail(entry, "is given twice", "remove one")
-            else:
-                own[key.value] = self.entry(value, entry, around)
+                self.fail(loc, "has a list or mapping as a key; keys must be words")
+            inner = (*loc, key.value)
+            self.places[inner] = self.place(key.start_mark.line + 1)
+            if key.tag == _MERGE:
+                for source in reversed(value.value if isinstance(value, yaml.SequenceNode) else [value]):
+                    if not isinstance(source, yaml.MappingNode):
+                        self.fail(inner, "is no mapping; give the alias of one, as in <<: *name")
+                    merged |= self._value(source, loc, around)
+                continue
+            if key.value in own:
+                self.fail(inner, "is given twice; remove one")
+            own[key.value] = self._value(value, inner, around)
         return {**merged, **own}
 
 
@@ -181,112 +196,90 @@ def _text(path):
 
 
 def _override(path, text):
-    """The mapping that "a.b=value" stands for."""
+    """The document that "a.b=value" stands for."""
     key, equals, value = text.partition("=")
-    key, place = key.strip(), f"{path}: --set"
-    if not key or not equals:
-        raise SpecError(f"{place} {text}: is no assignment; write --set key=value")
-    entry = _Composer(lambda line: place).compose(value, Entry(None, place, key))
-    around = key
-    while around:
-        around, _, name = around.rpartition(".")
-        entry = Entry({name: entry}, place, around)
-    return entry
+    if not key.strip() or not equals:
+        raise SpecError(f"{path}: --set {text}: is no assignment; write --set key=value")
+    return Document(value, lambda line: f"{path}: --set", tuple(key.strip().split(".")))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Layers: which entry holds in which case
+# Layers: pairs of a document and the location of a mapping in it, from low to high
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _kind(root):
-    """(kind, record) of a file, whose keys are checked."""
-    if root.value is None:
-        fail(root, "the file is empty", "start with a line kind: " + " or ".join(KINDS))
-    if "kind" not in mapping(root):
-        mapping(root, [*_FILE_KEYS, *(key for record in KINDS.values() for key in keys(record))])
-        fail_missing(root, "kind", " or ".join(KINDS))
-    kind = read(Literal[tuple(KINDS)], root.value["kind"])
-    mapping(root, [*_FILE_KEYS, *keys(KINDS[kind])])
-    return kind, KINDS[kind]
+def _owners(document, file, title):
+    """name of a case -> (its location, its title); the file itself is case "main" if there is no other."""
+    owners = {}
+    for n, case in enumerate(file.cases or ()):
+        if case.name in owners:
+            document.fail(("cases", n, "name"), f"is '{case.name}' in two cases; names must differ")
+        owners[case.name] = ("cases", n), case.title or case.name
+    return owners or {"main": ((), title)}
 
 
-def _owners(root, record):
-    """name of a case -> its entry in ``cases:``, or the file itself, as case "main", if there are none."""
-    if "cases" not in root.value:
-        return {"main": root}
-    entry, owners = root.value["cases"], {}
-    if not isinstance(entry.value, list) or not entry.value:
-        fail(entry, f"is {entry.shown()}", "must be a list of mappings, each with a name")
-    for case in entry.value:
-        if "name" not in mapping(case, [*_CASE_KEYS, *keys(record)]):
-            fail_missing(case, "name", "letters, digits, _ and -")
-        named = case.value["name"]
-        name = read(str, named)
-        if not re.fullmatch(CASE_NAME, name):
-            fail(named, f"is {named.shown()}", "must consist of letters, digits, _ and -")
-        if name in owners:
-            fail(named, f"is {named.shown()} in two cases", "names must differ")
-        owners[name] = case
-    return owners
-
-
-def _profiles(root, record, owners):
-    """name of a profile -> list of its layer."""
-    if "profiles" not in root.value:
-        return {}
-    profiles = mapping(root.value["profiles"], PROFILES[1:], "profile besides laptop, the file itself")
-    return {name: [_layer(entry, record, owners)] for name, entry in profiles.items()}
-
-
-def _layer(entry, record, owners):
-    """What a profile or an override says: a pair (key -> entry, name of a case -> key -> entry)."""
-    common = dict(mapping(entry, [*keys(record), "cases"]))
-    cases = common.pop("cases", None)
-    by_name = mapping(cases, list(owners), "case") if cases else {}
-    return common, {name: mapping(case, keys(record)) for name, case in by_name.items()}
-
-
-def _overridden(below, above):
-    """The entries `below` with those of `above` in their place."""
-    result = below | above
-    if "model" in below and "model" in above:
-        old, new = mapping(below["model"]), mapping(above["model"])
-        if "name" not in new or ("name" in old and new["name"].value == old["name"].value):
-            result["model"] = below["model"]._replace(value=old | new)
-    return result
-
-
-def _cases(root, record, owners, layers, title):
-    """The records of all cases, with these layers above the file."""
+def _cases(kind, file, owners, above):
+    """The records of all cases of a file, with the layers `above`."""
     built = []
-    for name, owner in owners.items():
-        entries = {k: v for k, v in root.value.items() if k in keys(record)}
-        if owner is not root:
-            title = read(str, owner.value["title"]) if "title" in owner.value else name
-            entries = _overridden(entries, {k: v for k, v in owner.value.items() if k in keys(record)})
-        for common, by_name in layers:
-            entries = _overridden(_overridden(entries, common), by_name.get(name, {}))
-        built.append(_case(record, name, title, entries, owner))
+    for name, (owner, title) in owners.items():
+        layers = [(file, ()), (file, owner)]
+        for document, loc in above:
+            by_name = document.at(loc).get("cases", {})
+            if other := next((other for other in by_name if other not in owners), None):
+                document.fail((*loc, "cases", other), f"is no known case; {suggestion(other, owners)}")
+            layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+        data = reduce(_overridden, (document.at(loc) for document, loc in layers), {})
+        keys = {k: v for k, v in data.items() if k in KINDS[kind].model_fields}
+        built.append(_valid(KINDS[kind].model_validate, {**keys, "name": name, "title": title}, layers))
     return tuple(built)
 
 
-def _case(record, name, title, entries, owner):
-    """The record of one case."""
-    if "model" not in entries:
-        fail_missing(owner, "model", f"a mapping with a name ({', '.join(MODELS)}) and parameters")
-    model_name, model = _model(entries["model"])
-    values = read_fields(record, [k for k in keys(record) if k != "model"], entries, owner)
-    case = record(name=name, title=title, model=model, model_name=model_name, **values)
-    return case.checked(lambda key, what, right: fail(entries.get(key, owner), what, right))
+def _overridden(below, above):
+    """The mapping `below` with what `above` has in its place."""
+    result = {**below, **above}
+    if "model" in below and "model" in above:
+        old, new = below["model"], above["model"]
+        if "name" not in new or new["name"] == old.get("name"):
+            result["model"] = {**old, **new}
+    return result
 
 
-def _model(entry):
-    """(name, record) of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
-    if "name" not in mapping(entry):
-        fail_missing(entry, "name", " or ".join(MODELS))
-    name = read(ModelName, entry.value["name"])
-    cls = MODELS[name]
-    mapping(entry, ["name", *cls._fields])
-    model = cls(**read_fields(cls, cls._fields, entry.value, entry))
-    return name, model._replace(sigma=tuple(s or None for s in model.sigma))
+# ---------------------------------------------------------------------------------------------------------------------
+# Errors
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: type of an error of pydantic -> what would be right, where its own words are not those of a spec file
+_RIGHT = {
+    "bool_type": "must be true or false",
+    "string_type": "must be text",
+    "string_pattern_mismatch": "must consist of letters, digits, _ and -",
+    **dict.fromkeys(("tuple_type", "list_type"), "must be a list in square brackets"),
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a mapping, lines of key: value"),
+}
+
+
+def _valid(read, data, layers):
+    """What pydantic reads from `data`, which the layers together make up; SpecError for the first thing wrong."""
+    try:
+        return read(data)
+    except ValidationError as invalid:
+        errors = invalid.errors(include_url=False)
+    kind, context, loc, value = errors[0]["type"], errors[0].get("ctx", {}), (), data
+    key = context.get("key") or context.get("discriminator", "").strip("'")
+    for step in (*errors[0]["loc"], key):
+        if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
+            loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing
+    if kind == "spec":
+        message = errors[0]["msg"]
+        loc += (key,) if key and loc[-1:] != (key,) else ()
+    elif kind in ("literal_error", "union_tag_invalid"):
+        known = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
+        message = f"is {shown(value)}; {suggestion(value, known)}"
+    elif kind in ("missing", "too_long"):
+        right = context["max_length"] if context else 1 + max(e["loc"][-1] for e in errors if e["type"] == "missing")
+        message = f"has {entries_in(len(value))}; must have {right}"
+    else:
+        right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", errors[0]["msg"])
+        message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
+    document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
+    document.fail(top + loc, message)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dispatch import inlined, means, tuplewise
-from ..ensemble import Grid, Noise, empty_report, integrate, thread_count
+from ..ensemble import Grid, Noise, empty_report, integrate, thread_count, use_threads
 from ..estimators import (
     GROUPS,
     RESOLVED,
@@ -22,7 +22,8 @@ from ..estimators import (
     samples_needed,
 )
 from ..fields import squared_distance
-from ..protocol import REPORT, casimirs, load, observe
+from ..lanes import load
+from ..protocol import REPORT, casimirs, observe
 from ..records import Group
 from ..rng import BROWNIAN, LANES
 from ..schemes import SCHEMES
@@ -243,12 +244,16 @@ def nanoseconds_per_step(p, h):
         steps=np.array([steps]),
         samples=LANES,
     )
-    best = np.inf
-    for _ in range(3):
-        sums, report = _observer(alone, 1), empty_report(1, 1)
-        began = time.perf_counter()
-        integrate(alone.scheme, alone.model, alone.initial, alone.grid, alone.noise, sums, report, 0, 1, LANES)
-        best = min(best, time.perf_counter() - began)
+    best, threads = np.inf, thread_count()
+    use_threads(1)
+    try:
+        for _ in range(3):
+            sums, report = _observer(alone, 1), empty_report(1, 1)
+            began = time.perf_counter()
+            integrate(alone.scheme, alone.model, alone.initial, alone.grid, alone.noise, sums, report, 0, 1, LANES)
+            best = min(best, time.perf_counter() - began)
+    finally:
+        use_threads(threads)
     return 1e9 * best / (steps * LANES)
 
 

@@ -1,0 +1,338 @@
+"""Functions chosen by record type: the same in Python and compiled; found in the disk cache, and never stale."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from helpers import COMPILED, ONE_NOISE, RIGID_BODY
+from numba import TypingError, njit
+
+import spi
+from spi import fields
+from spi.dispatch import (
+    INDICES,
+    OPTIONS,
+    constant,
+    means,
+    number,
+    record_class,
+    tuplewise,
+    unrolled,
+    word,
+    word_with_default,
+)
+from spi.protocol import (
+    component_indices,
+    dimension,
+    drift_angle,
+    drift_flow,
+    hamiltonian,
+    noise_indices,
+    noises,
+    pieces,
+    strengths,
+)
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
+
+compiled = njit(**OPTIONS)
+
+
+class Circle(NamedTuple):
+    radius: float
+
+
+class Square(NamedTuple):
+    side: float
+
+
+class Line(NamedTuple):
+    length: float
+
+
+@word
+def area(shape, scale):
+    """The area, scaled."""
+
+
+@means(area, Circle)
+def _(shape, scale):
+    return 3.0 * shape.radius * shape.radius * scale
+
+
+@means(area, Square)
+def _(shape, scale):
+    return shape.side * shape.side * scale
+
+
+@word_with_default
+def corners(shape):
+    """The number of corners; most shapes have none."""
+    return 0
+
+
+@means(corners, Square)
+def _(shape):
+    return 4
+
+
+@means(corners, Line)
+def _(shape):
+    return 2
+
+
+@compiled
+def areas(a, b, scale):
+    return area(a, scale), area(b, scale), corners(a), corners(b)
+
+
+@compiled
+def area_of(shape, scale):
+    return area(shape, scale)
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+
+def test_words_mean_what_the_record_says():
+    expected = (24.0, 18.0, 0, 4)
+    a, b = Circle(2.0), Square(3.0)
+    assert (area(a, 2.0), area(b, 2.0), corners(a), corners(b)) == expected
+    assert areas(a, b, 2.0) == expected
+    assert areas(b, a, 2.0) == (18.0, 24.0, 4, 0)
+
+
+def test_a_missing_meaning_is_named():
+    with pytest.raises(TypeError, match=r"area has no meaning for Line"):
+        area(Line(1.0), 1.0)
+    with pytest.raises(TypeError, match=r"hamiltonian has no meaning for Circle"):
+        hamiltonian(Circle(1.0), (1.0, 2.0, 3.0))
+    with pytest.raises(TypeError, match=r"drift_flow has no meaning for float"):
+        drift_flow(1.0, 0, 0.1, (1.0,), None)
+
+
+@compiled_only
+def test_a_missing_meaning_is_an_error_while_compiling():
+    with pytest.raises(TypingError, match="area"):
+        area_of(Line(1.0), 1.0)
+    with pytest.raises(TypingError, match="area"):
+        area_of(1.0, 1.0)
+
+
+def test_defaults():
+    assert corners(Circle(1.0)) == 0 and corners(Square(1.0)) == 4
+    assert drift_angle(Circle(1.0), 0, 1.0, (1.0,)) == 0.0
+    assert drift_angle(RIGID_BODY, 0, 3.0, (-2.0, 0.0, 0.0)) == 3.0
+
+
+def test_words_keep_their_documentation():
+    assert area.__name__ == "area" and area.__doc__ == "The area, scaled."
+    assert "exact flow" in drift_flow.__doc__
+
+
+# --- constants -------------------------------------------------------------------------------------------------------
+
+
+@constant
+def fields_of(record):
+    """How many fields a record has."""
+    return len((record_class(record) or type(record))._fields)
+
+
+@compiled
+def sizes(model):
+    return fields_of(model), dimension(model), pieces(model), noises(model), component_indices(model)
+
+
+@compiled
+def numbers():
+    return number(INDICES[0]()), number(INDICES[3]()), number(INDICES[15]())
+
+
+@compiled
+def strengths_of(model):
+    return strengths(model)
+
+
+def test_constants():
+    assert sizes(RIGID_BODY) == sizes(ONE_NOISE) == (3, 3, 3, 3, (0, 1, 2))
+    assert (fields_of(RIGID_BODY), dimension(RIGID_BODY), component_indices(RIGID_BODY)) == (3, 3, (0, 1, 2))
+    for k, index in enumerate(INDICES):
+        assert number(index()) == k
+
+
+@pytest.mark.parametrize("sigma", [(1.0, 2.0, 3.0), (None, 2.0, None), (0.5, None, None), (None, None, None)])
+def test_strengths_of_noises_on_and_off(sigma):
+    model = RIGID_BODY._replace(sigma=sigma)
+    expected = tuple(0.0 if s is None else s for s in sigma)
+    assert strengths(model) == strengths_of(model) == expected
+    assert noise_indices(model) == tuple(k for k in range(3) if sigma[k] is not None)
+
+
+# --- unrolled and tuplewise ------------------------------------------------------------------------------------------
+
+
+@unrolled(noise_indices)
+def digits(index, model, value, base, shift):
+    """Not commutative, so that the order of the indices is seen."""
+    return value * base + (number(index) + 1) * strengths(model)[number(index)] + shift
+
+
+@compiled
+def digits_compiled(model, value, base, shift):
+    return digits(model, value, base, shift)
+
+
+@pytest.mark.parametrize(
+    ("model", "expected"),
+    [
+        (RIGID_BODY, 7123.0),
+        (ONE_NOISE, 71.0),
+        (RIGID_BODY._replace(sigma=(1.0, None, 2.0)), 716.0),
+        (RIGID_BODY._replace(sigma=(None, None, None)), 7.0),
+    ],
+)
+def test_unrolled_is_a_fold_in_order(model, expected):
+    assert digits(model, 7.0, 10.0, 0.0) == expected
+    assert digits_compiled(model, 7.0, 10.0, 0.0) == expected
+
+
+@tuplewise("a[i] - c * b[i]")
+def difference(a, c, b):
+    """a - c b."""
+
+
+@tuplewise("c - a[i] * a[i]", total=True)
+def total(c, a):
+    """sum_i (c - a_i^2); the tuple is not the first argument."""
+
+
+@compiled
+def tuplewise_compiled(a, c, b):
+    return difference(a, c, b), total(c, a)
+
+
+@compiled
+def fields_compiled(a, c, b):
+    return (
+        fields.add_scaled(a, c, b),
+        fields.scaled(a, c),
+        fields.dot(a, b),
+        fields.squared_distance(a, b),
+        fields.unit((0, 1, 2), 1),
+    )
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8])
+def test_tuplewise(n):
+    # Small integers, so that fused operations round as separate ones do: not at all.
+    a, b = tuple(float(i + 1) for i in range(n)), tuple(float(i * i - 3) for i in range(n))
+    expected = tuple(x - 2.0 * y for x, y in zip(a, b, strict=True)), sum(2.0 - x * x for x in a)
+    assert (difference(a, 2.0, b), total(2.0, a)) == expected
+    assert tuplewise_compiled(a, 2.0, b) == expected
+
+
+def test_arithmetic_of_tuples():
+    a, b, c = (1.0, -2.0, 4.0), (3.0, 0.5, -1.0), 0.5
+    expected = (2.5, -1.75, 3.5), (0.5, -1.0, 2.0), -2.0, 4.0 + 6.25 + 25.0, (0.0, 1.0, 0.0)
+    assert fields_compiled(a, c, b) == expected
+    assert fields.add_scaled(a, c, b) == expected[0]
+    assert fields.scaled(a, c) == expected[1]
+    assert fields.dot(a, b) == expected[2]
+    assert fields.squared_distance(a, b) == expected[3]
+    assert fields.unit((0, 1, 2), 1) == expected[4]
+
+
+@compiled_only
+def test_all_indices_can_be_compiled():
+    assert numbers() == (0, 3, 15)
+
+
+# --- the disk cache --------------------------------------------------------------------------------------------------
+
+PROGRAM = """
+import json, sys
+import helpers, spi, spi.schemes
+from spi.ensemble import integrate
+states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4)
+count = lambda counter: sum(counter.values())
+json.dump(
+    {
+        "package": spi.__file__,
+        "states": states.ravel().tolist(),
+        "hits": count(integrate.stats.cache_hits),
+        "misses": count(integrate.stats.cache_misses),
+    },
+    sys.stdout,
+)
+"""
+
+
+def run(folder):
+    """Run PROGRAM in a new process with the package that lies in `folder`."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
+    environment |= {"PYTHONPATH": str(folder), "SPI_CACHE_DIR": str(folder / "cache")}
+    answer = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert answer.returncode == 0, answer.stderr
+    found = json.loads(answer.stdout)
+    assert Path(found["package"]).parent == folder / "spi"  # the copy, not the original
+    return found
+
+
+@compiled_only
+def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
+    """One story, since every first run costs a compilation: cold, warm, and after an edit of another file."""
+    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(Path(__file__).with_name("helpers.py"), tmp_path)
+    cold = run(tmp_path)
+    assert (cold["hits"], cold["misses"]) == (0, 1)
+    warm = run(tmp_path)
+    assert (warm["hits"], warm["misses"]) == (1, 0)
+    assert warm["states"] == cold["states"]
+
+    # Numba itself would not notice this: the kernel `integrate` lies in another file.
+    edited = tmp_path / "spi" / "models" / "rigid_body.py"
+    source, old, new = edited.read_text(), "c = 1.0 / model.noise_inertia[k]", "c = 2.0 / model.noise_inertia[k]"
+    assert source.count(old) == 1, "the model has changed: choose another constant to edit in this test"
+    edited.write_text(source.replace(old, new))
+    after = run(tmp_path)
+    assert (after["hits"], after["misses"]) == (0, 1)
+    assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
+    assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
+
+
+def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
+    """Its name changes with a byte of any module, with the name of a module, and with nothing else."""
+    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
+    program = "import os, spi; print(os.environ['NUMBA_CACHE_DIR'])"
+
+    def folder():
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "SPI_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, "-c", program]
+        answer = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        return Path(answer.stdout.strip())
+
+    first = folder()
+    assert first.parent == tmp_path / "cache"
+    os.utime(tmp_path / "spi" / "rng.py", (0, 0))
+    (tmp_path / "spi" / "notes.txt").write_text("no source")
+    assert folder() == first
+    with open(tmp_path / "spi" / "schemes" / "midpoint.py", "a") as file:
+        file.write("\n")
+    second = folder()
+    (tmp_path / "spi" / "rng.py").rename(tmp_path / "spi" / "rng2.py")
+    assert len({first, second, folder()}) == 3
