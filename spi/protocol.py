@@ -7,9 +7,9 @@ The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich 
 with independent Wiener processes W_1, ..., W_m.  In the program indices start at 0.
 
 A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per noise; None = that noise is off and is
-neither drawn nor applied) and three class attributes: ``dimension`` d, ``pieces`` p, ``noises`` m.  A **scheme** is a
-NamedTuple of options; its orders and what it preserves stand in ``schemes.SCHEMES``.  An **observer** is a
-NamedTuple of arrays into which a study collects what it needs.
+neither drawn nor applied) and four class attributes: ``dimension`` d, ``pieces`` p, ``noises`` m, and ``conserved``,
+the number of Casimir functions.  A **scheme** is a NamedTuple of options; its orders and what it preserves stand in
+``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into which a study collects what it needs.
 
 A state y is a tuple of d floats.  In kernels LANES paths travel together: their states are one array of d * LANES
 floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
@@ -67,6 +67,11 @@ def piece_indices(model):
 def component_indices(model):
     """(0, ..., d-1)."""
     return tuple(range(_class(model).dimension))
+
+
+def casimir_indices(model):
+    """The numbers of the Casimir functions, from 0."""
+    return tuple(range(_class(model).conserved))
 
 
 def noise_indices(model):

@@ -38,6 +38,7 @@ class RigidBody(NamedTuple):
 RigidBody.dimension = 3
 RigidBody.pieces = 3
 RigidBody.noises = 3
+RigidBody.conserved = 1
 
 
 @inlined

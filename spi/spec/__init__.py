@@ -280,6 +280,7 @@ def _valid(read, data, layers):
         message = f"has {entries_in(len(value))}; must have {right}"
     else:
         right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", errors[0]["msg"])
+        right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
         message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
     document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
     document.fail(top + loc, message)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import inlined, means, tuplewise
+from ..dispatch import means, number, tuplewise, unrolled
 from ..ensemble import Grid, Noise, empty_report, integrate, thread_count, use_threads
 from ..estimators import (
     GROUPS,
@@ -23,7 +23,7 @@ from ..estimators import (
 )
 from ..fields import squared_distance
 from ..lanes import load
-from ..protocol import REPORT, casimirs, observe
+from ..protocol import REPORT, casimir_indices, casimirs, observe
 from ..records import Group
 from ..rng import BROWNIAN, LANES
 from ..schemes import SCHEMES
@@ -55,14 +55,15 @@ def _zero_if_finite(a):
     """0, or NaN if a component is not finite."""
 
 
-@inlined
-def _watch_casimirs(drift, model, initial, y):
+@unrolled(casimir_indices)
+def _watch_casimir(index, model, drift, initial, y):
+    """The largest |C_c(y) - C_c(y_0)| so far, for each lane."""
+    c = number(index)
     for lane in range(LANES):
-        values = casimirs(model, load(model, y, lane))
-        for c in range(len(values)):
-            change = abs(values[c] - initial[c])
-            if not change <= drift[c, lane]:  # true for NaN
-                drift[c, lane] = change
+        change = abs(casimirs(model, load(model, y, lane))[c] - initial[c])
+        if not change <= drift[c, lane]:  # true for NaN
+            drift[c, lane] = change
+    return drift
 
 
 @means(observe, StrongSums)
@@ -76,7 +77,7 @@ def _(observer, model, row, paths, level, n, y, reference):
                 squares[part] += square if lane < paths else 0.0
     last = n == observer.steps[level]
     if level > 0 or last:
-        _watch_casimirs(observer.drift[row, level], model, observer.initial_casimirs, y)
+        _watch_casimir(model, observer.drift[row, level], observer.initial_casimirs, y)
     if last:
         for lane in range(paths):
             observer.nonfinite[row, level] += 0 if _zero_if_finite(load(model, y, lane)) == 0.0 else 1

@@ -1,0 +1,94 @@
+"""The stochastic Lotka-Volterra system (the paper's first example, eq. slv): a prey y1 and its predator y2.
+
+It is not a Lie-Poisson system, B being quadratic, and has no Casimir function; the flows are explicit all the same and
+keep both populations positive.
+"""
+
+from typing import Annotated, NamedTuple
+
+from ..dispatch import means
+from ..elementary import exp, log
+from ..protocol import (
+    NonNegative,
+    casimirs,
+    drift_flow,
+    drift_gradient,
+    drift_hessian,
+    hamiltonian,
+    noise_flow,
+    noise_gradient,
+    noise_hessian,
+    structure,
+    structure_derivative,
+)
+
+
+class LotkaVolterra(NamedTuple):
+    """B(y) = y1 y2 ((0, 1), (-1, 0)), H = (y1 - ln y1) + (y2 - 2 ln y2), one noise with Ĥ = -ln y1 + ln y2.
+
+    H_1 = y1 - ln y1 moves y2 at the constant rate 1 - y1, H_2 = y2 - 2 ln y2 moves y1 at the rate y2 - 2, and the noise
+    multiplies both by exp(W).
+    """
+
+    sigma: Annotated[tuple[NonNegative | None], "strength of the noise; 0 switches it off"] = (1.0,)
+
+
+LotkaVolterra.dimension = 2
+LotkaVolterra.pieces = 2
+LotkaVolterra.noises = 1
+LotkaVolterra.conserved = 0
+
+
+@means(drift_flow, LotkaVolterra)
+def _(model, k, t, y, angles):
+    if k == 0:
+        return y[0], y[1] * exp(t * (1.0 - y[0]))
+    return y[0] * exp(t * (y[1] - 2.0)), y[1]
+
+
+@means(noise_flow, LotkaVolterra)
+def _(model, k, t, y, angles):
+    factor = exp(t)
+    return y[0] * factor, y[1] * factor
+
+
+@means(structure, LotkaVolterra)
+def _(model, y, v):
+    c = y[0] * y[1]
+    return c * v[1], -c * v[0]
+
+
+@means(structure_derivative, LotkaVolterra)
+def _(model, y, u, v):
+    c = u[0] * y[1] + y[0] * u[1]
+    return c * v[1], -c * v[0]
+
+
+@means(casimirs, LotkaVolterra)
+def _(model, y):
+    return ()
+
+
+@means(hamiltonian, LotkaVolterra)
+def _(model, y):
+    return y[0] - log(y[0]) + y[1] - 2.0 * log(y[1])
+
+
+@means(drift_gradient, LotkaVolterra)
+def _(model, y):
+    return 1.0 - 1.0 / y[0], 1.0 - 2.0 / y[1]
+
+
+@means(drift_hessian, LotkaVolterra)
+def _(model, y, v):
+    return v[0] / (y[0] * y[0]), 2.0 * v[1] / (y[1] * y[1])
+
+
+@means(noise_gradient, LotkaVolterra)
+def _(model, k, y):
+    return -1.0 / y[0], 1.0 / y[1]
+
+
+@means(noise_hessian, LotkaVolterra)
+def _(model, k, y, v):
+    return v[0] / (y[0] * y[0]), -v[1] / (y[1] * y[1])

@@ -1,0 +1,97 @@
+"""The stochastic Maxwell-Bloch system of laser-matter dynamics (Example expl-MB and section 4.1)."""
+
+from typing import Annotated, NamedTuple
+
+from ..dispatch import means
+from ..protocol import (
+    NonNegative,
+    casimirs,
+    drift_angle,
+    drift_flow,
+    drift_gradient,
+    drift_hessian,
+    hamiltonian,
+    noise_angle,
+    noise_flow,
+    noise_gradient,
+    noise_hessian,
+    sin_versine,
+    structure,
+)
+
+
+class MaxwellBloch(NamedTuple):
+    """B(y) v = (y2 v3 - y3 v2, y3 v1, -y2 v1), H = y1^2/2 + y3 = Ĥ_1 + Ĥ_3, C(y) = (y2^2 + y3^2)/2.
+
+    Pieces and noises are those of the paper's H_1 and H_3, Ĥ_1 and Ĥ_3; there is no number 2.
+    """
+
+    sigma: Annotated[
+        tuple[NonNegative | None, NonNegative | None],
+        "strengths sigma_1, sigma_3 of the two noises; 0 switches one off",
+    ] = (1.0, 1.0)
+
+
+MaxwellBloch.dimension = 3
+MaxwellBloch.pieces = 2
+MaxwellBloch.noises = 2
+MaxwellBloch.conserved = 1
+
+
+@means(drift_angle, MaxwellBloch)
+def _(model, k, t, y):
+    return abs(t * y[0]) if k == 0 else 0.0
+
+
+@means(drift_flow, MaxwellBloch)
+def _(model, k, t, y, angles):
+    y1, y2, y3 = y
+    if k == 1:
+        return y1 + t * y2, y2, y3
+    s, v = sin_versine(angles, t * y1)
+    return y1, y2 + (s * y3 - v * y2), y3 - (s * y2 + v * y3)
+
+
+@means(noise_angle, MaxwellBloch)
+def _(model, k, t, y):
+    return drift_angle(model, k, t, y)
+
+
+@means(noise_flow, MaxwellBloch)
+def _(model, k, t, y, angles):
+    return drift_flow(model, k, t, y, angles)
+
+
+@means(structure, MaxwellBloch)
+def _(model, y, v):
+    return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
+
+
+@means(casimirs, MaxwellBloch)
+def _(model, y):
+    return (0.5 * (y[1] * y[1] + y[2] * y[2]),)
+
+
+@means(hamiltonian, MaxwellBloch)
+def _(model, y):
+    return 0.5 * y[0] * y[0] + y[2]
+
+
+@means(drift_gradient, MaxwellBloch)
+def _(model, y):
+    return y[0], 0.0, 1.0
+
+
+@means(drift_hessian, MaxwellBloch)
+def _(model, y, v):
+    return v[0], 0.0, 0.0
+
+
+@means(noise_gradient, MaxwellBloch)
+def _(model, k, y):
+    return (y[0] if k == 0 else 0.0), 0.0, (0.0 if k == 0 else 1.0)
+
+
+@means(noise_hessian, MaxwellBloch)
+def _(model, k, y, v):
+    return (v[0] if k == 0 else 0.0), 0.0, 0.0

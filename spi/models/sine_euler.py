@@ -1,0 +1,248 @@
+"""The stochastic sine-Euler equations with M = 1, N = 3 (Example expl-SE and section 4.3): 2-D ideal fluid, truncated.
+
+omega has four independent complex modes, n = (1,0), (1,1), (0,1), (-1,1) in this order, and omega_{-n} is the complex
+conjugate; indices are understood modulo 3.  The state is (Re, Im) of the four modes, eight real components.
+
+The flow of H_k leaves omega_k alone.  The other three modes form, some of them conjugated, a line m, m+k, m+2k, on
+which z_j = omega_{m+jk} obeys the circulant linear system
+
+    z_j' = (s / |k|^2) (conj(omega_k) z_{j+1} - omega_k z_{j-1}),    s = sin(2 pi (m x k) / 3) = +-sqrt(3)/2.
+
+The 3-point Fourier transform diagonalises it, with the purely imaginary eigenvalues
+-2i (s / |k|^2) Im(omega_k w^(-q)), w = exp(2 pi i / 3): a rotation by these angles in each Fourier component.
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+from ..dispatch import inlined, means
+from ..protocol import (
+    NonNegative,
+    casimirs,
+    drift_angle,
+    drift_flow,
+    drift_gradient,
+    drift_hessian,
+    hamiltonian,
+    noise_angle,
+    noise_flow,
+    noise_gradient,
+    noise_hessian,
+    sin_versine,
+    structure,
+)
+
+Strength = NonNegative | None
+
+
+class SineEuler(NamedTuple):
+    """H = sum_k H_k over the four modes, H_k = Ĥ_k = |omega_k|^2 / |k|^2.
+
+    Casimirs: C_1 = sum_k |omega_k|^2 and the cubic C_2.
+    """
+
+    sigma: Annotated[
+        tuple[Strength, Strength, Strength, Strength],
+        "strengths of the noises of the modes (1,0), (1,1), (0,1), (-1,1); 0 switches one off",
+    ] = (1.0, 1.0, 1.0, 1.0)
+
+
+SineEuler.dimension = 8
+SineEuler.pieces = 4
+SineEuler.noises = 4
+SineEuler.conserved = 2
+
+_S = math.sqrt(3.0) / 2.0  # sin(2 pi / 3)
+_THIRD = 1.0 / 3.0
+
+
+@inlined
+def _line(k, y):
+    """(omega_k, s / |k|^2, z_0, z_1, z_2) as (Re, Im) pairs; see the head of this file."""
+    a = (y[0], y[1])
+    b = (y[2], y[3])
+    c = (y[4], y[5])
+    d = (y[6], y[7])
+    if k == 0:  # m = (0,1)
+        return a, -_S, c, b, d
+    if k == 1:  # m = (1,0); (0,-1) ends the line
+        return b, 0.5 * _S, a, d, (c[0], -c[1])
+    if k == 2:  # m = (1,0); (1,-1) ends the line
+        return c, _S, a, b, (d[0], -d[1])
+    return d, 0.5 * _S, a, c, (b[0], -b[1])  # m = (1,0); (-1,-1) ends the line
+
+
+@inlined
+def _unline(k, w, z0, z1, z2):
+    """The state with these modes on the line of k."""
+    if k == 0:
+        return w[0], w[1], z1[0], z1[1], z0[0], z0[1], z2[0], z2[1]
+    if k == 1:
+        return z0[0], z0[1], w[0], w[1], z2[0], -z2[1], z1[0], z1[1]
+    if k == 2:
+        return z0[0], z0[1], z1[0], z1[1], w[0], w[1], z2[0], -z2[1]
+    return z0[0], z0[1], z2[0], -z2[1], z1[0], z1[1], w[0], w[1]
+
+
+@inlined
+def _turn(angles, theta, z):
+    """(exp(i theta) - 1) z."""
+    s, v = sin_versine(angles, theta)
+    return -(s * z[1] + v * z[0]), s * z[0] - v * z[1]
+
+
+@inlined
+def _flow(k, t, y, angles):
+    w, c, z0, z1, z2 = _line(k, y)
+    # angles -2 c t Im(w exp(-2 pi i q / 3)) of the Fourier components q = 0, 1, 2
+    f = -2.0 * c * t
+    p0 = f * w[1]
+    half, side = -0.5 * p0, f * _S * w[0]
+    p1, p2 = half - side, half + side
+    # Fourier components, 3 times too large: q = 1 and 2 are (z0 - sum/2) -+ i sqrt(3)/2 (z1 - z2) of the line
+    sum_re, sum_im = z1[0] + z2[0], z1[1] + z2[1]
+    dif_re, dif_im = _S * (z1[0] - z2[0]), _S * (z1[1] - z2[1])
+    mid_re, mid_im = z0[0] - 0.5 * sum_re, z0[1] - 0.5 * sum_im
+    u0 = _turn(angles, p0, (z0[0] + sum_re, z0[1] + sum_im))
+    u1 = _turn(angles, p1, (mid_re + dif_im, mid_im - dif_re))
+    u2 = _turn(angles, p2, (mid_re - dif_im, mid_im + dif_re))
+    # and back: what is added to z_j is the mean of u_q exp(2 pi i j q / 3)
+    sum_re, sum_im = u1[0] + u2[0], u1[1] + u2[1]
+    dif_re, dif_im = _S * (u1[0] - u2[0]), _S * (u1[1] - u2[1])
+    mid_re, mid_im = u0[0] - 0.5 * sum_re, u0[1] - 0.5 * sum_im
+    new0 = (z0[0] + _THIRD * (u0[0] + sum_re), z0[1] + _THIRD * (u0[1] + sum_im))
+    new1 = (z1[0] + _THIRD * (mid_re - dif_im), z1[1] + _THIRD * (mid_im + dif_re))
+    new2 = (z2[0] + _THIRD * (mid_re + dif_im), z2[1] + _THIRD * (mid_im - dif_re))
+    return _unline(k, w, new0, new1, new2)
+
+
+@inlined
+def _largest_angle(k, t, y):
+    """A bound of the three angles, 2 |c t| (|Re omega_k| + |Im omega_k|)."""
+    w, c, _, _, _ = _line(k, y)
+    return abs(2.0 * c * t) * (abs(w[0]) + abs(w[1]))
+
+
+@means(drift_angle, SineEuler)
+def _(model, k, t, y):
+    return _largest_angle(k, t, y)
+
+
+@means(noise_angle, SineEuler)
+def _(model, k, t, y):
+    return _largest_angle(k, t, y)
+
+
+@means(drift_flow, SineEuler)
+def _(model, k, t, y, angles):
+    return _flow(k, t, y, angles)
+
+
+@means(noise_flow, SineEuler)
+def _(model, k, t, y, angles):
+    return _flow(k, t, y, angles)
+
+
+@inlined
+def _cross(w, g):
+    """w g for complex numbers as pairs."""
+    return w[0] * g[0] - w[1] * g[1], w[0] * g[1] + w[1] * g[0]
+
+
+@inlined
+def _pair(plus, minus, g):
+    """sqrt(3)/2 (omega_{m+n} g_n - omega_{m-n} conj(g_n)), the part of n and -n in B(omega) g at m when m x n = 1."""
+    p, q = _cross(plus, g), _cross(minus, (g[0], -g[1]))
+    return _S * (p[0] - q[0]), _S * (p[1] - q[1])
+
+
+@means(structure, SineEuler)
+def _(model, y, v):
+    """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""
+    a, b, c, d = (y[0], y[1]), (y[2], y[3]), (y[4], y[5]), (y[6], y[7])
+    ac, bc, cc, dc = (y[0], -y[1]), (y[2], -y[3]), (y[4], -y[5]), (y[6], -y[7])
+    ga, gb = (0.5 * v[0], -0.5 * v[1]), (0.5 * v[2], -0.5 * v[3])
+    gc, gd = (0.5 * v[4], -0.5 * v[5]), (0.5 * v[6], -0.5 * v[7])
+    # for each m the three pairs with their m+n and m-n reduced modulo 3; m x n = 1 or -2 counts +1, -1 or 2 counts -1
+    # m = (1,0), n = (1,1), (0,1), (-1,1): + + +
+    x0, x1, x2 = _pair(d, cc, gb), _pair(b, dc, gc), _pair(c, bc, gd)
+    # m = (1,1), n = (1,0), (0,1), (-1,1): - + -
+    y0, y1, y2 = _pair(d, c, ga), _pair(dc, a, gc), _pair(cc, ac, gd)
+    # m = (0,1), n = (1,0), (1,1), (-1,1): - - +
+    z0, z1, z2 = _pair(b, d, ga), _pair(dc, ac, gb), _pair(bc, a, gd)
+    # m = (-1,1), n = (1,0), (1,1), (0,1): - + -
+    w0, w1, w2 = _pair(c, b, ga), _pair(cc, a, gb), _pair(bc, ac, gc)
+    return (
+        x0[0] + x1[0] + x2[0],
+        x0[1] + x1[1] + x2[1],
+        y1[0] - y0[0] - y2[0],
+        y1[1] - y0[1] - y2[1],
+        z2[0] - z0[0] - z1[0],
+        z2[1] - z0[1] - z1[1],
+        w1[0] - w0[0] - w2[0],
+        w1[1] - w0[1] - w2[1],
+    )
+
+
+@inlined
+def _squares(y):
+    """|omega_k|^2 of the four modes."""
+    return (
+        y[0] * y[0] + y[1] * y[1],
+        y[2] * y[2] + y[3] * y[3],
+        y[4] * y[4] + y[5] * y[5],
+        y[6] * y[6] + y[7] * y[7],
+    )
+
+
+@means(hamiltonian, SineEuler)
+def _(model, y):
+    a, b, c, d = _squares(y)
+    return a + 0.5 * b + c + 0.5 * d
+
+
+@inlined
+def _re3(p, q, r):
+    """Re(p q r)."""
+    u = _cross(p, q)
+    return u[0] * r[0] - u[1] * r[1]
+
+
+@means(casimirs, SineEuler)
+def _(model, y):
+    """C_1, and C_2 = 2 Re(sum_k omega_k^3 - 3 (a b d* + a b* c + a c* d + b c d)), the modes being a, b, c, d.
+
+    The latter is the paper's sum over the cell K, collected.
+    """
+    e = _squares(y)
+    a, b, c, d = (y[0], y[1]), (y[2], y[3]), (y[4], y[5]), (y[6], y[7])
+    bc, cc, dc = (y[2], -y[3]), (y[4], -y[5]), (y[6], -y[7])
+    cubes = _re3(a, a, a) + _re3(b, b, b) + _re3(c, c, c) + _re3(d, d, d)
+    mixed = _re3(a, b, dc) + _re3(a, bc, c) + _re3(a, cc, d) + _re3(b, c, d)
+    return e[0] + e[1] + e[2] + e[3], 2.0 * cubes - 6.0 * mixed
+
+
+@means(drift_gradient, SineEuler)
+def _(model, y):
+    return drift_hessian(model, y, y)
+
+
+@means(drift_hessian, SineEuler)
+def _(model, y, v):
+    return 2.0 * v[0], 2.0 * v[1], v[2], v[3], 2.0 * v[4], 2.0 * v[5], v[6], v[7]
+
+
+@means(noise_gradient, SineEuler)
+def _(model, k, y):
+    return noise_hessian(model, k, y, y)
+
+
+@means(noise_hessian, SineEuler)
+def _(model, k, y, v):
+    a, b, c, d = (
+        2.0 if k == 0 else 0.0,
+        1.0 if k == 1 else 0.0,
+        2.0 if k == 2 else 0.0,
+        1.0 if k == 3 else 0.0,
+    )
+    return a * v[0], a * v[1], b * v[2], b * v[3], c * v[4], c * v[5], d * v[6], d * v[7]
