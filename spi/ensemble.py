@@ -8,9 +8,10 @@ to the last bit by (seed, stream, path, h_ref), whatever else is computed.
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, prange, set_num_threads
+from numba import get_num_threads, prange, set_num_threads, types
+from numba.extending import overload
 
-from .dispatch import inlined, kernel, number, parallel_kernel, unrolled
+from .dispatch import INLINED, inlined, kernel, number, parallel_kernel, unrolled
 from .lanes import store
 from .protocol import REPORT, advance, dimension, noise_indices, noises, observe, work_size
 from .rng import LANES, STEPS_PER_DRAW, draw_increments
@@ -23,6 +24,7 @@ class Grid(NamedTuple):
     reference_steps: int
     doublings: np.ndarray  #: int64, strictly increasing, doublings[0] = 0
     truncate: bool  #: whether increments are clipped as :func:`truncation_bound` says, per step size
+    reference_scheme: tuple | None = None  #: of step size number 0, if it is not the scheme itself
 
 
 class Noise(NamedTuple):
@@ -72,6 +74,40 @@ def clip(index, model, dW, clipped, bound):
     return dW
 
 
+def largest_work(reference_scheme, scheme, model):
+    """Scratch for either scheme."""
+    return max(work_size(s, model) for s in (reference_scheme, scheme) if s is not None)
+
+
+@overload(largest_work, jit_options=INLINED)
+def _(reference_scheme, scheme, model):
+    if reference_scheme == types.none:
+        return lambda reference_scheme, scheme, model: work_size(scheme, model)
+    return lambda reference_scheme, scheme, model: max(work_size(reference_scheme, model), work_size(scheme, model))
+
+
+def advance_level(reference_scheme, scheme, level, model, h, dW, y, work, report):
+    """One step of the scheme, or at level 0 of the reference scheme if there is one."""
+    stepper = scheme if reference_scheme is None or level > 0 else reference_scheme
+    advance(stepper, model, h, dW, y, work, report)
+
+
+@overload(advance_level, jit_options=INLINED)
+def _(reference_scheme, scheme, level, model, h, dW, y, work, report):
+    if reference_scheme == types.none:
+        return lambda reference_scheme, scheme, level, model, h, dW, y, work, report: advance(
+            scheme, model, h, dW, y, work, report
+        )
+
+    def either(reference_scheme, scheme, level, model, h, dW, y, work, report):
+        if level == 0:
+            advance(reference_scheme, model, h, dW, y, work, report)
+        else:
+            advance(scheme, model, h, dW, y, work, report)
+
+    return either
+
+
 @kernel
 def integrate_block(scheme, model, initial, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
@@ -87,7 +123,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     width = noises(model) * LANES
     drawn, words = np.empty(STEPS_PER_DRAW * width), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
     clipped, first_halves = np.empty(width), np.empty((last + 1, width))
-    work = np.empty(work_size(scheme, model))
+    work = np.empty(largest_work(grid.reference_scheme, scheme, model))
     scale = np.sqrt(grid.reference_step)
 
     for n in range(grid.reference_steps):
@@ -105,7 +141,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                 if grid.truncate:
                     clip(model, dW, clipped, truncation_bound(h))
                     increments = clipped
-                advance(scheme, model, h, increments, y[level], work, report[level])
+                advance_level(grid.reference_scheme, scheme, level, model, h, increments, y[level], work, report[level])
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
             if s == last or (n >> s) & 1 == 0:
                 break

@@ -74,24 +74,56 @@ def samples_needed(value, stderr, samples):
 
 
 def fit_order(h, value, without, counts, use, reference_step=0.0):
-    """Order p of value = C (h - h_ref)^p, by least squares in logarithms through the points `use`.
+    """Order p of value = C h^p, by least squares in logarithms through the points `use`, with its 95 % interval.
 
-    Distances from a reference of the same scheme at step h_ref lack the reference's own error, which makes a plain
-    slope over h too steep (for steps from 8 to 2048 h_ref by 0.01 for p = 1/2, by 0.02 for p = 1).  C (h - h_ref)^p is
-    what is left when the two errors are independent and p = 1/2 (squares subtract), and when they are proportional
-    along a path and p = 1.  The 95 % interval is Student's, from the jackknife.  `value` has shape (steps,), `without`
-    (groups, steps).
+    The values are distances from a reference of the same scheme at step h_ref and lack the reference's own error, which
+    makes a plain slope too steep (for steps from 8 to 2048 h_ref by 0.01 for p = 1/2).  If the two errors are
+    independent, C h^p is value / (1 - r^(2p))^(1/2) with r = h_ref/h; if they are proportional along each path, it is
+    value / (1 - r)^p.  For p = 1/2 both say the same; otherwise the order is the middle of the two slopes, and the
+    interval covers both.
+
+    The interval is, besides, the wider of two of Student's: from the jackknife, for the sampling, and from the scatter
+    of the points about the line, for what is no power of h.  As long as the points bend by more than sampling can
+    explain (at 95 %), the largest step is not yet asymptotic and is left out, down to four points.  `value` has shape
+    (steps,), `without` (groups, steps).
     """
-    n = int(np.count_nonzero(use))
-    if n < 3:
-        return Order(np.nan, np.nan, np.nan, n)
     from scipy.special import stdtrit  # not needed to start the program
 
-    x = np.log(h[use] - reference_step)
-    x -= x.mean()
-    weights = x / (x @ x)
-    slope = float(np.log(value[use]) @ weights)
+    use = np.flatnonzero(use)
+    student = stdtrit(np.count_nonzero(counts) - 1, 0.975)
+    while len(use) > 4:
+        bend, stderr = _coefficient(2, h[use] - reference_step, value[use], without[:, use], counts)
+        if not abs(bend) > stderr * student + 1e-9:  # false for NaN
+            break
+        use = np.delete(use, np.argmax(h[use]))
+    n = len(use)
+    if n < 3:
+        return Order(np.nan, np.nan, np.nan, n)
+    plain, stderr = _coefficient(1, h[use], value[use], without[:, use], counts)
+    r = reference_step / h[use]
+    low = high = plain
+    for _ in range(20):  # contractions by a factor of about 0.02
+        low = plain - _slope(h[use], np.log(1.0 - r) * max(low, 0.0))
+        high = plain - _slope(h[use], 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01))))
+    order = 0.5 * (low + high)
+    x, y = _centred(np.log(h[use])), _centred(np.log(value[use]) - 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01))))
+    scatter = np.sqrt(((y - high * x) ** 2).sum() / (n - 2) / (x @ x))
+    half = float(np.maximum(stderr * student, scatter * stdtrit(n - 2, 0.975)) + 0.5 * abs(high - low))
+    return Order(order, order - half, order + half, n)
+
+
+def _centred(x):
+    return x - x.mean()
+
+
+def _slope(h, y):
+    x = _centred(np.log(h))
+    return float(y @ x / (x @ x))
+
+
+def _coefficient(degree, h, value, without, counts):
+    """Leading coefficient of the polynomial in ln(h) that fits ln(value), and its jackknife standard error."""
+    weights = np.linalg.pinv(np.vander(_centred(np.log(h)), degree + 1))[0]
+    coefficient = float(np.log(value) @ weights)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stderr = float(jackknife_stderr(slope, np.log(without[:, use]) @ weights, counts))
-    half = stderr * float(stdtrit(np.count_nonzero(counts) - 1, 0.975))
-    return Order(slope, slope - half, slope + half, n)
+        return coefficient, float(jackknife_stderr(coefficient, np.log(without) @ weights, counts))

@@ -8,8 +8,9 @@ with independent Wiener processes W_1, ..., W_m.  In the program indices start a
 
 A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per noise; None = that noise is off and is
 neither drawn nor applied) and four class attributes: ``dimension`` d, ``pieces`` p, ``noises`` m, and ``conserved``,
-the number of Casimir functions.  A **scheme** is a NamedTuple of options; its orders and what it preserves stand in
-``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into which a study collects what it needs.
+the number of Casimir functions (and ``exact_flows = False`` if its flows are not).  A **scheme** is a NamedTuple of
+options; its orders and what it preserves stand in ``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into
+which a study collects what it needs.
 
 A state y is a tuple of d floats.  In kernels LANES paths travel together: their states are one array of d * LANES
 floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).

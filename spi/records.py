@@ -20,3 +20,17 @@ class Results(NamedTuple):
 
     attributes: dict[str, Any]  #: see section 6 of the design: kind, title, figure, spec, spec_hash, profile, ...
     groups: tuple[Group, ...]
+
+
+def describe(case, scheme):
+    """The attributes of a group that say what was integrated: `case` of a spec and `scheme`, a row of the schemes."""
+    return {
+        "scheme_label": scheme.label,
+        "case_title": case.title,
+        "seed": case.seed,
+        "final_time": case.final_time,
+        "initial": case.initial,
+        "truncate_noise": case.truncate_noise,
+        "model": case.model_name,
+        **{f"model_{name}": value for name, value in case.model._asdict().items()},
+    }

@@ -67,7 +67,7 @@ def print_catalogue(models, schemes, experiments, file=None):
     orders = ["strong\norder", "with one\nnoise", "weak\norder"]
     table = _table("schemes", ["name", "", "preserves", *orders], left=3)
     for name, row in schemes.items():
-        numbers = (row.strong_order, row.strong_order_single, row.weak_order)
+        numbers = (row.strong_order, row.strong_order_commuting, row.weak_order)
         table.add_row(name, row.label, row.preserves, *map(fraction, numbers))
     _print(console, table)
     console.print()

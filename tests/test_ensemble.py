@@ -300,7 +300,7 @@ def test_a_scheme_for_another_equation_is_caught(at_time_one, name):
 def test_strong_order_of_splitting(model, expected):
     """Against its own reference 16 times finer than the finest step: order 1 with one noise, 1/2 with three."""
     row = SCHEMES["splitting"]
-    assert expected == (row.strong_order_single if model is ONE_NOISE else row.strong_order)
+    assert expected == (row.strong_order_commuting if model is ONE_NOISE else row.strong_order)
     states, _ = simulate(
         row.record, model, h=2.0**-13, steps=2**13, doublings=(0, 4, 5, 6, 7, 8), blocks=PATHS // LANES
     )

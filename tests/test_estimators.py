@@ -108,7 +108,9 @@ def is_one(ratios):
 
 
 @pytest.mark.parametrize(
-    "counts", [group_counts(500), group_counts(65), np.arange(64) % 16 + 1], ids=["500", "65", "1 to 16 in a group"]
+    "counts",
+    [in_groups(np.ones(500))[1], in_groups(np.ones(65))[1], np.arange(64) % 16 + 1],
+    ids=["500", "65", "1 to 16 in a group"],
 )
 def test_jackknife_of_a_mean_over_unequal_groups_is_unbiased(counts):
     """The mean of the squared standard errors is the variance of the mean, here 1 / samples, by repetition."""

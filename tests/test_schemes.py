@@ -88,9 +88,9 @@ def ito_correction(model, y):
 def test_rows_are_complete(name):
     row = SCHEMES[name]
     assert isinstance(row.record, tuple) and row.label and row.preserves
-    for order in (row.strong_order, row.strong_order_single, row.weak_order):
+    for order in (row.strong_order, row.strong_order_commuting, row.weak_order):
         assert order in (0.5, 1.0, 1.5, 2.0)
-    assert row.strong_order <= row.strong_order_single
+    assert row.strong_order <= row.strong_order_commuting
     assert len({row.label for row in SCHEMES.values()}) == len(SCHEMES)
 
 

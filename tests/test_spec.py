@@ -207,7 +207,7 @@ SCHEMES = "splitting, splitting_drift_first, euler_maruyama, midpoint"
         ("samples", "smaples", "12: smaples: is no known key; did you mean 'samples'?"),
         ("  inertia", "  inerta", "5: model.inerta: is no known key; did you mean 'inertia'?"),
         ("kind: strong", "knd: strong", "2: knd: is no known key; did you mean 'kind'?"),
-        ("kind: strong\n", "", "1: kind: missing key 'kind'; add kind: strong"),
+        ("kind: strong\n", "", "1: kind: missing key 'kind'; add kind: strong or trajectory"),
         ("samples: 10\n", "", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
         (
             "  noise_inertia: [1, 2, 3]\n",
@@ -222,7 +222,7 @@ SCHEMES = "splitting, splitting_drift_first, euler_maruyama, midpoint"
         ("samples", "[a]: 3\nsamples", "1: has a list or mapping as a key; keys must be words"),
         # names
         ("kind: strong", "kind: strnog", "2: kind: is 'strnog'; did you mean 'strong'?"),
-        ("kind: strong", "kind: weather", "2: kind: is 'weather'; known: strong"),
+        ("kind: strong", "kind: weather", "2: kind: is 'weather'; known: strong, trajectory"),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
         (", splitting", ", 7", f"11: schemes: entry 2 is '7'; known: {SCHEMES}"),
@@ -404,8 +404,8 @@ def test_bad_value(spec, old, new, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "s.yaml:1: the file is empty; start with a line kind: strong"),
-        ("# only a comment\n", "s.yaml:1: the file is empty; start with a line kind: strong"),
+        ("", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory"),
+        ("# only a comment\n", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory"),
         ("- a\n- b\n", "s.yaml:1: is a list; must be a mapping, lines of key: value"),
         ("just words\n", "s.yaml:1: is 'just words'; must be a mapping, lines of key: value"),
         (

@@ -2,7 +2,7 @@
 
 from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
-from .rigid_body import RigidBody
+from .rigid_body import RigidBody, RigidBodySharedNoise
 from .sine_euler import SineEuler
 
 #: name in a spec file -> record
@@ -10,5 +10,6 @@ MODELS: dict[str, type] = {
     "lotka_volterra": LotkaVolterra,
     "maxwell_bloch": MaxwellBloch,
     "rigid_body": RigidBody,
+    "rigid_body_shared_noise": RigidBodySharedNoise,
     "sine_euler": SineEuler,
 }

@@ -13,7 +13,7 @@ class Scheme(NamedTuple):
     record: NamedTuple
     label: str
     strong_order: float  #: with several noises that do not commute
-    strong_order_single: float  #: with one noise
+    strong_order_commuting: float  #: with one noise, or several that commute
     weak_order: float
     preserves: str
     typical_ns: float  #: per step and path on one thread, for the rigid body; for estimates of run time

@@ -20,7 +20,8 @@ from typing import NamedTuple
 import yaml
 from pydantic import ValidationError
 
-from .kinds import FILE, KINDS, LAYERS, PROFILES, Case, StrongCase, entries_in, json_schema, shown, suggestion
+from .keys import entries_in, shown, suggestion
+from .kinds import FILE, KINDS, LAYERS, PROFILES, Case, StrongCase, json_schema
 
 __all__ = ["KINDS", "PROFILES", "Case", "Experiment", "SpecError", "StrongCase", "json_schema", "load"]
 

@@ -4,6 +4,6 @@ A study offers ``plan(case, scheme)``, ``start(plan)``, ``batches(plan, state)``
 ``group(case, scheme, state)``, ``cost(case)`` and the NamedTuple ``State``, from which a run can go on.
 """
 
-from . import strong
+from . import strong, trajectory
 
-STUDIES = {"strong": strong}
+STUDIES = {"strong": strong, "trajectory": trajectory}

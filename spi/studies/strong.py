@@ -1,7 +1,8 @@
 """Strong errors: how far the paths of a scheme at step h are from its own paths at the reference step.
 
 The error at h is sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2) over the grid of h, as in Theorem thm-general; the value at
-the final time is kept as well.
+the final time is kept as well.  The reference is the scheme itself, as in the paper, or one scheme for all
+(``reference_scheme``), which shows whether schemes have the same limit.
 """
 
 import time
@@ -21,15 +22,17 @@ from ..estimators import (
     root_mean_square,
     samples_needed,
 )
-from ..fields import squared_distance
+from ..fields import noise_field, noise_field_derivative, squared_distance
 from ..lanes import load
-from ..protocol import REPORT, casimir_indices, casimirs, observe
-from ..records import Group
+from ..protocol import REPORT, casimir_indices, casimirs, noise_indices, observe
+from ..records import Group, describe
 from ..rng import BROWNIAN, LANES
 from ..schemes import SCHEMES
+from ..schemes.splitting import Splitting
 
 _PARTS = 8  # a block's lanes are summed up in this many parts, lane mod 8, so that the sums are vectors
 _BLOCKS_PER_ROUND = GROUPS // _PARTS
+_LOST = 0.25  # of |y_0|: larger errors are left out of the order
 _BATCH_BYTES = 64e6
 _BATCH_SECONDS = 0.5
 
@@ -119,11 +122,12 @@ def plan(case, scheme):
     """The plan for one scheme of a case."""
     doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
     total = round(case.final_time / case.reference_step)
+    reference = SCHEMES[case.reference_scheme].record if case.reference_scheme else None
     return Plan(
         SCHEMES[scheme].record,
         case.model,
         case.initial,
-        Grid(case.reference_step, total, doublings, case.truncate_noise),
+        Grid(case.reference_step, total, doublings, case.truncate_noise, reference),
         Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
         total >> doublings,
         case.samples,
@@ -238,7 +242,12 @@ def current_stderr(p, state):
 
 
 def nanoseconds_per_step(p, h):
-    """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
+    """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block.
+
+    NaN if the reference is another scheme: then the compiled code has no way to run the scheme alone.
+    """
+    if p.grid.reference_scheme is not None:
+        return np.nan
     steps = 2048
     alone = p._replace(
         grid=p.grid._replace(reference_step=h, reference_steps=steps, doublings=np.zeros(1, np.int64)),
@@ -266,7 +275,10 @@ def group(case, scheme, state):
     error, without, where, final, final_without, counts = errors(p, state)
     stderr = jackknife_stderr(error, without, counts)
     resolved = is_resolved(error, stderr)
-    order = fit_order(h, error, without, counts, resolved, case.reference_step)
+    # paths that are farther apart than this have lost one another: the error no longer grows as the step does
+    together = error <= _LOST * np.linalg.norm(case.initial)
+    own_reference = 0.0 if case.reference_scheme else case.reference_step
+    order = fit_order(h, error, without, counts, resolved & together, own_reference)
     ns = np.array([nanoseconds_per_step(p, step) for step in case.steps])
     down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
     variables = {
@@ -280,9 +292,8 @@ def group(case, scheme, state):
         "seconds": ns * 1e-9 * p.steps[down] * case.samples,
         "ns_per_step": ns,
     }
-    if state.report.any():
+    if state.report[1:].any():
         variables |= {name: state.report[down, i] for i, name in enumerate(REPORT)}
-    active = sum(s is not None for s in case.model.sigma)
     return Group(
         case.name,
         scheme,
@@ -290,27 +301,46 @@ def group(case, scheme, state):
         {name: (("h",), values) for name, values in variables.items()}
         | {"casimir_drift": (("h", "casimir"), state.drift[down])},
         {
-            "scheme_label": row.label,
-            "case_title": case.title,
+            **describe(case, row),
             "order": order.order,
             "order_ci": (order.low, order.high),
             "points_in_fit": order.points,
-            "expected_order": row.strong_order if active > 1 else row.strong_order_single,
+            "expected_order": _expected_order(row, case),
             "samples": case.samples,
-            "seed": case.seed,
             "reference_step": case.reference_step,
+            "reference_scheme": case.reference_scheme,
             "reference_nonfinite": int(state.nonfinite[0]),
             "reference_casimir_drift": tuple(float(x) for x in state.drift[0]),
-            "final_time": case.final_time,
-            "initial": case.initial,
-            "truncate_noise": case.truncate_noise,
             "wall_seconds": state.seconds,
             "threads": thread_count(),
-            "model": case.model_name,
-            **{f"model_{name}": value for name, value in case.model._asdict().items()},
             "note": _note(error, stderr, resolved, case.samples),
         },
     )
+
+
+def _expected_order(row, case):
+    """What theory says; None where it says nothing, because a splitting is not made of exact flows.
+
+    The order with several noises rises to that with one where they commute, f_k' f_l = f_l' f_k, and for every scheme
+    to 1 where f_k' f_l = 0, since Euler-Maruyama is then Milstein's scheme.
+    """
+    model = case.model
+    if isinstance(row.record, Splitting) and not getattr(type(model), "exact_flows", True):
+        return None
+    states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
+    products = np.array(
+        [
+            [
+                [noise_field_derivative(model, k, y, noise_field(model, m, y)) for m in noise_indices(model)]
+                for k in noise_indices(model)
+            ]
+            for y in map(tuple, np.abs(states).tolist())  # populations are positive
+        ]
+    )
+    if not np.any(products):
+        return 1.0
+    commute = np.allclose(products, np.swapaxes(products, 1, 2), rtol=1e-12, atol=1e-12)
+    return row.strong_order_commuting if commute else row.strong_order
 
 
 def _note(error, stderr, resolved, samples):

@@ -1,0 +1,217 @@
+"""How values of a spec file are read: words of messages, numbers, lists, models.
+
+pydantic reads values as the annotations here ask, and writes their JSON Schema.
+"""
+
+import difflib
+import math
+from functools import partial, reduce
+from operator import or_
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import pydantic
+from annotated_types import Ge, Le, MinLen
+from pydantic import BeforeValidator, Field, create_model, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..models import MODELS
+from ..numbers import NumberError, parse
+from ..protocol import Positive
+from ..schemes import SCHEMES
+
+#: What the figure of a trajectory can show; see ``spi.plot``.
+PANELS = ("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase")
+
+ABSENT = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Words of messages
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def shown(value):
+    """A value in a message."""
+    if isinstance(value, str):
+        return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
+    if isinstance(value, dict | list):
+        return ("a " if value else "an empty ") + ("mapping" if isinstance(value, dict) else "list")
+    return {None: "empty", True: "true", False: "false"}[value]
+
+
+def suggestion(word, known):
+    """What to write instead of an unknown word."""
+    near = difflib.get_close_matches(word, known, 1) if isinstance(word, str) else []
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+
+
+def entries_in(count):
+    """'3 entries'."""
+    return "1 entry" if count == 1 else f"{count} entries"
+
+
+def quantity(value):
+    """A number in a message: as a power of two if it is one."""
+    mantissa, exponent = math.frexp(value)
+    return f"2^{exponent - 1}" if mantissa == 0.5 and abs(exponent - 1) > 1 else f"{value:.12g}"
+
+
+def wrong(what, right, key=None):
+    """The error that pydantic is to report; `key` is a key of the mapping at hand."""
+    return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "key": key})
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Keys and numbers
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _check_keys(data, known, needed):
+    """`data`, whose keys are all `known`; `needed` has the fields that must be there."""
+    if isinstance(data, dict):
+        for key in data:
+            if key not in known:
+                raise wrong("is no known key", suggestion(key, known), key)
+        for key, field in needed.items():
+            if key not in data:
+                raise wrong(f"missing key '{key}'", f"add {key}: {field.description}", key)
+    return data
+
+
+class Keys(pydantic.BaseModel):
+    """A mapping of a spec file."""
+
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check(cls, data):
+        return _check_keys(data, cls.model_fields, needed_keys(cls))
+
+
+def needed_keys(cls):
+    """The fields that a mapping of this class must have."""
+    return {key: field for key, field in cls.model_fields.items() if field.is_required()}
+
+
+def one_of(classes, key, names):
+    """The annotation of a mapping of one of these classes, which `key` tells apart: it has one of `names`."""
+    known = dict.fromkeys(k for cls in classes for k in cls.model_fields)
+    check = partial(_check_keys, known=known, needed={key: Field(description=" or ".join(names))})
+    return Annotated[reduce(or_, classes), Field(discriminator=key), BeforeValidator(check)]
+
+
+_NUMBERS = {
+    float: "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)",
+    int: "must be a whole number such as 500 or 10^6",
+}
+
+
+def _number(kind, value):
+    """The number that a text stands for."""
+    if not isinstance(value, str):
+        raise wrong(f"is {shown(value)}", _NUMBERS[kind])
+    try:
+        number = parse(value)
+        if isinstance(number, complex):
+            raise NumberError("complex")
+        if kind is int and number != int(number):
+            raise NumberError("not whole")
+    except NumberError as error:
+        raise wrong(f"is {shown(value)} ({error})", _NUMBERS[kind]) from None
+    return kind(number)
+
+
+def _read(hint):
+    """An annotation with arithmetic in its numbers; models, which know nothing of specs, leave that to us."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    base = arguments[0] if origin is Annotated else hint
+    if base in _NUMBERS:
+        return Annotated[hint, BeforeValidator(partial(_number, base), json_schema_input_type=hint | str)]
+    if origin is Annotated:
+        return Annotated[_read(base), *hint.__metadata__]
+    if origin in (tuple, Union, UnionType):
+        return (tuple if origin is tuple else Union)[tuple(map(_read, arguments))]
+    return hint
+
+
+def _powers_of_two(value):
+    """The texts that a range such as 2^-5 .. 2^-13 stands for; other values as they are."""
+    if not isinstance(value, str) or ".." not in value:
+        return value
+    ends = [math.frexp(_number(float, end)) for end in value.split("..")]
+    if len(ends) != 2 or any(mantissa != 0.5 for mantissa, _ in ends):
+        right = "a range must have powers of two at both ends, such as 2^-5 .. 2^-13"
+        raise wrong(f"is {shown(value)}", right)
+    (_, first), (_, last) = ends
+    sign = 1 if last >= first else -1
+    return [repr(2.0 ** (k - 1)) for k in range(first, last + sign, sign)]
+
+
+def _complex_modes(value):
+    """A list with complex numbers such as 0.1+0.3i as real and imaginary parts; other values as they are."""
+    if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
+        return value
+    try:
+        numbers = [parse(v) for v in value]
+    except NumberError:
+        return value  # to be reported with its place
+    if not any(isinstance(z, complex) for z in numbers):
+        return value
+    return [repr(float(part)) for z in numbers for part in (complex(z).real, complex(z).imag)]
+
+
+def key_of(hint, description):
+    """The annotation of a key."""
+    return Annotated[_read(hint), Field(description=description)]
+
+
+_List = Annotated[tuple[Positive, ...], MinLen(1)]
+Steps = Annotated[_List, BeforeValidator(_powers_of_two, json_schema_input_type=_read(_List) | str)]
+_State = tuple[float, ...]
+State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
+Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
+Samples = Annotated[int, Ge(1), Le(10**15)]
+Schemes = Annotated[tuple[Literal[tuple(SCHEMES)], ...], MinLen(1)]
+Path = Annotated[int, Ge(0), Le(10**15)]
+Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Models
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _parameters(name, cls, complete):
+    """The keys of a model: its name and the fields of its record, all of them if `complete`."""
+    fields = {"name": (Literal[name], ... if complete else ABSENT)}
+    for key, hint in get_type_hints(cls, include_extras=True).items():
+        text = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
+        default = cls._field_defaults.get(key, ...) if complete else ABSENT
+        fields[key] = (key_of(hint, text), default)
+    return create_model(cls.__name__ + ("" if complete else "Part"), __base__=Keys, __doc__=cls.__doc__, **fields)
+
+
+def _record(parameters):
+    """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
+    values = dict(parameters)
+    model = MODELS[values.pop("name")](**values)
+    return model._replace(sigma=tuple(s or None for s in model.sigma))
+
+
+def name_of(model):
+    return next(name for name, cls in MODELS.items() if cls is type(model))
+
+
+COMPLETE = [_parameters(name, cls, True) for name, cls in MODELS.items()]
+_PARTS = [_parameters(name, cls, False) for name, cls in MODELS.items()]
+Model = Annotated[
+    one_of(COMPLETE, "name", MODELS),
+    pydantic.AfterValidator(_record),
+    pydantic.PlainSerializer(lambda model: {"name": name_of(model), **model._asdict()}),
+    Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
+]
+# Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
+ModelPart = Annotated[dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, _PARTS))]

@@ -1,0 +1,141 @@
+"""Trajectories: one path of each scheme, all on the same Brownian path, with the Hamiltonian and the Casimirs."""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dispatch import kernel, means, number, unrolled
+from ..ensemble import Grid, Noise, empty_report, integrate, thread_count
+from ..lanes import load
+from ..protocol import REPORT, casimir_indices, casimirs, hamiltonian, observe
+from ..records import Group, describe
+from ..rng import BROWNIAN, LANES
+from ..schemes import SCHEMES
+
+
+class Recorder(NamedTuple):
+    """The states of one lane after every step."""
+
+    y: np.ndarray  #: (steps + 1, d)
+    lane: int
+
+
+@means(observe, Recorder)
+def _(observer, model, row, paths, level, n, y, reference):
+    for i in range(observer.y.shape[1]):
+        observer.y[n, i] = y[i * LANES + observer.lane]
+
+
+class State(NamedTuple):
+    """Nothing (0 blocks) or all (1) is done."""
+
+    blocks: int
+    seconds: float
+    y: np.ndarray
+    report: np.ndarray
+
+
+class Plan(NamedTuple):
+    """A case turned into what the ensemble needs."""
+
+    scheme: NamedTuple
+    model: NamedTuple
+    initial: tuple
+    grid: Grid
+    noise: Noise
+    path: int
+    samples: int = 1
+
+
+def plan(case, scheme):
+    """The plan for one scheme of a case."""
+    steps = round(case.final_time / case.step)
+    grid = Grid(case.step, steps, np.zeros(1, np.int64), case.truncate_noise)
+    noise = Noise(np.uint64(case.seed), np.uint64(BROWNIAN))
+    return Plan(SCHEMES[scheme].record, case.model, case.initial, grid, noise, case.path)
+
+
+def cost(case):
+    """Steps taken (a whole block of paths is) per path asked for, and bytes of memory."""
+    steps = round(case.final_time / case.step)
+    return steps * LANES, 8 * (steps + 1) * (type(case.model).dimension + 4)
+
+
+def start(p):
+    """The state before anything is done."""
+    return State(0, 0.0, np.zeros((0, len(p.initial))), np.zeros(len(REPORT)))
+
+
+def batches(p, state):
+    """Run the path, if it has not been; one batch."""
+    if state.blocks:
+        return
+    began = time.perf_counter()
+    block, lane = divmod(p.path, LANES)
+    y = np.empty((p.grid.reference_steps + 1, len(p.initial)))
+    y[0] = p.initial
+    report = empty_report(1, 1)
+    integrate(p.scheme, p.model, p.initial, p.grid, p.noise, Recorder(y, lane), report, block, 1, p.path + 1)
+    yield State(1, time.perf_counter() - began, y, report[0, 0])
+
+
+def current_stderr(p, state):
+    """A path has none."""
+    return float("nan")
+
+
+@unrolled(casimir_indices)
+def _keep_casimir(index, model, values, row, y):
+    c = number(index)
+    values[row, c] = casimirs(model, y)[c]
+    return values
+
+
+@kernel
+def invariants(model, states, energy, conserved):
+    """H and the Casimirs of each row of `states` (n, LANES * d), in `energy` (n,) and `conserved` (n, c)."""
+    for row in range(len(states)):
+        y = load(model, states[row], 0)
+        energy[row] = hamiltonian(model, y)
+        _keep_casimir(model, conserved, row, y)
+
+
+def group(case, scheme, state):
+    """The results of one scheme of a case, from its final state."""
+    n, d = state.y.shape
+    spread = np.zeros((n, d * LANES))
+    spread[:, ::LANES] = state.y
+    energy, conserved = np.empty(n), np.empty((n, len(casimir_indices(case.model))))
+    invariants(case.model, spread, energy, conserved)
+    t = np.arange(n) * case.step
+    lost = np.flatnonzero(~np.isfinite(state.y).all(axis=1))
+    solves, iterations, failures, residual = state.report
+    solver = {
+        "solver_failures": int(failures),
+        "solver_iterations_mean": iterations / solves,
+        "solver_largest_residual": residual,
+    }
+    with np.errstate(invalid="ignore"):
+        drift = np.abs(conserved - conserved[0]).max(axis=0)
+    return Group(
+        case.name,
+        scheme,
+        {"t": t, "component": np.arange(d), "casimir": np.arange(conserved.shape[1])},
+        {
+            "y": (("t", "component"), state.y),
+            "hamiltonian": (("t",), energy),
+            "casimirs": (("t", "casimir"), conserved),
+        },
+        {
+            **describe(case, SCHEMES[scheme]),
+            "step": case.step,
+            "path": case.path,
+            "panels": " ".join(case.panels),
+            "nonfinite_from": float(t[lost[0]]) if len(lost) else float("nan"),
+            "casimir_drift": tuple(float(x) for x in drift),
+            "wall_seconds": state.seconds,
+            "threads": thread_count(),
+            **(solver if solves else {}),
+        },
+    )
