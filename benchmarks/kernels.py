@@ -1,105 +1,102 @@
 """Our kernels beside a naive Numba loop, in one run: ns per step and path on one and two threads, with ratios.
 
-The naive twin is what one writes first: a scalar loop over paths in prange, np.random.normal, math.sin and math.cos.
-Times are the best of several interleaved repetitions, since the machine is noisy; compilation is not counted.
-Ours counts everything a path needs: random numbers, increments, angle checks.  Run: python benchmarks/kernels.py
+The naive twins stand in naive.py.  Times are the best of several interleaved repetitions, since the machine is noisy;
+compilation is not counted.  Ours counts everything a path needs: random numbers, increments, angle checks.
+
+    python benchmarks/kernels.py [rigid_body|maxwell_bloch|sine_euler ...]
 """
 
 import math
 import os
 import re
+import sys
 import tempfile
 import time
 
 _cache = tempfile.TemporaryDirectory()  # compiled anew, because only then is there assembly to look at
 os.environ["SPI_CACHE_DIR"] = _cache.name
 
+import naive
 import numba
 import numpy as np
-from numba import njit, prange
 
 from spi.ensemble import Grid, Noise, empty_report, integrate, integrate_block, use_threads
-from spi.models.rigid_body import RigidBody
+from spi.models import MaxwellBloch, RigidBody, SineEuler
+from spi.protocol import casimirs
 from spi.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
 from spi.studies.strong import StrongSums
 
 REPEATS = 7
-MODEL = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
-INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
+STEP = 2.0**-16
+RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
+INITIAL = {
+    RigidBody: (math.cos(1.1), 0.0, math.sin(1.1)),
+    MaxwellBloch: (1.0, 2.0, 3.0),
+    SineEuler: (0.1, 0.3, 0.2, 0.3, 0.3, 0.2, 0.4, 0.1),
+}
 
 
-@njit(parallel=True)
-def naive(paths, steps, h, inertia, noise_inertia, sigma, initial, out):
-    """The splitting scheme slpI for the rigid body with three noises, as one writes it first."""
-    root = math.sqrt(h)
-    for p in prange(paths):
-        y1, y2, y3 = initial[0], initial[1], initial[2]
-        for _ in range(steps):
-            a = y1 * sigma[0] * root * np.random.normal() / noise_inertia[0]
-            c, s = math.cos(a), math.sin(a)
-            y2, y3 = c * y2 + s * y3, c * y3 - s * y2
-            a = y2 * sigma[1] * root * np.random.normal() / noise_inertia[1]
-            c, s = math.cos(a), math.sin(a)
-            y3, y1 = c * y3 + s * y1, c * y1 - s * y3
-            a = y3 * sigma[2] * root * np.random.normal() / noise_inertia[2]
-            c, s = math.cos(a), math.sin(a)
-            y1, y2 = c * y1 + s * y2, c * y2 - s * y1
-            a = y1 * h / inertia[0]
-            c, s = math.cos(a), math.sin(a)
-            y2, y3 = c * y2 + s * y3, c * y3 - s * y2
-            a = y2 * h / inertia[1]
-            c, s = math.cos(a), math.sin(a)
-            y3, y1 = c * y3 + s * y1, c * y1 - s * y3
-            a = y3 * h / inertia[2]
-            c, s = math.cos(a), math.sin(a)
-            y1, y2 = c * y1 + s * y2, c * y2 - s * y1
-        out[p, 0], out[p, 1], out[p, 2] = y1, y2, y3
+def naive_job(model, paths=2 * LANES, steps=1024):
+    """(path steps, work) of the naive splitting loop."""
+    loop = {RigidBody: naive.rigid_body, MaxwellBloch: naive.maxwell_bloch, SineEuler: naive.sine_euler}[type(model)]
+    arrays = [np.array(x) for x in (*model, INITIAL[type(model)])]
+    out = np.empty((paths, type(model).dimension))
+    return paths * steps, lambda: loop(paths, steps, STEP, *arrays, out)
 
 
-def naive_job(paths=2 * LANES, steps=1024, h=2.0**-16):
-    arrays = [np.array(x) for x in (*MODEL, INITIAL)]
-    out = np.empty((paths, 3))
-    return paths * steps, lambda: naive(paths, steps, h, *arrays, out)
-
-
-def our_job(scheme, blocks=4, steps=8192, h=2.0**-16, truncate=False, doublings=(0,)):
-    """The bare ensemble at one step size, or the strong study's pass with several."""
-    levels = len(doublings)
+def our_job(scheme, model, h=STEP, truncate=False, doublings=(0,), blocks=4, steps=8192):
+    """(path steps, work) of the bare ensemble at one step size, or of the strong study's pass with several."""
+    initial, levels = INITIAL[type(model)], len(doublings)
     counts = steps >> np.array(doublings)
-    points = max(int(counts[1:].sum()), 1)
     sums = StrongSums(
-        np.zeros((blocks, points, 8)),
-        np.zeros((blocks, levels, 1, LANES)),
+        np.zeros((blocks, max(int(counts[1:].sum()), 1), 8)),
+        np.zeros((blocks, levels, type(model).conserved, LANES)),
         np.zeros((blocks, levels), np.int64),
         np.concatenate(([0, 0], np.cumsum(counts[1:-1])))[:levels].astype(np.int64),
         counts,
-        (1.0,),
+        casimirs(model, initial),
     )
     grid = Grid(h, steps, np.array(doublings), truncate)
     noise = Noise(np.uint64(1), np.uint64(BROWNIAN))
-    record, report = SCHEMES[scheme].record, empty_report(blocks, levels)
-    job = (record, MODEL, INITIAL, grid, noise, sums, report, 0, blocks, blocks * LANES)
+    report = empty_report(blocks, levels)
+    job = (SCHEMES[scheme].record, model, initial, grid, noise, sums, report, 0, blocks, blocks * LANES)
     return blocks * LANES * steps, lambda: integrate(*job)
 
 
 JOBS = {
-    "naive splitting": naive_job(),
-    "splitting": our_job("splitting"),
-    "splitting, every angle reduced": our_job("splitting", h=16.0),
-    "splitting, truncated noise": our_job("splitting", truncate=True),
-    "splitting, strong study (9 coarser steps)": our_job("splitting", truncate=True, doublings=(0, *range(3, 12))),
-    "Euler-Maruyama": our_job("euler_maruyama"),
-    "midpoint, truncated noise": our_job("midpoint", truncate=True),
+    "rigid_body": {
+        "naive splitting": lambda: naive_job(RIGID_BODY),
+        "splitting": lambda: our_job("splitting", RIGID_BODY),
+        "  every angle reduced": lambda: our_job("splitting", RIGID_BODY, h=16.0),
+        "  truncated noise": lambda: our_job("splitting", RIGID_BODY, truncate=True),
+        "  strong study, 9 coarser steps": lambda: our_job(
+            "splitting", RIGID_BODY, truncate=True, doublings=(0, *range(3, 12))
+        ),
+        "  one noise": lambda: our_job("splitting", RIGID_BODY._replace(sigma=(1.0, None, None))),
+        "Euler-Maruyama": lambda: our_job("euler_maruyama", RIGID_BODY),
+        "midpoint, truncated noise": lambda: our_job("midpoint", RIGID_BODY, truncate=True),
+    },
+    "maxwell_bloch": {
+        "naive splitting": lambda: naive_job(MaxwellBloch()),
+        "splitting": lambda: our_job("splitting", MaxwellBloch()),
+        "  one noise": lambda: our_job("splitting", MaxwellBloch((1.0, None))),
+        "Euler-Maruyama": lambda: our_job("euler_maruyama", MaxwellBloch()),
+    },
+    "sine_euler": {
+        "naive splitting": lambda: naive_job(SineEuler()),
+        "splitting": lambda: our_job("splitting", SineEuler()),
+        "  one noise": lambda: our_job("splitting", SineEuler((1.0, None, None, None))),
+    },
 }
 
 
-def best_times(threads):
+def best_times(jobs, threads):
     """ns per step and path of every job, the best of interleaved repetitions."""
     use_threads(threads)
-    best = dict.fromkeys(JOBS, math.inf)
+    best = dict.fromkeys(jobs, math.inf)
     for _ in range(REPEATS):
-        for name, (path_steps, work) in JOBS.items():
+        for name, (path_steps, work) in jobs.items():
             began = time.perf_counter()
             work()
             best[name] = min(best[name], 1e9 * (time.perf_counter() - began) / path_steps)
@@ -107,20 +104,22 @@ def best_times(threads):
 
 
 def main():
-    for _, work in JOBS.values():
-        work()  # compile
     most = min(2, numba.config.NUMBA_NUM_THREADS)
-    one, two = best_times(1), best_times(most)
-    print(
-        f"rigid body, three noises; ns per step and path, best of {REPEATS}; per reference step where there are more"
-    )
-    print(f"{'':44}{'1 thread':>10}{f'{most} threads':>11}{'1 / 2':>8}{'naive / ours':>14}")
-    for name in JOBS:
-        ratio = one["naive splitting"] / one[name]
-        print(f"{name:44}{one[name]:10.2f}{two[name]:11.2f}{one[name] / two[name]:8.2f}{ratio:14.1f}")
+    print(f"ns per step and path, best of {REPEATS}; per reference step where there are several step sizes")
+    print(f"{'':36}{'1 thread':>10}{f'{most} threads':>11}{'1 / 2':>8}{'naive / ours':>14}")
+    for model in sys.argv[1:] or JOBS:
+        jobs = {name: job() for name, job in JOBS[model].items()}
+        for _, work in jobs.values():
+            work()  # compile
+        one, two = best_times(jobs, 1), best_times(jobs, most)
+        print(model)
+        for name in jobs:
+            ratio = one["naive splitting"] / one[name]
+            print(f"  {name:34}{one[name]:10.2f}{two[name]:11.2f}{one[name] / two[name]:8.2f}{ratio:14.1f}")
+    print("vector registers named in the assembly of the block kernels")
     for signature, text in integrate_block.inspect_asm().items():
-        wide, narrow = len(re.findall("%zmm", text)), len(re.findall("%ymm", text))
-        print(f"{signature[0].name.split('(')[0]:16} registers named in the assembly: zmm {wide}, ymm {narrow}")
+        scheme, model = (t.name.split("(")[0] for t in signature[:2])
+        print(f"  {scheme:14} {model:13} zmm {len(re.findall('%zmm', text)):6} ymm {len(re.findall('%ymm', text)):6}")
 
 
 if __name__ == "__main__":

@@ -26,6 +26,19 @@ class Format(StrEnum):
     csv = "csv"
 
 
+def _version(wanted: bool):
+    if wanted:
+        from . import __version__
+
+        typer.echo(f"spi {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False):
+    """A laboratory for stochastic Poisson integrators."""
+
+
 Specs = Annotated[list[Path], typer.Argument(metavar="SPEC...", help="Experiment files (YAML).")]
 Profile = Annotated[str, typer.Option(help="laptop (the file itself), paper or quick.")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
@@ -56,9 +69,9 @@ def run(
             use_threads(threads)
         except ValueError as error:
             _end(INVALID, f"--threads: {error}")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system's way to say Ctrl-C
+    stop = _Stop()
     for experiment in experiments:
-        with _ProgressLine(experiment.name) as line:
+        with _ProgressLine(experiment.name, stop) as line:
             path = runner.run(experiment, out, fresh, line.report)
         tables.print_table(store.read(path))
         typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
@@ -69,19 +82,22 @@ def plot(
     sources: Annotated[
         list[Path] | None, typer.Argument(metavar="[FILE|SPEC...]", help="Results or experiment files (default: all).")
     ] = None,
-    out: Out = Path("results"),
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of results, and of figures (default: results; beside a FILE).")
+    ] = None,
 ):
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from . import plot as plotter
     from . import store
     from .run import results_of
 
-    stored = sources or sorted(p for p in out.glob("*.h5") if not p.name.endswith(".checkpoint.h5"))
+    folder = out or Path("results")
+    stored = sources or sorted(p for p in folder.glob("*.h5") if not p.name.endswith(".checkpoint.h5"))
     if not stored:
-        _end(INVALID, f"{out}: no results here; run an experiment first, or name the folder with --out")
+        _end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --out")
     for source in stored:
-        path = results_of(source, out) if source.suffix in (".yaml", ".yml") else source
-        for written in plotter.save(store.read(path), path.parent if sources else out, path.stem):
+        path = results_of(source, folder) if source.suffix in (".yaml", ".yml") else source
+        for written in plotter.save(store.read(path), out or path.parent, path.stem):
             typer.echo(f"wrote {written}", err=True)
 
 
@@ -145,11 +161,32 @@ def _load(specs, profile, overrides, samples, seed):
     return [load(path, profile, overrides) for path in specs]
 
 
+class _Stop:
+    """Ctrl-C, or SIGTERM, a batch system's way to say it.
+
+    While Numba compiles, the exception that Python raises then can get lost; so it is also remembered.
+    """
+
+    def __init__(self):
+        self.wanted = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._wanted)
+
+    def _wanted(self, *_):
+        self.wanted = True
+        raise KeyboardInterrupt
+
+    def check(self):
+        if self.wanted:
+            raise KeyboardInterrupt
+
+
 class _ProgressLine:
     """One line on a terminal: paths done, rate, time left, current standard error."""
 
-    def __init__(self, name):
+    def __init__(self, name, stop):
         self.name = name
+        self.stop = stop
         self.bar = None
         self.task = None
 
@@ -181,6 +218,7 @@ class _ProgressLine:
             self.bar.console.print("first run: compiling, once, about 10 s for each scheme")
 
     def report(self, progress):
+        self.stop.check()
         if not self.bar:
             return
         description = f"{self.name} {progress.part + 1}/{progress.parts} {progress.case} {progress.scheme}"
@@ -190,7 +228,9 @@ class _ProgressLine:
         if self.task is None or self.bar.tasks[-1].fields["part"] != progress.part:
             if self.task is not None:
                 self.bar.remove_task(self.task)
-            self.task = self.bar.add_task(description, total=progress.samples, news=news, part=progress.part)
+            self.task = self.bar.add_task(
+                description, total=progress.samples, completed=progress.done, news=news, part=progress.part
+            )
         self.bar.update(self.task, completed=progress.done, news=news)
 
 
@@ -202,13 +242,13 @@ def _end(code, message):
 def main():
     """The entry point: turns the errors that a person can make into one line and an exit code."""
     try:
-        code = app(standalone_mode=False)
+        code = app(standalone_mode=False, prog_name="spi")
     except Exception as error:
         code = _code(error)
         if code is None:
             raise
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
-        typer.echo(f"spi: {message}", err=True)
+        typer.echo(message if message.startswith("Usage") else f"spi: {message}", err=True)
     if code == 128 + signal.SIGINT:
         typer.echo("spi: stopped", err=True)
         code = STOPPED

@@ -1,16 +1,21 @@
 """Means, standard errors and orders of convergence, from sums over groups of paths.
 
-Paths fall into GROUPS groups (path p into group p mod GROUPS), of which only sums are kept, so that memory does not
-grow with the number of paths.  Standard errors and intervals come from leaving out one group at a time (the jackknife),
-which needs no assumption on how the errors at different step sizes depend on one another: they share their paths.
+Paths fall into GROUPS groups, lane l of block b into group (b mod 8) * 8 + l mod 8, of which only sums are kept, so
+that memory does not grow with the number of paths.  Standard errors and intervals come from leaving out one group at a
+time (the jackknife), which needs no assumption on how the errors at different step sizes depend on one another: they
+share their paths.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from .rng import LANES
+
 #: Paths are summed up in this many groups.
 GROUPS = 64
+#: A block's lanes go into this many of them, lane mod PARTS; the next block into the next ones.
+PARTS = 8
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0
 
@@ -26,7 +31,12 @@ class Order(NamedTuple):
 
 def group_counts(samples):
     """How many of the paths 0, ..., samples - 1 each group has, shape (GROUPS,)."""
-    return samples // GROUPS + (np.arange(GROUPS) < samples % GROUPS)
+    rounds, rest = divmod(samples, GROUPS * PARTS)
+    blocks, lanes = divmod(rest, LANES)
+    counts = np.full((GROUPS // PARTS, PARTS), rounds * (LANES // PARTS))
+    counts[:blocks] += LANES // PARTS
+    counts[blocks] += lanes // PARTS + (np.arange(PARTS) < lanes % PARTS)
+    return counts.ravel()
 
 
 def root_mean_square(sums, counts):
@@ -78,9 +88,9 @@ def fit_order(h, value, without, counts, use, reference_step=0.0):
 
     The values are distances from a reference of the same scheme at step h_ref and lack the reference's own error, which
     makes a plain slope too steep (for steps from 8 to 2048 h_ref by 0.01 for p = 1/2).  If the two errors are
-    independent, C h^p is value / (1 - r^(2p))^(1/2) with r = h_ref/h; if they are proportional along each path, it is
-    value / (1 - r)^p.  For p = 1/2 both say the same; otherwise the order is the middle of the two slopes, and the
-    interval covers both.
+    independent, as they are for p = 1/2, C h^p is value / (1 - r^(2p))^(1/2) with r = h_ref/h; if p = 1 and they are
+    proportional along each path, it is value / (1 - r).  The order is the middle of the slopes of the former and of
+    value / (1 - r)^p, which for p = 1/2 are the same, and the interval covers both.
 
     The interval is, besides, the wider of two of Student's: from the jackknife, for the sampling, and from the scatter
     of the points about the line, for what is no power of h.  As long as the points bend by more than sampling can

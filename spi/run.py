@@ -4,7 +4,9 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from . import __version__, store
+import numpy as np
+
+from . import __version__, source_digest, store
 from .ensemble import thread_count
 from .records import Results
 from .rng import LANES, STREAM_VERSION
@@ -53,26 +55,28 @@ def run(experiment, out="results", fresh=False, report=lambda progress: None):
     if not fresh:
         store.check_same_spec(target, experiment.hash)
     study = STUDIES[experiment.kind]
-    states = {} if fresh else _read_states(study, checkpoint, experiment.hash)
+    key_of_states = f"{experiment.hash} {source_digest()}"  # other code might go on with other numbers
+    states = {} if fresh else _read_states(study, checkpoint, key_of_states)
     parts = [(case, scheme) for case in experiment.cases for scheme in case.schemes]
     saved = time.monotonic()
     try:
         for part, (case, scheme) in enumerate(parts):
             key = f"{case.name}/{scheme}"
             plan = study.plan(case, scheme)
-            states.setdefault(key, study.start(plan))
+            new = study.start(plan)
+            states[key] = _fitting(states.get(key), new) or new
             report(_progress(study, plan, states[key], case, scheme, part, len(parts)))
             for state in study.batches(plan, states[key]):
                 states[key] = state
                 report(_progress(study, plan, state, case, scheme, part, len(parts)))
                 if time.monotonic() - saved > CHECKPOINT_SECONDS:
-                    _write_states(checkpoint, experiment.hash, states)
+                    _write_states(checkpoint, key_of_states, states)
                     saved = time.monotonic()
         groups = [study.group(case, scheme, states[f"{case.name}/{scheme}"]) for case, scheme in parts]
+        store.write(target, Results(_attributes(experiment), tuple(groups)))
     except KeyboardInterrupt:
-        _write_states(checkpoint, experiment.hash, states)
+        _write_states(checkpoint, key_of_states, states)
         raise Stopped(f"stopped; what is done is kept in {checkpoint}: the same command goes on from there") from None
-    store.write(target, Results(_attributes(experiment), tuple(groups)))
     checkpoint.unlink(missing_ok=True)
     return target
 
@@ -145,4 +149,11 @@ def _read_states(study, path, spec_hash):
     for name, value in flat.items():
         key, field = name.rsplit("/", 1)
         grouped.setdefault(key, {})[field] = value
-    return {key: study.State(**fields) for key, fields in grouped.items()}
+    return {key: study.State(**f) for key, f in grouped.items() if set(f) == set(study.State._fields)}
+
+
+def _fitting(state, new):
+    """The state of a checkpoint, or None if there is none or if it is not shaped like a new one."""
+    if state is not None and [np.shape(x) for x in state] == [np.shape(x) for x in new]:
+        return state
+    return None

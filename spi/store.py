@@ -14,6 +14,7 @@ import datetime
 import importlib.metadata
 import os
 import platform
+import tempfile
 from pathlib import Path
 
 import h5py
@@ -74,14 +75,19 @@ def check_same_spec(path, spec_hash):
 
 
 def check_writable(path):
-    """Tell before a long run, and without writing anything, that ``path`` could not be written at its end."""
+    """Tell before a long run that ``path`` could not be written at its end; creates its folder."""
     path = Path(path)
     if path.is_dir():
         raise StoreError(f"cannot write {path}: it is a folder; move it away or choose another folder with --out")
-    folder = next(p for p in path.absolute().parents if p.exists())
-    if not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
-        reason = "permission denied" if folder.is_dir() else "not a folder"
-        raise StoreError(f"cannot write {path}: {folder}: {reason}; choose a folder you can write to with --out")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path.parent):  # permissions alone do not tell, least of all the superuser
+            pass
+    except OSError as error:
+        folder = error.filename or path.parent
+        raise StoreError(
+            f"cannot write {path}: {folder}: {_reason(error)}; choose a folder you can write to with --out"
+        ) from None
 
 
 def _write_group(file, group):

@@ -22,9 +22,9 @@ _WIDTH = 100  # of a table that goes into a file or a pipe
 
 
 def rows(results):
-    """One flat record per case, scheme and point of the first axis (for strong errors: per step size)."""
-    strong = results.attributes.get("kind") == "strong"
-    return [row for group in results.groups for row in (_strong_rows(group) if strong else _plain_rows(group))]
+    """One flat record per case, scheme and point of the first axis (for strong errors step sizes, else times)."""
+    of_group = {"strong": _strong_rows, "trajectory": _trajectory_rows}.get(results.attributes.get("kind"), _plain_rows)
+    return [row for group in results.groups for row in of_group(group)]
 
 
 def as_json(records):
@@ -49,7 +49,8 @@ def print_table(results, file=None):
     title = results.attributes.get("title")
     if title:
         console.print(title, style="bold", markup=False)
-    draw = _strong_table if results.attributes.get("kind") == "strong" else _plain_table
+    tables = {"strong": _strong_table, "trajectory": _trajectory_table}
+    draw = tables.get(results.attributes.get("kind"), _plain_table)
     for case in dict.fromkeys(group.case for group in results.groups):
         groups = [group for group in results.groups if group.case == case]
         heading = groups[0].attributes.get("case_title") or case
@@ -96,20 +97,21 @@ def print_cost(experiment, cost, file=None):
 def _strong_rows(group):
     attributes = group.attributes
     low, high = attributes.get("order_ci", (None, None))
-    whole = {
-        "case": group.case,
-        "scheme": group.scheme,
-        "samples": attributes.get("samples"),
-        "order": attributes.get("order"),
-        "order_low": low,
-        "order_high": high,
-        "expected_order": attributes.get("expected_order"),
-    }
+    whole = {"case": group.case, "scheme": group.scheme, "order_low": low, "order_high": high}
+    whole |= {name: attributes.get(name) for name in ("samples", "order", "expected_order")}
     for i, h in enumerate(group.coordinates["h"].tolist()):
         # Several Casimirs make one column: the largest drift.
         points = {n: v[i].max() for n, (axes, v) in group.variables.items() if axes[:1] == ("h",) and v[i].size}
         record = {**whole, "h": h, **{name: value.item() for name, value in points.items()}}
         yield {key: record[key] for key in STRONG if record.get(key) is not None}
+
+
+def _trajectory_rows(group):
+    y, energy, casimirs = (group.variables[name][1] for name in ("y", "hamiltonian", "casimirs"))
+    columns = {"t": group.coordinates["t"], **{f"y_{i + 1}": v for i, v in enumerate(y.T)}, "hamiltonian": energy}
+    columns |= {f"casimir_{c + 1}": v for c, v in enumerate(casimirs.T)}
+    for values in zip(*(v.tolist() for v in columns.values()), strict=True):
+        yield {"case": group.case, "scheme": group.scheme, **dict(zip(columns, values, strict=True))}
 
 
 def _plain_rows(group):
@@ -183,6 +185,32 @@ def _summary(group):
         residual = group.variables["largest_residual"][1].max(initial=0)
         mean = iterations / solves if solves else 0.0
         yield f"    solver: {mean:.1f} iterations a step, {failures:g} failures, largest residual {_short(residual)}"
+
+
+def _trajectory_table(console, heading, groups):
+    from rich.text import Text
+
+    count = groups[0].variables["casimirs"][1].shape[1]
+    drifts = [f"drift\nof C{c + 1 if count > 1 else ''}" for c in range(count)]
+    headings = ["scheme", "step", "steps", "H at the\nend", *drifts, "smallest\ncomponent", "not finite\nfrom t ="]
+    implicit = any("solver_failures" in group.attributes for group in groups)
+    table = _table(heading, headings + ["solver\nfailures", "iterations\na step"] * implicit, left=1)
+    for group in groups:
+        a, y = group.attributes, group.variables["y"][1]
+        lost, failures = a["nonfinite_from"], a.get("solver_failures")
+        solver = ["" if failures is None else str(failures), _short(a.get("solver_iterations_mean"), ".1f")]
+        table.add_row(
+            Text(a.get("scheme_label", group.scheme)),
+            power_of_two(a["step"]),
+            str(len(y) - 1),
+            _short(float(group.variables["hamiltonian"][1][-1]), ".6g"),
+            *map(_short, a["casimir_drift"]),
+            _short(float(y[np.isfinite(y)].min(initial=math.inf)), ".3g"),
+            Text("" if math.isnan(lost) else f"{lost:g}", style="bold red"),
+            *map(Text, solver * implicit),
+        )
+    _print(console, table)
+    console.print()
 
 
 def _plain_table(console, heading, groups):

@@ -177,16 +177,35 @@ def test_samples_needed_would_just_resolve():
 # --- orders ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("p", [0.5, 1.0, 1.7])
-def test_fit_recovers_what_it_is_made_for(p):
-    value = 0.3 * (H - REFERENCE) ** p
-    without = value * np.array([[0.9], [1.1], [1.0]])  # a common factor leaves the slope as it is
-    fit = fit_order(H, value, without, np.array([4, 4, 3]), np.full(H.shape, True), REFERENCE)
+FACTORS = np.array([[0.9], [1.1], [1.0]])  # leave-one-out values that have a common factor leave the slope as it is
+
+
+@pytest.mark.parametrize(("p", "reference"), [(0.5, 0.0), (1.0, 0.0), (1.7, 0.0), (0.5, REFERENCE)])
+def test_fit_recovers_a_power_of_the_step(p, reference):
+    """For p = 1/2 also where the values are distances from a reference of the same scheme."""
+    value = 0.3 * (H - reference) ** p
+    use = np.full(H.shape, True)
+    fit = fit_order(H, value, value * FACTORS, np.array([4, 4, 3]), use, reference)
     assert fit.points == len(H)
     for slope in (fit.order, fit.low, fit.high):
-        assert math.isclose(slope, p, rel_tol=1e-12)
-    # Negative control: a fit over h sees another slope.
-    assert fit_order(H, value, without, np.array([4, 4, 3]), np.full(H.shape, True)).order > p * 1.002
+        assert math.isclose(slope, p, rel_tol=1e-9)
+    if reference:  # negative control: a fit that does not know of the reference sees another slope
+        assert fit_order(H, value, value * FACTORS, np.array([4, 4, 3]), use).order > p * 1.002
+
+
+@pytest.mark.parametrize(
+    ("p", "value"),
+    [
+        (0.5, (H - REFERENCE) ** 0.5),  # independent of it
+        (1.0, (H**2 - REFERENCE**2) ** 0.5),
+        (1.0, H - REFERENCE),  # proportional to it, path by path
+        (1.7, (H**3.4 - REFERENCE**3.4) ** 0.5),
+    ],
+)
+def test_interval_covers_what_the_error_of_the_reference_may_be(p, value):
+    fit = fit_order(H, value, value * FACTORS, np.array([4, 4, 3]), np.full(H.shape, True), REFERENCE)
+    assert fit.low - 1e-6 < p < fit.high + 1e-6
+    assert fit.high - fit.low < 0.2
 
 
 def test_points_that_are_not_used_do_not_matter():

@@ -115,7 +115,7 @@ def test_printed_table(results):
     table_lines = [line for line in text.splitlines() if "±" in line]
     assert len(table_lines) == 9 * 4 - 1 and all(len(line) <= 100 for line in table_lines)
     assert "three [noises]" in text and "Strong errors, stochastic rigid body" in text
-    assert "Euler-Maruyama: order 0.50 [0.48, 0.52] (expected 1/2)" in text
+    assert "Euler-Maruyama: order 0.500 [0.480, 0.520] (expected 1/2)" in text
     assert "splitting, noise first (slpI): order not resolved (expected 1/2)" in text
     assert "needs about 4000 samples" in text
     assert "solver: 3.2 iterations a step, 0 failures, largest residual 2.2e-16" in text
@@ -123,6 +123,58 @@ def test_printed_table(results):
     assert "(3e-3 ± 5e-3)" in last and last.rstrip().endswith("not resolved")
     first = next(line for line in text.splitlines() if "2^-5" in line)
     assert "(inf)" in first and "37" in first and "not finite" in first
+
+
+def trajectory_group(case, scheme, label, casimirs=2, **attributes):
+    t = np.arange(5) * 0.25
+    variables = {
+        "y": (("t", "component"), np.column_stack([1.0 + t, -t])),
+        "hamiltonian": (("t",), 2.0 - t / 3),
+        "casimirs": (("t", "casimir"), np.outer(1 + 1e-15 * t, 1.0 + np.arange(casimirs))),
+    }
+    attributes = {
+        "scheme_label": label,
+        "case_title": "one [path]",
+        "step": 0.25,
+        "nonfinite_from": math.nan,
+        "casimir_drift": tuple(1e-15 * 2**c for c in range(casimirs)),
+        **attributes,
+    }
+    return Group(
+        case, scheme, {"t": t, "component": np.arange(2), "casimir": np.arange(casimirs)}, variables, attributes
+    )
+
+
+@pytest.fixture
+def trajectories():
+    explicit = trajectory_group("one", "euler_maruyama", "Euler-Maruyama", nonfinite_from=0.75)
+    explicit.variables["y"][1][3:] = np.nan
+    explicit.variables["hamiltonian"][1][3:] = np.nan
+    implicit = trajectory_group("one", "midpoint", "midpoint", solver_failures=2, solver_iterations_mean=3.25)
+    bare = trajectory_group("two", "splitting", "splitting", casimirs=0)
+    return Results({"kind": "trajectory", "title": "Trajectories"}, (explicit, implicit, bare))
+
+
+def test_rows_of_trajectories(trajectories):
+    records = tables.rows(trajectories)
+    assert len(records) == 15
+    columns = ["case", "scheme", "t", "y_1", "y_2", "hamiltonian", "casimir_1", "casimir_2"]
+    assert list(records[0]) == columns and list(records[-1]) == columns[:-2]
+    assert records[7] == dict(
+        zip(columns, ("one", "midpoint", 0.5, 1.5, -0.5, 2 - 0.5 / 3, 1 + 5e-16, 2 + 1e-15), strict=True)
+    )
+    assert json.loads(tables.as_json(records))[3]["y_1"] is None
+    assert all(type(value) in (str, float) for record in records for value in record.values())
+
+
+def test_printed_trajectories(trajectories):
+    text = printed(trajectories)
+    assert "Trajectories" in text and "one [path]" in text and all(len(line) <= 100 for line in text.splitlines())
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if " 2^-2 " in line}
+    assert rows["Euler-Maruyama"] == ["2^-2", "4", "nan", "1.0e-15", "2.0e-15", "-0.5", "0.75"]
+    assert rows["midpoint"] == ["2^-2", "4", "1.66667", "1.0e-15", "2.0e-15", "-1", "2", "3.2"]
+    assert rows["splitting"] == ["2^-2", "4", "1.66667", "-1"]
+    assert text.count("of C1") == 1 and text.count("failures") == 1
 
 
 class Terminal(io.StringIO):
@@ -149,7 +201,7 @@ def test_unknown_kind(results):
         {"y": (("t", "component"), np.array([[1.0, 2.0], [np.nan, 1 / 3]])), "seed": ((), np.array(7))},
         {"samples": 3},
     )
-    other = Results({"kind": "trajectory"}, (group,))
+    other = Results({"kind": "new"}, (group,))
     assert tables.rows(other)[1]["y[1]"] == 1 / 3
     text = printed(other)
     assert "0.333333" in text and "samples: 3" in text and "seed: 7" in text

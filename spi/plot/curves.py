@@ -1,5 +1,6 @@
 """Curves of paths in a frame that suits those which behave."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -53,9 +54,15 @@ def window(curves, errors=False):
 
 
 def tamed(values, frame):
-    """Values that matplotlib can draw: those far outside the frame are brought nearer."""
-    far = 1000 * (frame[1] - frame[0])
-    return np.clip(values, frame[0] - far, frame[1] + far)
+    """Values (t,) or (t, component) as they are drawn: until they are not finite or far outside the frame."""
+    (low, high), values = frame, np.array(values)
+    span = np.subtract(high, low) / 2
+    near = ((values >= low - span) & (values <= high + span)).reshape(len(values), -1).all(axis=1)
+    if not near.all():
+        first = int(near.argmin())
+        values[first] = np.clip(values[first], low - 200 * span, high + 200 * span)
+        values[first + 1 :] = np.nan
+    return values
 
 
 def lowest(paths, component):
@@ -66,43 +73,54 @@ def lowest(paths, component):
 def curve(ax, path, values, frame):
     """Draw ``values`` over time, and return notes on where they leave the frame."""
     ax.plot(path.t, tamed(values, frame), zorder=3, **path.look(len(values)))
-    return departure(path, values, frame, ax)
+    return departure(ax, path, values, frame)
 
 
-def departure(path, values, frame, ax=None):
-    """Notes, (handle, text) each, on where a path leaves the frame or the finite numbers.
+def departure(ax, path, values, frame, plane=False):
+    """Mark where a path leaves the frame or the finite numbers; returns notes of it, (handle, text) each.
 
-    ``frame`` has a column per component of ``values`` if they are several.  The place is marked if ``ax`` is given, on
-    which time is horizontal.
+    ``frame`` is (lowest, highest), of each column of ``values`` if they are several.  Time is horizontal on ``ax``,
+    unless that shows the ``plane`` of two columns.
     """
-    values, (low, high) = values.reshape(len(values), -1), frame
+    values, (low, high), notes = values.reshape(len(values), -1), frame, []
+    look = {"color": path.colour, "linestyle": "none"}
     outside = np.flatnonzero(((values < low) | (values > high)).any(axis=1))
     lost = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    text, marker = [], CARETUP
     if len(outside):
         first = outside[0]
-        text.append(f"leaves the frame at $t={path.t[first]:.3g}$")
-        up = (values[first] > high).any()
-        marker = CARETUP if up else CARETDOWN
-        if ax is not None:
+        up = bool((values[first] > high).any())
+        if not plane:
             place = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 4}
-            ax.plot(path.t[first], 1.0 if up else 0.0, marker=marker, color=path.colour, **place)
+            ax.plot(path.t[first], float(up), marker=CARETUP if up else CARETDOWN, **place, **look)
+        where = f"{path.label} leaves at $t={path.t[first]:.3g}$"
+        notes.append((Line2D([], [], marker="^" if up else "v", **look), where))
     if len(lost):
-        text.append(f"not finite from $t={path.t[lost[0]]:.3g}$")
-    if not text:
-        return []
-    handle = Line2D([], [], marker=marker, color=path.colour, linestyle="none")
-    return [(handle, f"{path.label} " + ",\n".join(text))]
+        first = lost[0]
+        if first and not (len(outside) and outside[0] < first):
+            x, y = values[first - 1] if plane else (np.full(values.shape[1], path.t[first - 1]), values[first - 1])
+            ax.plot(x, y, marker="X", zorder=4, **look)
+        how = "not defined" if np.isfinite(path.y[first]).all() else "not finite"
+        notes.append((Line2D([], [], marker="X", **look), f"{path.label} {how} from $t={path.t[first]:.3g}$"))
+    return notes
 
 
-def dress_time(ax, t, frame, label):
-    """Axes on which time is horizontal."""
-    ax.set(xlim=(t[0], t[-1] if len(t) > 1 else t[0] + 1), ylim=frame, xlabel="time $t$", ylabel=label)
+def dress_time(ax, t, frame, label, unit=None):
+    """Axes on which time is horizontal; of tiny or huge values the label names the power of ten that ticks count."""
+    largest = max(map(abs, frame))
+    exponent = math.floor(math.log10(largest))
+    if -3 < exponent < 4:
+        exponent = 0
+    elif unit is not None and abs(exponent - unit) <= 1:
+        exponent = unit
+    ax.set(xlim=(t[0], t[-1] if len(t) > 1 else t[0] + 1), ylim=frame, xlabel="time $t$")
+    ax.set_ylabel(rf"{label}  in  $10^{{{exponent}}}$" if exponent else label)
     dress_axes(ax)
+    if exponent:
+        ax.yaxis.set_major_formatter(lambda x, _: f"{x / 10.0**exponent:.4g}".replace("-", "\N{MINUS SIGN}"))
 
 
 def dress_axes(ax):
-    """A pale grid and few round ticks; tiny and huge numbers with one power of ten for all."""
+    """A pale grid and few round ticks."""
     ax.grid(True, color="#e6e6e6", linewidth=0.6)
     ax.set_axisbelow(True)
     for axis in (ax.xaxis, ax.yaxis):

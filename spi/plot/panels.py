@@ -60,7 +60,7 @@ def hamiltonian(attributes, paths):
 def _over_time(paths, curves, label, ax, errors=False):
     frame = window([(path.scheme, values) for path, values in zip(paths, curves, strict=True)], errors)
     notes = [note for path, values in zip(paths, curves, strict=True) for note in curve(ax, path, values, frame)]
-    dress_time(ax, paths[0].t, frame, label)
+    dress_time(ax, paths[0].t, frame, label, -15 if errors else None)
     return notes
 
 
@@ -95,13 +95,13 @@ def components(attributes, paths):
 
 
 def _components(path, names, frame, pairs, ax):
-    notes = []
+    notes, drawn = [], tamed(path.y, frame)
     for i, name in enumerate(names):
         colour, line = divmod(i, 2) if pairs else (i, i % len(LINES))  # a colour per mode, or per component
         look = {"color": COLOURS[colour % len(COLOURS)], "linestyle": LINES[line]}
-        notes += [(handle, name) for handle in ax.plot(path.t, tamed(path.y[:, i], frame), zorder=3, **look)]
+        notes += [(handle, name) for handle in ax.plot(path.t, drawn[:, i], zorder=3, **look)]
     dress_time(ax, path.t, frame, "components")
-    return notes + departure(path._replace(colour="black"), path.y, frame, ax)
+    return notes + departure(ax, path._replace(colour="black"), path.y, frame)
 
 
 def phase(attributes, paths):
@@ -114,9 +114,9 @@ def phase(attributes, paths):
 
 def _plane(paths, names, positive, ax):
     frames = [window([(path.scheme, path.y[:, i]) for path in paths]) for i in (0, 1)]
+    limits = np.array(frames).T
     for path in paths:
-        x, y = (tamed(path.y[:, i], frame) for i, frame in enumerate(frames))
-        ax.plot(x, y, zorder=3, **path.look(len(x)))
+        ax.plot(*tamed(path.y[:, :2], limits).T, zorder=3, **path.look(len(path.t)))
     ax.set(xlim=frames[0], ylim=frames[1], xlabel=names[0], ylabel=names[1])
     dress_axes(ax)
     ax.plot(*paths[0].y[0, :2], zorder=5, **START)
@@ -128,8 +128,7 @@ def _plane(paths, names, positive, ax):
         for line, crossed in zip((ax.axvline, ax.axhline), negative, strict=True):
             if crossed:
                 line(0, color=ZERO, linewidth=0.7, zorder=1)
-    limits = np.array(frames).T
-    return notes + [note for path in paths for note in departure(path, path.y[:, :2], limits)]
+    return notes + [note for path in paths for note in departure(ax, path, path.y[:, :2], limits, plane=True)]
 
 
 def sphere(attributes, paths):

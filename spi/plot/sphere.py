@@ -10,16 +10,16 @@ ELEVATION = 22  # degrees, of the eye
 def draw_sphere(ax, y, colour, start):
     """Draw the path ``y``, an (n, 3) array, on the sphere through its first point, on 3-D axes."""
     radius = float(np.linalg.norm(y[0])) or 1.0
-    azimuth = np.degrees(np.arctan2(y[0, 1], y[0, 0])) + 25  # the start is in sight
+    near = (np.abs(y) < 1.5 * radius).all(axis=1)  # false also where a path is not finite
+    azimuth = _azimuth(y[0], y[near])
     ax.view_init(ELEVATION, azimuth)
     ax.set_proj_type("ortho")  # so that the outline of the sphere is a circle
     ax.computed_zorder = False
-    ax.set_box_aspect((1, 1, 1), zoom=1.05)
+    ax.set_box_aspect((1, 1, 1), zoom=1.15)
     ax.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(-radius, radius))
 
-    a, e = np.radians([azimuth, ELEVATION])
-    eye = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    eye = _eye(azimuth)
+    right = np.cross([0.0, 0.0, 1.0], eye) / np.cos(np.radians(ELEVATION))
     up = np.cross(eye, right)
     turn = np.linspace(0, 2 * np.pi, 181)
     outline = radius * (np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * up)
@@ -29,7 +29,6 @@ def draw_sphere(ax, y, colour, start):
     circles += [_circle(radius, turn, longitude=s) for s in np.radians(range(0, 180, 30))]
     for points in circles:
         _two_sided(ax, points, eye, LINES, 0.4, 2)
-    near = np.linalg.norm(y, axis=1) < 1.5 * radius  # also false where a path is not finite
     _two_sided(ax, np.where(near[:, None], y, np.nan), eye, colour, 1.0, 3)
     ax.plot(*y[:1].T, zorder=6, **start)
 
@@ -41,6 +40,20 @@ def draw_sphere(ax, y, colour, start):
         axis.set_tick_params(labelsize=7, pad=-2)
         axis.labelpad = -7
     ax.grid(False)
+
+
+def _eye(azimuth):
+    """The direction of the eye."""
+    a, e = np.radians([azimuth, ELEVATION])
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+
+
+def _azimuth(start, y):
+    """Where to look from: the start and most of the path are in front, no axis is seen end on."""
+    return max(
+        (a for a in range(0, 360, 5) if 25 <= a % 90 <= 65),
+        key=lambda a: (start @ _eye(a) > 0.3 * np.linalg.norm(start), (y @ _eye(a) > 0).sum()),
+    )
 
 
 def _circle(radius, turn, latitude=None, longitude=None):
@@ -59,5 +72,11 @@ def _two_sided(ax, points, eye, colour, width, zorder):
     front = segments.sum(axis=1) @ eye > 0
     for chosen, alpha, order in ((whole & ~front, 0.35, zorder), (whole & front, 1.0, zorder + 1)):
         if chosen.any():
-            look = {"colors": colour, "linewidths": width, "alpha": alpha, "zorder": order, "capstyle": "round"}
+            look = {
+                "colors": colour,
+                "linewidths": width,
+                "alpha": alpha,
+                "zorder": order,
+                "capstyle": "butt" if alpha < 1 else "round",
+            }
             ax.add_collection3d(Line3DCollection(segments[chosen], **look))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.textpath import TextPath
 from matplotlib.transforms import ScaledTranslation
 
 from . import style
@@ -39,7 +40,7 @@ def draw(results):
             line, column = divmod(place + i, columns)
             ax = fig.add_subplot(grid[line, column], projection="3d" if panel.solid else None)
             ax.set_title(panel.title)
-            below[line] = max(below[line], _legend(ax, panel.draw(ax)))
+            below[line] = max(below[line], _legend(ax, panel.draw(ax), width))
             if i == 0 and len(cases) > 1:
                 room = width * (1 if place % columns else min(len(row), columns))
                 above[line] = max(above[line], _case_title(ax, groups[0], facts, room))
@@ -81,22 +82,30 @@ def _places(counts):
     return columns, math.ceil(places[-1] / columns), places[:-1].tolist()
 
 
-def _legend(ax, notes):
-    """The legend of a panel's own entries, under its axis label; how many lines it has."""
-    if not notes:
-        return 0
-    handles, texts = zip(*notes, strict=True)
-    columns = min(len(texts), 4) if all(len(text) < 30 and "\n" not in text for text in texts) else 1
-    under = ScaledTranslation(0, -0.05 if ax.name == "3d" else -0.42, ax.figure.dpi_scale_trans)
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "bbox_transform": ax.transAxes + under}
-    spacing = {"borderaxespad": 0, "columnspacing": 1.2, "handlelength": 1.8, "labelspacing": 0.3}
-    ax.legend(handles, texts, ncols=columns, frameon=False, **place, **spacing)
-    return math.ceil(len(texts) / columns) + sum(text.count("\n") for text in texts)
+def _legend(ax, notes, width):
+    """The legends of a panel's own entries under its axis label, of short and of long ones; their number of lines."""
+    lines, place = 0, {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": 0, "frameon": False}
+    spacing = {"columnspacing": 1.2, "handlelength": 1.8, "labelspacing": 0.3}
+    room = [TextPath((0, 0), text, size=8).get_extents().width / 72 + 0.45 for _, text in notes]
+    for short in (True, False):
+        chosen = [i for i, inches in enumerate(room) if (inches < 1.3) == short]
+        if not chosen:
+            continue
+        columns = min(len(chosen), 4, max(1, int(width / max(room[i] for i in chosen))))
+        aside = 0 if short else -0.22  # long ones in the middle of panel and axis label
+        under = ScaledTranslation(aside, -0.42 - LINE * lines, ax.figure.dpi_scale_trans)
+        before = ax.get_legend()
+        legend = ax.legend(*zip(*(notes[i] for i in chosen), strict=True), ncols=columns, **place, **spacing)
+        legend.set_bbox_to_anchor((0.5, 0), ax.transAxes + under)
+        if before:  # axes keep only their latest legend by themselves, and cut other artists off at the frame
+            ax.add_artist(before).set_clip_on(False)
+        lines += math.ceil(len(chosen) / columns)
+    return lines
 
 
 def _case_title(ax, group, facts, width):
     """The title of a case above the title of its first panel; how many lines it has."""
     title = style.plain(group.attributes.get("case_title") or group.case)
     lines = style.wrapped([title, *facts], ",  ", 9, width)
-    ax.set_title("\n".join([*lines, " "]), loc="left")
+    ax.set_title("\n".join([*lines, " "]), loc="left", fontweight="bold")
     return len(lines)

@@ -57,9 +57,7 @@ class Case(Keys):
     name: str
     title: str
     model: Model
-    initial: key_of(
-        State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode"
-    )
+    initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
     final_time: key_of(Positive, "final time T, a multiple of every step")
     seed: key_of(Seed, "seed of the random numbers") = 1
 

@@ -14,6 +14,7 @@ from ..dispatch import means, number, tuplewise, unrolled
 from ..ensemble import Grid, Noise, empty_report, integrate, thread_count, use_threads
 from ..estimators import (
     GROUPS,
+    PARTS,
     RESOLVED,
     fit_order,
     group_counts,
@@ -30,8 +31,7 @@ from ..rng import BROWNIAN, LANES
 from ..schemes import SCHEMES
 from ..schemes.splitting import Splitting
 
-_PARTS = 8  # a block's lanes are summed up in this many parts, lane mod 8, so that the sums are vectors
-_BLOCKS_PER_ROUND = GROUPS // _PARTS
+_BLOCKS_PER_ROUND = GROUPS // PARTS
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
 _BATCH_BYTES = 64e6
 _BATCH_SECONDS = 0.5
@@ -73,8 +73,8 @@ def _watch_casimir(index, model, drift, initial, y):
 def _(observer, model, row, paths, level, n, y, reference):
     if level > 0:
         squares = observer.squares[row, observer.offsets[level] + n - 1]
-        for first in range(0, LANES, _PARTS):
-            for part in range(_PARTS):
+        for first in range(0, LANES, PARTS):
+            for part in range(PARTS):
                 lane = first + part
                 square = squared_distance(load(model, y, lane), load(model, reference, lane))
                 squares[part] += square if lane < paths else 0.0
@@ -158,7 +158,7 @@ def _observer(p, rows):
     initial = casimirs(p.model, p.initial)
     offsets = np.concatenate(([0, 0], np.cumsum(p.steps[1:-1]))) if levels > 1 else np.zeros(1, np.int64)
     return StrongSums(
-        np.zeros((rows, max(p.points, 1), _PARTS)),
+        np.zeros((rows, max(p.points, 1), PARTS)),
         np.zeros((rows, levels, len(initial), LANES)),
         np.zeros((rows, levels), np.int64),
         offsets.astype(np.int64),
@@ -172,14 +172,14 @@ def advance_state(p, state, blocks):
     began = time.perf_counter()
     sums, report = _observer(p, blocks), empty_report(blocks, len(p.steps))
     integrate(p.scheme, p.model, p.initial, p.grid, p.noise, sums, report, state.blocks, blocks, p.samples)
-    squares = state.squares.reshape(_BLOCKS_PER_ROUND, _PARTS, -1).copy()
+    squares = state.squares.reshape(_BLOCKS_PER_ROUND, PARTS, -1).copy()
     drift, total_report = state.drift.copy(), state.report.copy()
     for row in range(blocks):
         block = state.blocks + row
         squares[block % _BLOCKS_PER_ROUND] += sums.squares[row, : p.points].T
         lanes = min(LANES, p.samples - block * LANES)
         # a path that left the finite numbers has no last drift but NaN: it is infinitely far
-        drift = np.maximum(drift, np.nan_to_num(sums.drift[row, :, :, :lanes], nan=np.inf).max(axis=-1))
+        drift = np.maximum(drift, np.nan_to_num(sums.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1))
         total_report[:, :3] += report[row, :, :3]
         total_report[:, 3] = np.maximum(total_report[:, 3], report[row, :, 3])
     return State(
@@ -194,7 +194,7 @@ def advance_state(p, state, blocks):
 
 def batches(p, state):
     """Run all blocks that are left; yields the state after each batch of about half a second."""
-    most = max(1, min(_BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * _PARTS * max(p.points, 1)))))
+    most = max(1, min(_BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(p.points, 1)))))
     blocks = min(thread_count(), most)
     while state.blocks < p.blocks:
         began = time.perf_counter()
@@ -216,7 +216,7 @@ def errors(p, state):
     for n in p.steps[1:]:
         begin, end = end, end + n
         # a path that left the finite numbers makes the mean square infinite
-        curve = np.nan_to_num(value[begin:end], nan=np.inf)
+        curve = np.nan_to_num(value[begin:end], nan=np.inf, posinf=np.inf)
         at = int(np.argmax(curve))
         sup.append(curve[at])
         sup_without.append(without[:, begin + at])
@@ -351,8 +351,8 @@ def _note(error, stderr, resolved, samples):
     if samples == 1:
         return "one path has no standard error: not resolved"
     if not finite.all():
-        return "paths left the finite numbers: the error there is infinite"
+        return "the mean square is infinite where paths left the finite numbers or nearly so"
     needed = samples_needed(error, stderr, samples)[~resolved].max()
     if not np.isfinite(needed) or needed <= 0:
-        return f"not resolved: the error is below {RESOLVED:g} standard errors"
-    return f"not resolved, needs about {float(f'{needed:.1g}'):.0f} samples"
+        return f"in brackets: errors below {RESOLVED:g} standard errors"
+    return f"in brackets: not resolved, would need about {float(f'{needed:.1g}'):.0f} samples"

@@ -111,11 +111,13 @@ def group(case, scheme, state):
     t = np.arange(n) * case.step
     lost = np.flatnonzero(~np.isfinite(state.y).all(axis=1))
     solves, iterations, failures, residual = state.report
-    solver = {
-        "solver_failures": int(failures),
-        "solver_iterations_mean": iterations / solves,
-        "solver_largest_residual": residual,
-    }
+    solver = {}
+    if solves:
+        solver = {
+            "solver_failures": int(failures),
+            "solver_iterations_mean": iterations / solves,
+            "solver_largest_residual": residual,
+        }
     with np.errstate(invalid="ignore"):
         drift = np.abs(conserved - conserved[0]).max(axis=0)
     return Group(
@@ -136,6 +138,6 @@ def group(case, scheme, state):
             "casimir_drift": tuple(float(x) for x in drift),
             "wall_seconds": state.seconds,
             "threads": thread_count(),
-            **(solver if solves else {}),
+            **solver,
         },
     )
