@@ -175,7 +175,11 @@ def _summary(group):
     known = math.isfinite(a.get("order", math.nan))
     order = f"order {a['order']:.3f} [{low:.3f}, {high:.3f}]" if known else "order not resolved"
     expected = f" (expected {fraction(a['expected_order'])})" if "expected_order" in a else ""
-    yield f"{a.get('scheme_label', group.scheme)}: {order}{expected}"
+    points = group.coordinates["h"].size
+    through = (
+        f", through the finest {a['points_in_fit']} of {points}" if a.get("points_in_fit", points) < points else ""
+    )
+    yield f"{a.get('scheme_label', group.scheme)}: {order}{expected}{through if known else ''}"
     if a.get("note"):
         yield f"    {a['note']}"
     if a.get("reference_nonfinite"):

@@ -51,10 +51,13 @@ def _panel(ax, groups, styles):
         ax.set_xlim(h.min() / 1.5, h.max() * 1.5)
         _power_ticks(ax, h)
     ax.set_xlabel("step size $h$")
-    drawn = np.concatenate([_scheme(ax, group, *styles[group.scheme]) for group in groups])
+    resolved = np.concatenate([_points(group, resolved=True) for group in groups])
+    drawn = resolved if len(resolved) else np.concatenate([_points(group, resolved=False) for group in groups])
     if len(drawn):
         _slopes(ax, drawn)
         _limits(ax, drawn)
+    for group in groups:
+        _scheme(ax, group, *styles[group.scheme])
     ax.grid(True, which="major", color="#e6e6e6", linewidth=0.6)
     ax.set_axisbelow(True)
     _remarks(ax, groups)
@@ -65,23 +68,28 @@ def _panel(ax, groups, styles):
     ax.legend(handles, [label for _, label in entries], frameon=False, **place)
 
 
+def _points(group, resolved):
+    """The finite points (h, error) of a scheme that are resolved, or those that are not."""
+    error = group.variables["error"][1]
+    chosen = np.isfinite(error) & (error > 0) & (group.variables["resolved"][1].astype(bool) == resolved)
+    return np.column_stack([group.coordinates["h"], error])[chosen]
+
+
 def _scheme(ax, group, marker, colour):
-    """Draw one scheme and return its points (h, error) that are drawn."""
+    """Draw one scheme; what lies beyond the top of the panel becomes a mark at its edge."""
     h = group.coordinates["h"]
     error, stderr = group.variables["error"][1], group.variables["error_stderr"][1]
     resolved = group.variables["resolved"][1].astype(bool)
-    finite = np.isfinite(error) & (error > 0)
+    beyond = ~(error <= ax.get_ylim()[1])
     bars = INTERVAL * np.where(np.isfinite(stderr), stderr, 0.0)
     look = {"marker": marker, "markerfacecolor": "none", "elinewidth": 0.7, "capsize": 0, "markeredgewidth": 1.2}
-    good, poor = finite & resolved, finite & ~resolved
+    good, poor = resolved & (error > 0), ~resolved & ~beyond & (error > 0)
     ax.errorbar(h[good], error[good], bars[good], color=colour, label=_label(group), zorder=3, **look)
     if poor.any():
-        ax.errorbar(h[poor], error[poor], bars[poor], color=UNRESOLVED, linestyle="none", zorder=2, **look)
-    lost = ~np.isfinite(error)
-    if lost.any():
+        ax.errorbar(h[poor], error[poor], bars[poor], color=colour, alpha=0.4, linestyle="none", zorder=2, **look)
+    if beyond.any():
         top = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-        ax.plot(h[lost], np.ones(lost.sum()), marker=CARETUP, color=colour, linestyle="none", zorder=4, **top)
-    return np.column_stack([h[finite], error[finite]])
+        ax.plot(h[beyond], np.ones(beyond.sum()), marker=CARETUP, color=colour, linestyle="none", zorder=4, **top)
 
 
 def _slopes(ax, points):
@@ -121,9 +129,12 @@ def _label(group):
 
 def _remarks(ax, groups):
     """Legend entries for what is not an ordinary point."""
+    top = ax.get_ylim()[1]
     errors = np.concatenate([group.variables["error"][1] for group in groups])
     resolved = np.concatenate([group.variables["resolved"][1].astype(bool) for group in groups])
-    if (np.isfinite(errors) & ~resolved).any():
-        ax.plot([], [], "o", color=UNRESOLVED, markerfacecolor="none", label="not resolved, left out of the fit")
-    if not np.isfinite(errors).all():
-        ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label="paths left the finite numbers")
+    if ((errors <= top) & ~resolved).any():
+        look = {"color": UNRESOLVED, "markerfacecolor": "none"}
+        ax.plot([], [], "o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
+    if not (errors <= top).all():
+        label = "paths left the finite numbers or nearly so"
+        ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)
