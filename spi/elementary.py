@@ -3,8 +3,8 @@
 Every function takes and returns float64 and is accurate to 2 units in the last place over its stated range
 (``tests/test_elementary.py`` checks this against mpmath).  NaN goes to NaN.
 
-The polynomials for sine, cosine and logarithm are those of Sun's fdlibm (1993), the standard minimax fits on
-[-pi/4, pi/4] and on [sqrt(1/2), sqrt(2)]; the exponential uses its Taylor polynomial, which converges fast enough.
+The logarithm uses the polynomial of Sun's fdlibm (1993), the standard minimax fit on [sqrt(1/2), sqrt(2)]; sine,
+versine and exponential use Taylor polynomials, which converge fast enough.
 """
 
 import struct
@@ -29,10 +29,15 @@ _PIO2_2 = float.fromhex("0x1.0b4611a600000p-34")
 _PIO2_3 = float.fromhex("0x1.3198a2e000000p-69")
 _PIO2_4 = float.fromhex("0x1.b839a252049c1p-104")
 
-_S1, _S2, _S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
-_S4, _S5, _S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
-_C1, _C2, _C3 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
-_C4, _C5, _C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
+# Sine and versine of x + e x^3 by their Taylor series, e = 9.25e-18 being what -1/6 + 1/6 leaves in double precision:
+# so they belong to one angle, and sin^2 + versine^2 - 2 versine, which would make lengths drift, is below 2e-19 on
+# [-pi/4, pi/4] and below 2e-24 where |x| <= 0.1.  Rounding each coefficient on its own gives 1e-18.
+_S1, _S2, _S3 = -0.16666666666666666, 0.008333333333333328, -0.00019841269841269803
+_S4, _S5, _S6 = 2.755731922398576e-06, -2.505210838544149e-08, 1.605904383682136e-10
+_S7, _S8 = -7.647163731819624e-13, 2.8114572543454145e-15
+_C1, _C2, _C3 = 0.04166666666666666, -0.0013888888888888874, 2.4801587301587224e-05
+_C4, _C5, _C6 = -2.755731922398571e-07, 2.0876756987867844e-09, -1.1470745597729493e-11
+_C7, _C8 = 4.779477332387237e-14, -1.5619206968585518e-16
 
 _LN2_HI, _LN2_LO = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 _LN2 = 0.6931471805599453
@@ -83,13 +88,13 @@ overload(from_bits, jit_options=INLINED)(lambda i: lambda i: _cast_to_float(i))
 @inlined
 def _sine_tail(z):
     """(sin x - x) / x^3 for z = x^2."""
-    return _S1 + z * (_S2 + z * (_S3 + z * (_S4 + z * (_S5 + z * _S6))))
+    return _S1 + z * (_S2 + z * (_S3 + z * (_S4 + z * (_S5 + z * (_S6 + z * (_S7 + z * _S8))))))
 
 
 @inlined
 def _cosine_tail(z):
     """(cos x - 1 + x^2/2) / x^4 for z = x^2."""
-    return _C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * (_C5 + z * _C6))))
+    return _C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * (_C5 + z * (_C6 + z * (_C7 + z * _C8))))))
 
 
 @inlined

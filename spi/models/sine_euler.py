@@ -54,6 +54,21 @@ SineEuler.conserved = 2
 
 _S = math.sqrt(3.0) / 2.0  # sin(2 pi / 3)
 _THIRD = 1.0 / 3.0
+# What these have beyond double precision: without it the Fourier transform is not quite unitary and the Casimirs drift
+# by 2e-18 a step.
+_S_REST, _THIRD_REST = 5.017542110903451e-17, 1.850371707708594e-17
+
+
+@inlined
+def _side(x):
+    """sqrt(3)/2 x."""
+    return _S * x + _S_REST * x
+
+
+@inlined
+def _third(x):
+    """x / 3."""
+    return _THIRD * x + _THIRD_REST * x
 
 
 @inlined
@@ -101,18 +116,18 @@ def _flow(k, t, y, angles):
     p1, p2 = half - side, half + side
     # Fourier components, 3 times too large: q = 1 and 2 are (z0 - sum/2) -+ i sqrt(3)/2 (z1 - z2) of the line
     sum_re, sum_im = z1[0] + z2[0], z1[1] + z2[1]
-    dif_re, dif_im = _S * (z1[0] - z2[0]), _S * (z1[1] - z2[1])
+    dif_re, dif_im = _side(z1[0] - z2[0]), _side(z1[1] - z2[1])
     mid_re, mid_im = z0[0] - 0.5 * sum_re, z0[1] - 0.5 * sum_im
     u0 = _turn(angles, p0, (z0[0] + sum_re, z0[1] + sum_im))
     u1 = _turn(angles, p1, (mid_re + dif_im, mid_im - dif_re))
     u2 = _turn(angles, p2, (mid_re - dif_im, mid_im + dif_re))
     # and back: what is added to z_j is the mean of u_q exp(2 pi i j q / 3)
     sum_re, sum_im = u1[0] + u2[0], u1[1] + u2[1]
-    dif_re, dif_im = _S * (u1[0] - u2[0]), _S * (u1[1] - u2[1])
+    dif_re, dif_im = _side(u1[0] - u2[0]), _side(u1[1] - u2[1])
     mid_re, mid_im = u0[0] - 0.5 * sum_re, u0[1] - 0.5 * sum_im
-    new0 = (z0[0] + _THIRD * (u0[0] + sum_re), z0[1] + _THIRD * (u0[1] + sum_im))
-    new1 = (z1[0] + _THIRD * (mid_re - dif_im), z1[1] + _THIRD * (mid_im + dif_re))
-    new2 = (z2[0] + _THIRD * (mid_re + dif_im), z2[1] + _THIRD * (mid_im - dif_re))
+    new0 = (z0[0] + _third(u0[0] + sum_re), z0[1] + _third(u0[1] + sum_im))
+    new1 = (z1[0] + _third(mid_re - dif_im), z1[1] + _third(mid_im + dif_re))
+    new2 = (z2[0] + _third(mid_re + dif_im), z2[1] + _third(mid_im - dif_re))
     return _unline(k, w, new0, new1, new2)
 
 
