@@ -11,7 +11,6 @@ import spi
 _digest = hashlib.sha256(Path(__file__).with_name("helpers.py").read_bytes()).hexdigest()[:16]
 os.environ["SPI_CACHE_DIR"] = str(Path(os.environ["NUMBA_CACHE_DIR"]).parent / f"tests-{_digest}")
 spi._point_cache_at_sources()
-# Numba's index of compiled kernels names the records of helpers.py, which those programs must therefore be able to import.
-os.environ["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")]).rstrip(
-    os.pathsep
-)
+# Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import.
+_paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+os.environ["PYTHONPATH"] = os.pathsep.join(_paths)

@@ -492,8 +492,8 @@ def test_casimirs_of_splitting_stay_for_a_million_steps(lie_poisson):
         assert drift.std() > 1e-15  # and something was computed
 
 
-# Constants of the flows that are merely rounded show here: 3.6e-19 a step for Maxwell-Bloch, -2e-18 for sine-Euler.  With
-# what they lack added, 1e-19 a step is seen for Maxwell-Bloch, five standard errors and a thousandth of a rounding.
+# Constants of the flows that are merely rounded show here: 3.6e-19 a step for Maxwell-Bloch, -2e-18 for sine-Euler.
+# With what they lack added, 1e-19 a step is seen for Maxwell-Bloch, five standard errors, a thousandth of a rounding.
 @compiled_only
 @pytest.mark.parametrize(
     ("name", "h", "steps"), [("maxwell_bloch", 2.0**-10, 10**6), ("sine_euler", 2.0**-4, 2 * 10**5)]
