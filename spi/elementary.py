@@ -128,8 +128,9 @@ def sin_versine(x):
     r = b + c
     c = c - (r - b)
     z = r * r
-    s = r + (r * z * _sine_tail(z) + c * (1.0 - 0.5 * z))
-    v = 0.5 * z - (z * z * _cosine_tail(z) - c * r)
+    # c cos r and c sin r; not as bare products, or tails would be rounded before c, which hardly varies, is added
+    s = r + (r * z * _sine_tail(z) + (c - c * (z * (0.5 - z * _C1))))
+    v = 0.5 * z - (z * z * _cosine_tail(z) - (c * r + c * (r * (z * (_S1 + z * _S2)))))
     # quadrant 0: (s, v), 1: (1-v, 1+s), 2: (-s, 2-v), 3: (v-1, 1-s)
     odd = (quadrant & 1) != 0
     sign = -1.0 if (quadrant & 2) != 0 else 1.0
