@@ -37,7 +37,7 @@ install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
 demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
 
 test: $(INSTALLED_TEST) ## set up and run the tests
-	$(VENV)/bin/python -m pytest
+	$(VENV)/bin/python -m pytest -n 2 --dist worksteal
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest

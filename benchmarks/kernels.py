@@ -20,12 +20,16 @@ import naive
 import numba
 import numpy as np
 
-from spi.ensemble import Grid, Noise, empty_report, integrate, integrate_block, use_threads
+from spi.ensemble import Noise, empty_report, grid, integrate, integrate_block, use_threads
+from spi.estimators import GROUPS
+from spi.expressions import parse_expression
 from spi.models import MaxwellBloch, RigidBody, SineEuler
 from spi.protocol import casimirs
 from spi.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
 from spi.studies.strong import StrongSums
+from spi.studies.weak import plain
+from spi.studies.weak.sums import add_powers, values_of_blocks
 
 REPEATS = 7
 STEP = 2.0**-16
@@ -57,11 +61,24 @@ def our_job(scheme, model, h=STEP, truncate=False, doublings=(0,), blocks=4, ste
         counts,
         casimirs(model, initial),
     )
-    grid = Grid(h, steps, np.array(doublings), truncate)
     noise = Noise(np.uint64(1), np.uint64(BROWNIAN))
     report = empty_report(blocks, levels)
-    job = (SCHEMES[scheme].record, model, initial, grid, noise, sums, report, 0, blocks, blocks * LANES)
+    times = grid(h, steps, doublings, truncate)
+    job = (SCHEMES[scheme].record, model, initial, times, noise, sums, report, 0, blocks, blocks * LANES)
     return blocks * LANES * steps, lambda: integrate(*job)
+
+
+def weak_job(scheme, model, blocks=64, steps=256):
+    """(path steps, work) of the weak study: the bare ensemble, the paper's test function and sums over paths."""
+    functions = (parse_expression("sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)", type(model).dimension),)
+    times, noise = grid(STEP, steps), Noise(np.uint64(1), np.uint64(BROWNIAN))
+    plan = plain.Plan(SCHEMES[scheme].record, model, INITIAL[type(model)], times, noise, functions, 0, (), None)
+
+    def work():
+        values, _ = values_of_blocks(plan, times, noise, 0, blocks, blocks * LANES)
+        add_powers(values.reshape(blocks, -1, LANES), 0, blocks * LANES, np.zeros((2, 1, GROUPS)))
+
+    return blocks * LANES * steps, work
 
 
 JOBS = {
@@ -74,6 +91,9 @@ JOBS = {
             "splitting", RIGID_BODY, truncate=True, doublings=(0, *range(3, 12))
         ),
         "  one noise": lambda: our_job("splitting", RIGID_BODY._replace(sigma=(1.0, None, None))),
+        "  paths of 256 steps": lambda: our_job("splitting", RIGID_BODY, blocks=64, steps=256),
+        "  the same with the weak study": lambda: weak_job("splitting", RIGID_BODY),
+        "splitting of weak order 2": lambda: our_job("splitting_order2", RIGID_BODY),
         "Euler-Maruyama": lambda: our_job("euler_maruyama", RIGID_BODY),
         "midpoint, truncated noise": lambda: our_job("midpoint", RIGID_BODY, truncate=True),
     },
@@ -81,12 +101,15 @@ JOBS = {
         "naive splitting": lambda: naive_job(MaxwellBloch()),
         "splitting": lambda: our_job("splitting", MaxwellBloch()),
         "  one noise": lambda: our_job("splitting", MaxwellBloch((1.0, None))),
+        "splitting of weak order 2": lambda: our_job("splitting_order2", MaxwellBloch()),
         "Euler-Maruyama": lambda: our_job("euler_maruyama", MaxwellBloch()),
     },
     "sine_euler": {
         "naive splitting": lambda: naive_job(SineEuler()),
         "splitting": lambda: our_job("splitting", SineEuler()),
         "  one noise": lambda: our_job("splitting", SineEuler((1.0, None, None, None))),
+        "splitting of weak order 2": lambda: our_job("splitting_order2", SineEuler()),
+        "Euler-Maruyama": lambda: our_job("euler_maruyama", SineEuler()),
     },
 }
 

@@ -97,7 +97,11 @@ def plot(
         _end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --out")
     for source in stored:
         path = results_of(source, folder) if source.suffix in (".yaml", ".yml") else source
-        for written in plotter.save(store.read(path), out or path.parent, path.stem):
+        try:
+            files = plotter.save(store.read(path), out or path.parent, path.stem)
+        except ValueError as error:
+            _end(FAILED, f"{path}: {error}")
+        for written in files:
             typer.echo(f"wrote {written}", err=True)
 
 
@@ -224,14 +228,15 @@ class _ProgressLine:
         description = f"{self.name} {progress.part + 1}/{progress.parts} {progress.case} {progress.scheme}"
         news = "starting"
         if progress.done:
-            news = f"{progress.done / progress.seconds:.3g} paths/s, standard error {progress.stderr:.1e}"
+            rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
+            news = f"{rate}standard error {progress.stderr:.1e}"
         if self.task is None or self.bar.tasks[-1].fields["part"] != progress.part:
             if self.task is not None:
                 self.bar.remove_task(self.task)
             self.task = self.bar.add_task(
-                description, total=progress.samples, completed=progress.done, news=news, part=progress.part
+                description, total=progress.total, completed=progress.done, news=news, part=progress.part
             )
-        self.bar.update(self.task, completed=progress.done, news=news)
+        self.bar.update(self.task, total=progress.total, completed=progress.done, news=news)
 
 
 def _end(code, message):

@@ -11,20 +11,36 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
-from .dispatch import INLINED, inlined, kernel, number, parallel_kernel, unrolled
+from .dispatch import INLINED, inlined, kernel, means, number, parallel_kernel, unrolled
 from .lanes import store
-from .protocol import REPORT, advance, dimension, noise_indices, noises, observe, work_size
-from .rng import LANES, STEPS_PER_DRAW, draw_increments
+from .protocol import REPORT, advance, dimension, memory_size, noise_indices, noises, observe, tosses, work_size
+from .rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
 
 
 class Grid(NamedTuple):
-    """The times of one run: step size number 0 is the reference, number l > 0 is 2^doublings[l] h_ref."""
+    """The times of one run, and its paths: number 0 is the reference, number l has the step 2^doublings[l] h_ref.
+
+    Several may have the same step.  One with ``reversals[l]`` = 1 tosses every coin to the other side; one with 2 also
+    makes its steps in pairs, the second of a pair before the first, so that with a scheme that is symmetric up to its
+    coins all flows of a pair act in reversed order.
+    """
 
     reference_step: float
     reference_steps: int
-    doublings: np.ndarray  #: int64, strictly increasing, doublings[0] = 0
+    doublings: np.ndarray  #: int64, increasing, doublings[0] = 0
     truncate: bool  #: whether increments are clipped as :func:`truncation_bound` says, per step size
-    reference_scheme: tuple | None = None  #: of step size number 0, if it is not the scheme itself
+    reversals: np.ndarray  #: int64: 0, 1, or, below the largest step, 2
+    by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
+    reference_scheme: tuple | None = None
+
+
+def grid(step, steps, doublings=(0,), truncate=False, reversals=None, reference_scheme=None, by_reference=None):
+    """A :class:`Grid`, by default with one step size, and path number 0 made by the reference scheme."""
+    doublings = np.array(doublings, np.int64)
+    count = len(doublings)
+    reversals = np.array([0] * count if reversals is None else reversals, np.int64)
+    by_reference = np.array([1] + [0] * (count - 1) if by_reference is None else by_reference, np.int64)
+    return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme)
 
 
 class Noise(NamedTuple):
@@ -44,8 +60,8 @@ def truncation_bound(h):
 def draw_channels(index, model, increments, noise, draw, block, scale, words):
     """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on."""
     k = number(index)
-    stride = noises(model) * LANES
-    draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, increments[k * LANES :], stride)
+    stride, rows = noises(model) * LANES, increments.ravel()[k * LANES :]
+    draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows, stride)
     return increments
 
 
@@ -74,38 +90,65 @@ def clip(index, model, dW, clipped, bound):
     return dW
 
 
-def largest_work(reference_scheme, scheme, model):
-    """Scratch for either scheme."""
-    return max(work_size(s, model) for s in (reference_scheme, scheme) if s is not None)
+def largest_sizes(reference_scheme, scheme, model):
+    """Scratch and memory for either scheme."""
+    used = [s for s in (reference_scheme, scheme) if s is not None]
+    return max(work_size(s, model) for s in used), max(memory_size(s, model) for s in used)
 
 
-@overload(largest_work, jit_options=INLINED)
+@overload(largest_sizes, jit_options=INLINED)
 def _(reference_scheme, scheme, model):
     if reference_scheme == types.none:
-        return lambda reference_scheme, scheme, model: work_size(scheme, model)
-    return lambda reference_scheme, scheme, model: max(work_size(reference_scheme, model), work_size(scheme, model))
+        return lambda reference_scheme, scheme, model: (work_size(scheme, model), memory_size(scheme, model))
+    return lambda reference_scheme, scheme, model: (
+        max(work_size(reference_scheme, model), work_size(scheme, model)),
+        max(memory_size(reference_scheme, model), memory_size(scheme, model)),
+    )
 
 
-def advance_level(reference_scheme, scheme, level, model, h, dW, y, work, report):
-    """One step of the scheme, or at level 0 of the reference scheme if there is one."""
-    stepper = scheme if reference_scheme is None or level > 0 else reference_scheme
-    advance(stepper, model, h, dW, y, work, report)
+def tosses_any(reference_scheme, scheme):
+    """Whether either scheme needs coins."""
+    return any(tosses(s) for s in (reference_scheme, scheme) if s is not None)
 
 
-@overload(advance_level, jit_options=INLINED)
-def _(reference_scheme, scheme, level, model, h, dW, y, work, report):
+@overload(tosses_any, jit_options=INLINED)
+def _(reference_scheme, scheme):
+    either = tosses(scheme) or (reference_scheme != types.none and tosses(reference_scheme))
+    return lambda reference_scheme, scheme: either
+
+
+def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
+    """One step of the scheme, or by the reference scheme if there is one."""
+    stepper = reference_scheme if by_reference and reference_scheme is not None else scheme
+    advance(stepper, model, h, dW, coins, y, work, report)
+
+
+@overload(advance_path, jit_options=INLINED)
+def _(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
     if reference_scheme == types.none:
-        return lambda reference_scheme, scheme, level, model, h, dW, y, work, report: advance(
-            scheme, model, h, dW, y, work, report
+        return lambda reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report: advance(
+            scheme, model, h, dW, coins, y, work, report
         )
 
-    def either(reference_scheme, scheme, level, model, h, dW, y, work, report):
-        if level == 0:
-            advance(reference_scheme, model, h, dW, y, work, report)
+    def either(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
+        if by_reference:
+            advance(reference_scheme, model, h, dW, coins, y, work, report)
         else:
-            advance(scheme, model, h, dW, y, work, report)
+            advance(scheme, model, h, dW, coins, y, work, report)
 
     return either
+
+
+@inlined
+def flip(coins, side, flipped):
+    for lane in range(LANES):
+        coins[flipped, lane] = -coins[side, lane]
+
+
+@inlined
+def copy(coins, source, target):
+    for lane in range(LANES):
+        coins[target, lane] = coins[source, lane]
 
 
 @kernel
@@ -113,42 +156,73 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
     last = grid.doublings[-1]
     levels = len(grid.doublings)
-    y = np.empty((levels, dimension(model) * LANES))
+    scratch, memory = largest_sizes(grid.reference_scheme, scheme, model)
+    y = np.zeros((levels, dimension(model) * LANES + memory))
     for level in range(levels):
         for lane in range(LANES):
             store(y[level], lane, initial)
-    level_of = np.full(last + 1, -1)
-    for level in range(levels):
-        level_of[grid.doublings[level]] = level
+    first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
     width = noises(model) * LANES
-    drawn, words = np.empty(STEPS_PER_DRAW * width), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
-    clipped, first_halves = np.empty(width), np.empty((last + 1, width))
-    work = np.empty(largest_work(grid.reference_scheme, scheme, model))
+    words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
+    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, clipped ones
+    first, clipped = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
+    dW = np.empty((clipped + 1, width))
+    # rows of coins: of first halves, of the step at hand, and those on the other side
+    here, flipped = last + 1, last + 2
+    coins = np.empty((flipped + 1, LANES))
+    work = np.empty(scratch)
     scale = np.sqrt(grid.reference_step)
 
     for n in range(grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
-            draw_channels(model, drawn, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
-        row_drawn = n % STEPS_PER_DRAW
-        dW = drawn[row_drawn * width : (row_drawn + 1) * width]
-        # dW belongs to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
+            draw_channels(model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
+        if tosses_any(grid.reference_scheme, scheme):
+            if n % STEPS_PER_TOSS == 0:
+                toss(
+                    noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), np.uint64(block), bits
+                )
+            read_coins(bits, n, coins[here])
+        drawn = n % STEPS_PER_DRAW
+        # these belong to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
         s = 0
         while True:
-            level = level_of[s]
-            if level >= 0:
+            second_half = (n >> s) & 1
+            for level in range(first_level[s], first_level[s + 1]):
                 h = grid.reference_step * 2.0**s
-                increments = dW
-                if grid.truncate:
-                    clip(model, dW, clipped, truncation_bound(h))
-                    increments = clipped
-                advance_level(grid.reference_scheme, scheme, level, model, h, increments, y[level], work, report[level])
+                window = grid.reversals[level]
+                if window == 2 and not second_half:
+                    continue
+                for turn in range(max(window, 1)):
+                    increments, side = (drawn, here) if turn == 0 else (first + s, s)
+                    if window > 0:
+                        flip(coins, side, flipped)
+                        side = flipped
+                    if grid.truncate:
+                        clip(model, dW[increments], dW[clipped], truncation_bound(h))
+                        increments = clipped
+                    advance_path(
+                        grid.reference_scheme,
+                        scheme,
+                        grid.by_reference[level],
+                        model,
+                        h,
+                        dW[increments],
+                        coins[side],
+                        y[level],
+                        work,
+                        report[level],
+                    )
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
-            if s == last or (n >> s) & 1 == 0:
+            if s == last or not second_half:
                 break
-            add_first_half(model, dW, first_halves[s])
+            add_first_half(model, dW[drawn], dW[first + s])
+            if tosses_any(grid.reference_scheme, scheme):
+                copy(coins, s, here)  # the coin of a step is that of its first half
             s += 1
         if s < last:
-            keep_first_half(model, dW, first_halves[s])
+            keep_first_half(model, dW[drawn], dW[first + s])
+            if tosses_any(grid.reference_scheme, scheme):
+                copy(coins, here, s)
 
 
 @parallel_kernel
@@ -165,6 +239,20 @@ def integrate(scheme, model, initial, grid, noise, observer, report, first_block
         paths = min(LANES, samples - block * LANES)
         scheme, model, initial, grid, noise, observer = records[0]
         integrate_block(scheme, model, initial, grid, noise, observer, report[row], block, row, paths)
+
+
+class FinalStates(NamedTuple):
+    """An observer that keeps the last states of each block."""
+
+    y: np.ndarray  #: (blocks, levels, dimension * LANES)
+    steps: np.ndarray  #: (levels,) int64, how many steps each level takes
+
+
+@means(observe, FinalStates)
+def _(observer, model, row, paths, level, n, y, reference):
+    if n == observer.steps[level]:
+        for i in range(dimension(model) * LANES):
+            observer.y[row, level, i] = y[i]
 
 
 def thread_count():

@@ -122,6 +122,32 @@ def fit_order(h, value, without, counts, use, reference_step=0.0):
     return Order(order, order - half, order + half, n)
 
 
+class Largest(NamedTuple):
+    """The largest of several errors at each step size."""
+
+    which: np.ndarray  #: (steps,) the number of the largest
+    value: np.ndarray  #: (steps,) without its sign
+    stderr: np.ndarray  #: (steps,)
+    resolved: np.ndarray  #: (steps,)
+    order: Order
+
+
+def largest_over(h, errors, withouts):
+    """The largest of the absolute values of errors (n, steps) at each step size, and its order of convergence.
+
+    `withouts` (n, groups, steps) are their leave-one-out values, of groups as large as one another.  Those of the
+    largest are taken for its own, as if it were known beforehand which one is the largest.  What is not a number counts
+    as larger than all numbers.
+    """
+    sizes, steps = np.abs(errors), np.arange(len(h))
+    which = np.argmax(sizes, axis=0)
+    value, without = sizes[which, steps], np.abs(withouts)[which, :, steps].T
+    counts = np.full(len(without), PARTS)
+    stderr = jackknife_stderr(value, without, counts)
+    resolved = is_resolved(value, stderr)
+    return Largest(which, value, stderr, resolved, fit_order(h, value, without, counts, resolved))
+
+
 def _centred(x):
     return x - x.mean()
 

@@ -7,21 +7,21 @@
     atom    = literal[i] | pi | i | function ( sum ) | ( sum )
 
 Whole numbers stay whole under + - * and powers, so that 10^9 and 2^64-1 are exact.
+
+What the operations mean is said by :class:`Numbers`; ``expressions`` gives the same grammar another meaning.
 """
 
 import cmath
 import difflib
 import math
+import operator
 import re
-
-FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt", "abs")
-CONSTANTS = {"pi": math.pi, "i": 1j}
+from types import MappingProxyType
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<literal>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?P<imaginary>i\b)?"
     r"|(?P<word>[A-Za-z_]\w*)|(?P<sign>\*\*|[-+*/^()])|(?P<end>$)|(?P<other>\S))"
 )
-_LONGEST = 200
 
 
 class NumberError(ValueError):
@@ -33,10 +33,15 @@ def parse(text):
 
     Raises NumberError for everything else, such as division by zero, overflow or an unknown word.
     """
-    if len(text) > _LONGEST:
-        raise NumberError(f"longer than {_LONGEST} characters")
+    return read(text, Numbers())
+
+
+def read(text, algebra):
+    """What `text` is in an algebra such as :class:`Numbers`; NumberError if it is nothing."""
+    if len(text) > algebra.longest:
+        raise NumberError(f"longer than {algebra.longest} characters")
     try:
-        return _Parser(text).parse()
+        return _Parser(text, algebra).parse()
     except ZeroDivisionError:
         raise NumberError("division by zero") from None
     except OverflowError:
@@ -45,9 +50,35 @@ def parse(text):
         raise NumberError("too deeply nested") from None
 
 
+class Numbers:
+    """The meaning of the grammar in numbers: int, finite float, complex."""
+
+    longest = 200
+    functions = ("sin", "cos", "tan", "exp", "log", "sqrt", "abs")
+    constants = MappingProxyType({"pi": math.pi, "i": 1j})
+
+    def unknown(self, word):
+        """The error about a word that is neither a function nor a constant."""
+        near = difflib.get_close_matches(word, (*self.functions, *self.constants), 1)
+        return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
+
+    def negative(self, a):
+        return -a
+
+    def combine(self, sign, a, b):
+        """a + b, a - b, a * b, a / b or a ^ b."""
+        return _power(a, b) if sign == "^" else _finite(_ARITHMETIC[sign](a, b))
+
+    def apply(self, function, a):
+        return _apply(function, a)
+
+
+_ARITHMETIC = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
+
+
 class _Parser:
-    def __init__(self, text):
-        self.text = text
+    def __init__(self, text, algebra):
+        self.text, self.algebra = text, algebra
         self.position = 0
         self.next()
 
@@ -76,23 +107,21 @@ class _Parser:
     def sum(self):
         value = self.term()
         while sign := self.take("+", "-"):
-            other = self.term()
-            value = _finite(value + other if sign == "+" else value - other)
+            value = self.algebra.combine(sign, value, self.term())
         return value
 
     def term(self):
         value = self.factor()
         while sign := self.take("*", "/"):
-            other = self.factor()
-            value = _finite(value * other if sign == "*" else value / other)
+            value = self.algebra.combine(sign, value, self.factor())
         return value
 
     def factor(self):
         if sign := self.take("+", "-"):
             value = self.factor()
-            return value if sign == "+" else -value
+            return value if sign == "+" else self.algebra.negative(value)
         base = self.atom()
-        return _power(base, self.factor()) if self.take("^", "**") else base
+        return self.algebra.combine("^", base, self.factor()) if self.take("^", "**") else base
 
     def atom(self):
         token = self.token
@@ -105,14 +134,13 @@ class _Parser:
         if not (word := token["word"]):
             raise self.unexpected()
         self.next()
-        if word in CONSTANTS:
-            return CONSTANTS[word]
-        if word not in FUNCTIONS:
-            near = difflib.get_close_matches(word, (*FUNCTIONS, *CONSTANTS), 1)
-            raise NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
+        if word in self.algebra.constants:
+            return self.algebra.constants[word]
+        if word not in self.algebra.functions:
+            raise self.algebra.unknown(word)
         if not self.take("("):
             raise NumberError(f"'{word}' without parentheses")
-        return _apply(word, self.closing())
+        return self.algebra.apply(word, self.closing())
 
     def closing(self):
         value = self.sum()

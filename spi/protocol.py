@@ -237,18 +237,31 @@ def casimirs(model, y):
 
 
 @word
-def advance(scheme, model, h, dW, y, work, report):
+def advance(scheme, model, h, dW, coins, y, work, report):
     """One step of size h for LANES paths: replaces the states in `y`.
 
     `dW` holds the increments, channel k of lane l at [k * LANES + l]; channels that are off are not to be read.
-    `work` is scratch of ``work_size(scheme, model)`` floats; an implicit scheme adds to `report` (see
-    :data:`REPORT`).
+    `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
+    ``work_size(scheme, model)`` floats; an implicit scheme adds to `report` (see :data:`REPORT`).
     """
+
+
+@constant
+def tosses(scheme):
+    """Whether the scheme needs a fair coin per step and path."""
+    asks = getattr(_class(scheme), "tosses", None)
+    return bool(asks and asks(scheme))
 
 
 @word_with_default
 def work_size(scheme, model):
     """How many floats of scratch one block needs."""
+    return 0
+
+
+@word_with_default
+def memory_size(scheme, model):
+    """How many floats, at first 0, a block keeps from step to step behind its states in `y`."""
     return 0
 
 

@@ -5,14 +5,32 @@ from typing import Any, NamedTuple
 import numpy as np
 
 
+class Part(NamedTuple):
+    """What of a case is run at a time: one scheme, with one estimator where a study has several."""
+
+    scheme: str
+    estimator: str = ""
+    eps: float | None = None  #: of a scheme for the multiscale system
+
+    @property
+    def group(self):
+        """What the scheme is called in a file."""
+        return self.scheme if self.eps is None else f"{self.scheme}_eps_{self.eps:g}"
+
+    @property
+    def name(self):
+        return f"{self.group}/{self.estimator}" if self.estimator else self.group
+
+
 class Group(NamedTuple):
-    """The results of one scheme in one case: the group ``/<case>/<scheme>`` of a results file."""
+    """The results of one part of a case, in a file ``/<case>/<scheme>`` or ``/<case>/<scheme>/<estimator>``."""
 
     case: str
     scheme: str
     coordinates: dict[str, np.ndarray]  #: name of an axis -> its values, a 1-D array (a dimension scale)
     variables: dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
-    attributes: dict[str, Any]  #: numbers, strings and tuples of numbers that describe the whole group
+    attributes: dict[str, Any]  #: numbers, strings and tuples of them that describe the whole group
+    estimator: str = ""
 
 
 class Results(NamedTuple):
@@ -22,7 +40,7 @@ class Results(NamedTuple):
     groups: tuple[Group, ...]
 
 
-def describe(case, scheme):
+def describe(case, scheme, eps=None):
     """The attributes of a group that say what was integrated: `case` of a spec and `scheme`, a row of the schemes."""
     return {
         "scheme_label": scheme.label,
@@ -32,5 +50,6 @@ def describe(case, scheme):
         "initial": case.initial,
         "truncate_noise": case.truncate_noise,
         "model": case.model_name,
+        "eps": eps,
         **{f"model_{name}": value for name, value in case.model._asdict().items()},
     }

@@ -16,11 +16,15 @@ STREAM_VERSION = 1
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
+COINS = 1  # what is added to the stream of the increments: the coins of the same paths
+LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64
 #: Steps whose normals come from one evaluation of the generator.
 STEPS_PER_DRAW = 4
+#: Steps whose coins come from one evaluation.
+STEPS_PER_TOSS = 128
 
 _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
@@ -82,3 +86,22 @@ def draw_increments(seed, stream, channel, draw, block, scale, words, increments
 def draw_normals(seed, stream, channel, draw, block, words, normals):
     """:func:`draw_increments` with scale 1, the four steps one after the other."""
     draw_increments(seed, stream, channel, draw, block, 1.0, words, normals, LANES)
+
+
+@inlined
+def toss(seed, stream, draw, block, words):
+    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+    k0, k1 = seed & _LOW, seed >> _32
+    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
+    for lane in range(LANES):
+        w = philox(draw, stream << np.uint64(16), c2 + np.uint64(lane), c3, k0, k1)
+        words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+
+
+@inlined
+def read_coins(words, step, coins):
+    """The coins of one step, 1.0 or -1.0 for each lane, from the bits of :func:`toss`."""
+    row = step % STEPS_PER_TOSS // 32 * LANES
+    place = np.uint64(step % 32)
+    for lane in range(LANES):
+        coins[lane] = 1.0 if (words[row + lane] >> place) & np.uint64(1) != 0 else -1.0

@@ -9,8 +9,7 @@ import numpy as np
 from . import __version__, source_digest, store
 from .ensemble import thread_count
 from .records import Results
-from .rng import LANES, STREAM_VERSION
-from .schemes import SCHEMES
+from .rng import STREAM_VERSION
 from .spec import load
 from .studies import STUDIES
 
@@ -26,12 +25,12 @@ class Progress(NamedTuple):
     """How far a run is; one is reported before the first and after every batch of paths."""
 
     case: str
-    scheme: str
-    done: int  #: paths
-    samples: int
-    seconds: float  #: wall clock spent on these paths, including earlier runs
+    scheme: str  #: and estimator, if there are several
+    done: float  #: in paths, or in seconds of typical speed
+    total: float
+    seconds: float  #: wall clock spent on it, including earlier runs
     stderr: float  #: of the error at the largest step and the final time; NaN before there is one
-    part: int  #: number of this scheme among all schemes of all cases, from 0
+    part: int  #: number of this part among all parts of all cases, from 0
     parts: int
 
 
@@ -56,26 +55,27 @@ def run(experiment, out="results", fresh=False, report=lambda progress: None):
         store.check_same_spec(target, experiment.hash)
     study = STUDIES[experiment.kind]
     key_of_states = f"{experiment.hash} {source_digest()}"  # other code might go on with other numbers
-    states = {} if fresh else _read_states(study, checkpoint, key_of_states)
-    parts = [(case, scheme) for case in experiment.cases for scheme in case.schemes]
+    earlier = {} if fresh else store.read_checkpoint(checkpoint, key_of_states) or {}
+    parts = [(case, part) for case in experiment.cases for part in study.parts(case)]
+    states = {}
     saved = time.monotonic()
     try:
-        for part, (case, scheme) in enumerate(parts):
-            key = f"{case.name}/{scheme}"
-            plan = study.plan(case, scheme)
-            new = study.start(plan)
-            states[key] = _fitting(states.get(key), new) or new
-            report(_progress(study, plan, states[key], case, scheme, part, len(parts)))
+        for number, (case, part) in enumerate(parts):
+            key = f"{case.name}/{part.name}"
+            plan = study.plan(case, part)
+            states[key] = _resumed(study.start(plan), key, earlier)
+            place = (case.name, part.name), (number, len(parts))
+            report(_progress(study, plan, states[key], *place))
             for state in study.batches(plan, states[key]):
                 states[key] = state
-                report(_progress(study, plan, state, case, scheme, part, len(parts)))
+                report(_progress(study, plan, state, *place))
                 if time.monotonic() - saved > CHECKPOINT_SECONDS:
-                    _write_states(checkpoint, key_of_states, states)
+                    _write_states(checkpoint, key_of_states, earlier, states)
                     saved = time.monotonic()
-        groups = [study.group(case, scheme, states[f"{case.name}/{scheme}"]) for case, scheme in parts]
+        groups = [study.group(case, part, states[f"{case.name}/{part.name}"]) for case, part in parts]
         store.write(target, Results(_attributes(experiment), tuple(groups)))
     except KeyboardInterrupt:
-        _write_states(checkpoint, key_of_states, states)
+        _write_states(checkpoint, key_of_states, earlier, states)
         raise Stopped(f"stopped; what is done is kept in {checkpoint}: the same command goes on from there") from None
     checkpoint.unlink(missing_ok=True)
     return target
@@ -98,28 +98,24 @@ def results_of(spec, out="results"):
 class Cost(NamedTuple):
     """What an experiment would cost."""
 
-    path_steps: int  #: steps of all paths, step sizes, schemes and cases together
-    seconds: float  #: a rough estimate
+    path_steps: float  #: steps of all paths, step sizes, schemes and cases together
+    seconds: float  #: an estimate; NaN where nothing bounds the work
     megabytes: float
+    at_most: bool  #: whether a target may be reached before
 
 
 def cost(experiment):
     """The cost of an experiment from the steps to be taken and typical times of one step."""
     study = STUDIES[experiment.kind]
-    steps, seconds, memory = 0, 0.0, 0.0
-    for case in experiment.cases:
-        per_path, needed = study.cost(case)
-        memory = max(memory, needed)
-        for scheme in case.schemes:
-            steps += per_path * case.samples
-            seconds += per_path * case.samples * 1e-9 * SCHEMES[scheme].typical_ns / thread_count()
-    return Cost(steps, seconds, memory / 1e6)
+    costs = [study.cost(case, part) for case in experiment.cases for part in study.parts(case)]
+    steps, seconds, memory = zip(*costs, strict=True)
+    at_most = any(getattr(case, "standard_error", None) is not None for case in experiment.cases)
+    return Cost(sum(steps), sum(seconds) / thread_count(), max(memory) / 1e6, at_most)
 
 
-def _progress(study, plan, state, case, scheme, part, parts):
-    done = min(state.blocks * LANES, plan.samples)
-    stderr = study.current_stderr(plan, state) if done else float("nan")
-    return Progress(case.name, scheme, done, plan.samples, state.seconds, stderr, part, parts)
+def _progress(study, plan, state, names, numbers):
+    done, total, stderr = study.progress(plan, state)
+    return Progress(*names, done, total, state.seconds, stderr, *numbers)
 
 
 def _attributes(experiment):
@@ -138,22 +134,17 @@ def _attributes(experiment):
     }
 
 
-def _write_states(path, spec_hash, states):
-    flat = {f"{key}/{name}": value for key, state in states.items() for name, value in state._asdict().items()}
-    store.write_checkpoint(path, spec_hash, flat)
+def _write_states(path, key, earlier, states):
+    """Keep all states, those of an earlier run that have not been reached again included."""
+    flat = {f"{name}/{field}": value for name, state in states.items() for field, value in state._asdict().items()}
+    store.write_checkpoint(path, key, earlier | flat)
 
 
-def _read_states(study, path, spec_hash):
-    flat = store.read_checkpoint(path, spec_hash) or {}
-    grouped = {}
-    for name, value in flat.items():
-        key, field = name.rsplit("/", 1)
-        grouped.setdefault(key, {})[field] = value
-    return {key: study.State(**f) for key, f in grouped.items() if set(f) == set(study.State._fields)}
-
-
-def _fitting(state, new):
-    """The state of a checkpoint, or None if there is none or if it is not shaped like a new one."""
-    if state is not None and [np.shape(x) for x in state] == [np.shape(x) for x in new]:
-        return state
-    return None
+def _resumed(new, name, earlier):
+    """The state of a checkpoint, or the new one if there is none or if it is not shaped like that."""
+    fields = {field: earlier.get(f"{name}/{field}") for field in new._fields}
+    fits = all(
+        value is not None and np.shape(value) == np.shape(new_value)
+        for value, new_value in zip(fields.values(), new, strict=True)
+    )
+    return type(new)(**fields) if fits else new

@@ -56,7 +56,9 @@ def read(path):
     path = Path(path)
     with _open_results(path) as file:
         try:
-            groups = tuple(_read_group(case, scheme, file[case][scheme]) for case in file for scheme in file[case])
+            groups = tuple(
+                group for case in file for scheme in file[case] for group in _read_groups(case, scheme, file)
+            )
             return Results(_read_attributes(file), groups)
         except _DAMAGE as error:
             raise StoreError(f"{path}: the results file is damaged; delete it and run the experiment again") from error
@@ -91,11 +93,13 @@ def check_writable(path):
 
 
 def _write_group(file, group):
-    for kind, name in (("case", group.case), ("scheme", group.scheme)):
+    for kind, name in (("case", group.case), ("scheme", group.scheme), ("estimator", group.estimator or "none")):
         if not name or name.startswith(".") or "/" in name:
             raise StoreError(f"the {kind} name {name!r} cannot be stored: choose one without '/' and leading '.'")
     case = file.get(group.case) or file.create_group(group.case, track_order=True)
-    target = case.create_group(group.scheme, track_order=True)
+    target = case.get(group.scheme) or case.create_group(group.scheme, track_order=True)
+    if group.estimator:
+        target = target.create_group(group.estimator, track_order=True)
     _write_attributes(target, group.attributes)
     for name, values in group.coordinates.items():
         _write_array(target, name, values).make_scale(name)
@@ -107,7 +111,15 @@ def _write_group(file, group):
             dataset.dims[i].attach_scale(target[axis])
 
 
-def _read_group(case, scheme, source):
+def _read_groups(case, scheme, file):
+    """The group of a scheme, or those of its estimators."""
+    source = file[case][scheme]
+    if not isinstance(next(iter(source.values()), None), h5py.Group):
+        return [_read_group(case, scheme, "", source)]
+    return [_read_group(case, scheme, estimator, source[estimator]) for estimator in source]
+
+
+def _read_group(case, scheme, estimator, source):
     coordinates, variables = {}, {}
     for name, dataset in source.items():
         if dataset.is_scale:
@@ -115,7 +127,7 @@ def _read_group(case, scheme, source):
         else:
             axes = tuple(Path(dataset.dims[i][0].name).name for i in range(dataset.ndim))
             variables[name] = (axes, _read_array(dataset))
-    return Group(case, scheme, coordinates, variables, _read_attributes(source))
+    return Group(case, scheme, coordinates, variables, _read_attributes(source), estimator)
 
 
 def _write_array(target, name, values):

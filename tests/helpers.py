@@ -11,14 +11,18 @@ import numba
 import numpy as np
 
 from spi.dispatch import kernel, means, number, unrolled
-from spi.ensemble import Grid, Noise, empty_report, integrate
+from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
 from spi.lanes import load, store
 from spi.models import RigidBody
-from spi.protocol import advance, dimension, noise_indices, observe, work_size
+from spi.protocol import advance, dimension, memory_size, noise_indices, observe, work_size
 from spi.rng import BROWNIAN, LANES
+from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
+
+#: The schemes of the equation itself; those of the multiscale system have a test file of their own.
+SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
 
 #: The example of the paper's section 4.2.
 RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))
@@ -59,8 +63,21 @@ def put_increments(index, model, y, dW):
 
 
 @means(advance, Increments)
-def _(scheme, model, h, dW, y, work, report):
+def _(scheme, model, h, dW, coins, y, work, report):
     put_increments(model, y, dW)
+
+
+class Coins(NamedTuple):
+    """No scheme either: the first component of the new state is the coin."""
+
+
+Coins.tosses = staticmethod(lambda scheme: True)
+
+
+@means(advance, Coins)
+def _(scheme, model, h, dW, coins, y, work, report):
+    for lane in range(LANES):
+        y[lane] = coins[lane]
 
 
 class WithoutCorrection(NamedTuple):
@@ -68,7 +85,7 @@ class WithoutCorrection(NamedTuple):
 
 
 @means(advance, WithoutCorrection)
-def _(scheme, model, h, dW, y, work, report):
+def _(scheme, model, h, dW, coins, y, work, report):
     for lane in range(LANES):
         state = load(model, y, lane)
         new = add_scaled(state, h, drift_field(model, state))
@@ -87,6 +104,7 @@ def simulate(
     first_block=0,
     samples=None,
     truncate=False,
+    reversals=None,
     seed=1,
     initial=INITIAL,
 ):
@@ -106,7 +124,7 @@ def simulate(
         scheme,
         model,
         initial,
-        Grid(h, steps, np.array(doublings), truncate),
+        grid(h, steps, doublings, truncate, reversals),
         Noise(np.uint64(seed), np.uint64(BROWNIAN)),
         observer,
         report,
@@ -119,27 +137,43 @@ def simulate(
     return (states if snapshots else [states[level, :count] for level, count in enumerate(counts)]), report
 
 
+def final_states(
+    scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, seed=1, stream=BROWNIAN, initial=INITIAL, **options
+):
+    """The last states alone, by the observer FinalStates, an array [level, component, path]; `options` are grid's."""
+    times, d = grid(h, steps, **options), type(model).dimension
+    levels = len(times.doublings)
+    observer = FinalStates(np.zeros((blocks, levels, d * LANES)), times.reference_steps >> times.doublings)
+    noise, report, end = Noise(np.uint64(seed), np.uint64(stream)), empty_report(blocks, levels), first_block + blocks
+    integrate(scheme, model, initial, times, noise, observer, report, first_block, blocks, end * LANES)
+    return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1)
+
+
 # --- schemes and flows without the ensemble --------------------------------------------------------------------------
 
 
 @kernel
-def _advance(scheme, model, h, dW, y, work, report):
+def _advance(scheme, model, h, dW, coins, y, work, report):
     for n in range(dW.shape[0]):
-        advance(scheme, model, h, dW[n], y, work, report)
+        advance(scheme, model, h, dW[n], coins[n], y, work, report)
 
 
-def take_steps(scheme, model, h, dW, y):
-    """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report."""
+def take_steps(scheme, model, h, dW, y, coins=None):
+    """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
+
+    `coins` [step, lane] are all 1 unless given.
+    """
     y = np.array(y, float)
-    block, report = y.ravel(), np.zeros(4)
+    block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(4)
     dW = np.ascontiguousarray(dW, float).reshape(-1, type(model).noises * LANES)
-    _advance(scheme, model, float(h), dW, block, np.empty(work_size(scheme, model)), report)
-    return block.reshape(y.shape), report
+    coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
+    _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
+    return block[: y.size].reshape(y.shape), report
 
 
-def take_step(scheme, model, h, dW, y):
-    """The same for one step with increments dW [noise, lane]."""
-    return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y)
+def take_step(scheme, model, h, dW, y, coins=None):
+    """The same for one step with increments dW [noise, lane] and coins [lane]."""
+    return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, None if coins is None else coins[np.newaxis])
 
 
 def random_states(generator, d=3):
@@ -175,3 +209,28 @@ def composition(model, h, dW, y, noise_first=True):
         return y
 
     return drift(noise(y)) if noise_first else noise(drift(y))
+
+
+def order_2(model, h, dW, coin, y):
+    """One step of the remark rem:order2 for one path: Phi^det_{h/2} o Phi^sto_{h,coin} o Phi^det_{h/2}."""
+
+    def drift(k, t, y):
+        return turned(k, t * y[k] / model.inertia[k], y)
+
+    def noise(k, y):
+        return turned(k, (model.sigma[k] or 0.0) * dW[k] * y[k] / model.noise_inertia[k], y)
+
+    def half(y):
+        return drift(0, h / 4, drift(1, h / 4, drift(2, h / 2, drift(1, h / 4, drift(0, h / 4, y)))))
+
+    y = half(y)
+    y = noise(2, noise(1, noise(0, y))) if coin == 1 else noise(0, noise(1, noise(2, y)))
+    return half(y)
+
+
+#: name of a scheme -> its step by the printed formulas, (model, h, dW, coin, y) -> y
+BY_HAND = {
+    "splitting": lambda model, h, dW, coin, y: composition(model, h, dW, y),
+    "splitting_drift_first": lambda model, h, dW, coin, y: composition(model, h, dW, y, noise_first=False),
+    "splitting_order2": order_2,
+}

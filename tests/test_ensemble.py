@@ -19,16 +19,19 @@ from helpers import (
     LANES,
     ONE_NOISE,
     RIGID_BODY,
+    SCHEMES,
+    Coins,
     Increments,
     WithoutCorrection,
+    final_states,
+    order_2,
     simulate,
     take_steps,
 )
 
 from spi.dispatch import kernel
 from spi.protocol import REPORT
-from spi.rng import BROWNIAN, STEPS_PER_DRAW, draw_normals
-from spi.schemes import SCHEMES
+from spi.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -38,6 +41,11 @@ TWO_NOISES = RIGID_BODY._replace(sigma=(1.0, None, 0.5))
 def increments_of(model=RIGID_BODY, **options):
     """The increments that a scheme gets: a list of levels, each an array [step, noise, path]."""
     return simulate(Increments(), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
+
+
+def coins_of(**options):
+    """The coins that a scheme gets: a list of levels, each an array [step, path]."""
+    return [states[:, 0] for states in simulate(Coins(), RIGID_BODY, snapshots=0, **options)[0]]
 
 
 # --- increments ------------------------------------------------------------------------------------------------------
@@ -114,6 +122,97 @@ def test_noises_paths_and_seeds_are_different():
     assert np.abs(correlations).max() < 6 / np.sqrt(one.shape[0])  # of 73536 pairs
 
 
+# --- coins -----------------------------------------------------------------------------------------------------------
+
+
+@kernel
+def draw_coins(seed, steps, block, words, coins):
+    for n in range(steps):
+        if n % STEPS_PER_TOSS == 0:
+            toss(seed, np.uint64(BROWNIAN + COINS), np.uint64(n // STEPS_PER_TOSS), block, words)
+        read_coins(words, n, coins[n])
+
+
+def test_coins_are_those_of_the_generator_and_a_coarse_step_has_that_of_its_first_half():
+    """Also beyond the 128 steps that one evaluation of the generator is good for."""
+    steps, doublings, seed = 160, (0, 1, 3, 4), 2**40 + 3
+    levels = coins_of(h=2.0**-7, steps=steps, doublings=doublings, blocks=2, first_block=5, seed=seed)
+    expected, words = np.empty((2, steps, LANES)), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
+    for block in range(2):
+        draw_coins(np.uint64(seed), steps, np.uint64(5 + block), words, expected[block])
+    expected = np.concatenate(expected, axis=1)
+    for s, coins in zip(doublings, levels, strict=True):
+        assert np.array_equal(coins, expected[:: 2**s])
+        assert abs(coins.mean()) < 4 / np.sqrt(coins.size)
+    assert not np.array_equal(levels[1], expected[1::2])  # negative control: that of the second half is another
+
+
+def test_turned_coins_are_those_of_the_other_side():
+    plain, turned = coins_of(h=2.0**-5, steps=8, doublings=(0, 0), reversals=(0, 1))
+    assert np.array_equal(turned, -plain)
+
+
+REVERSED = {"doublings": (0, 0, 1, 1, 2, 2, 2), "reversals": (0, 2, 2, 1, 0, 1, 0)}
+
+
+@pytest.mark.parametrize("truncate", [False, True])
+def test_reversed_paths_are_what_a_plain_loop_makes_of_the_increments_and_coins(truncate):
+    """The order-2 step by the printed formulas, for every path and level; truncated at h = 1/4 some increments are."""
+    h, steps, lanes = 2.0**-4, 8, range(0, LANES, 1 if COMPILED else 16)
+    found = simulate(SCHEMES["splitting_order2"].record, h=h, steps=steps, truncate=truncate, **REVERSED)[0][:, 0]
+    distinct = {"h": h, "steps": steps, "doublings": (0, 1, 2)}
+    increments, coins = increments_of(truncate=truncate, **distinct), coins_of(**distinct)
+    if truncate:
+        assert not np.array_equal(increments[2], increments_of(**distinct)[2])
+    wrong_coins, wrong_order = 0.0, 0.0
+    for level, (s, reversal) in enumerate(zip(*REVERSED.values(), strict=True)):
+        in_order = list(range(steps >> s))
+        in_pairs = [n for pair in range(0, len(in_order), 2) for n in (pair + 1, pair)] if reversal == 2 else in_order
+        side = -1 if reversal else 1
+
+        def path(lane, order, side, s=s):
+            y = INITIAL
+            for n in order:
+                y = order_2(RIGID_BODY, h * 2**s, increments[s][n, :, lane], side * coins[s][n, lane], y)
+            return np.array(y)
+
+        for lane in lanes:
+            y = found[level, :, lane]
+            assert np.linalg.norm(y - path(lane, in_pairs, side)) < 1e-13
+            wrong_coins = max(wrong_coins, np.linalg.norm(y - path(lane, in_pairs, -side)))
+            if reversal == 2:
+                wrong_order = max(wrong_order, np.linalg.norm(y - path(lane, in_order, side)))
+    assert wrong_coins > 0.03 and wrong_order > 0.03  # negative controls: both matter
+
+
+def test_final_states_are_the_states_at_the_end():
+    options = {"h": 2.0**-4, "steps": 8, "blocks": 2, "first_block": 1, **REVERSED}
+    expected, _ = simulate(SCHEMES["splitting_order2"].record, **options)
+    assert np.array_equal(final_states(SCHEMES["splitting_order2"].record, **options), expected[:, 0])
+
+
+@compiled_only
+def test_reversed_paths_have_the_law_of_the_scheme():
+    """Means of y_i, y_i^2 and y_i y_j over 2^18 paths; the difference of two steps shows how sharp that is."""
+    paths = {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
+    fine, twin, coarse, turned = final_states(SCHEMES["splitting_order2"].record, h=0.25, steps=4, blocks=4096, **paths)
+
+    def moments(y):
+        return np.concatenate([y, y**2, y * np.roll(y, 1, axis=0)])
+
+    def standard_errors(a, b):
+        """By how many standard errors the moments of two sets of paths differ."""
+        d = moments(a) - moments(b)
+        return np.abs(d.mean(axis=1)) / d.std(axis=1, ddof=1) * np.sqrt(d.shape[1])
+
+    assert standard_errors(fine, twin).max() < 4
+    assert standard_errors(coarse, turned).max() < 4
+    assert not np.array_equal(fine, twin) and not np.array_equal(coarse, turned)
+    assert standard_errors(fine, coarse).max() > 20
+    # Together the two cancel what is odd in the coins: the mean of a pair is nearer to that of the coarse pair.
+    assert np.std(fine + twin - coarse - turned) < 0.7 * np.sqrt(2) * np.std(fine - coarse)
+
+
 # --- what results do not depend on -----------------------------------------------------------------------------------
 
 SMALL = {"h": 2.0**-6, "steps": 64 if COMPILED else 8, "truncate": True}
@@ -126,8 +225,10 @@ def test_states_follow_from_the_increments(name):
     scheme = SCHEMES[name].record
     states, report = simulate(scheme, doublings=DOUBLINGS, **SMALL)
     initial = np.repeat(np.reshape(INITIAL, (3, 1)), LANES, axis=1)
+    coins = coins_of(doublings=DOUBLINGS, **SMALL)
     for level, dW in enumerate(increments_of(doublings=DOUBLINGS, **SMALL)):
-        expected, expected_report = take_steps(scheme, RIGID_BODY, SMALL["h"] * 2 ** DOUBLINGS[level], dW, initial)
+        h = SMALL["h"] * 2 ** DOUBLINGS[level]
+        expected, expected_report = take_steps(scheme, RIGID_BODY, h, dW, initial, coins[level])
         np.testing.assert_allclose(states[level, 0], expected, rtol=0, atol=1e-14)
         assert report[0, level, 0] == expected_report[0] == (len(dW) * LANES if name == "midpoint" else 0)
 
@@ -190,6 +291,7 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
 # --- the slow twin ---------------------------------------------------------------------------------------------------
 
 TWIN = {"h": 2.0**-5, "steps": 12, "doublings": (0, 2), "snapshots": 3, "truncate": True, "first_block": 2}
+REVERSED_TWIN = TWIN | {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
 PROGRAM = """
 import json, sys
 import helpers
@@ -200,6 +302,8 @@ for name in t.SCHEMES:
     states, report = helpers.simulate(t.SCHEMES[name].record, **t.TWIN)
     results[name] = states.tolist(), report.tolist()
 results["two_noises"] = [helpers.simulate(t.Increments(), t.TWO_NOISES, **t.TWIN)[0].tolist(), None]
+results["coins"] = [helpers.simulate(t.Coins(), **t.TWIN)[0].tolist(), None]
+results["reversed"] = [helpers.simulate(t.SCHEMES["splitting_order2"].record, **t.REVERSED_TWIN)[0].tolist(), None]
 json.dump(results, sys.stdout)
 """
 
@@ -225,6 +329,9 @@ def test_compiled_equals_uncompiled():
             assert np.all(np.abs(report[..., 3] - slow_report[..., 3]) < 1e-14)
     fast, _ = simulate(Increments(), TWO_NOISES, **TWIN)
     np.testing.assert_allclose(fast, slow["two_noises"][0], rtol=1e-14, atol=1e-16)
+    assert np.array_equal(simulate(Coins(), **TWIN)[0][:, :, 0], np.array(slow["coins"][0])[:, :, 0])
+    fast, _ = simulate(SCHEMES["splitting_order2"].record, **REVERSED_TWIN)
+    np.testing.assert_allclose(fast, slow["reversed"][0], rtol=0, atol=1e-13)
 
 
 # --- the right limit -------------------------------------------------------------------------------------------------

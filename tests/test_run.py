@@ -111,7 +111,7 @@ def test_a_run_writes_a_complete_file(tmp_path):
     # Progress: one report before the first batch of a scheme, then until all paths are done.
     for part, scheme in enumerate(SCHEMES):
         own = [p for p in reports if p.scheme == scheme]
-        assert (own[0].done, own[-1].done, own[0].samples) == (0, 70, 70)
+        assert (own[0].done, own[-1].done, own[0].total) == (0, 70, 70)
         assert {(p.case, p.part, p.parts) for p in own} == {("main", part, 2)}
         assert np.isnan(own[0].stderr)
         assert own[-1].stderr > 0

@@ -7,12 +7,13 @@ import mpmath
 import numpy as np
 import pytest
 from helpers import (
+    BY_HAND,
     COMPILED,
     INITIAL,
     LANES,
     ONE_NOISE,
     RIGID_BODY,
-    composition,
+    SCHEMES,
     random_states,
     simulate,
     take_step,
@@ -20,19 +21,31 @@ from helpers import (
     turned,
 )
 
+from spi import protocol
 from spi.dispatch import kernel
-from spi.models import RigidBody
-from spi.protocol import REPORT, strengths
-from spi.schemes import SCHEMES
+from spi.models import LotkaVolterra, MaxwellBloch, RigidBody, SineEuler
+from spi.protocol import (
+    ANY_ANGLES,
+    REPORT,
+    casimirs,
+    dimension,
+    drift_flow,
+    noise_flow,
+    noise_indices,
+    noises,
+    pieces,
+    strengths,
+)
+from spi.schemes import typical_ns
 from spi.schemes.midpoint import Midpoint, eliminate
-from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED
+from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, compositions
 
 MODELS = {
     "three_noises": RIGID_BODY,
     "one_noise": ONE_NOISE,
     "other_parameters": RigidBody((1.3, 0.4, 2.2), (0.7, 2.0, 0.5), (0.5, 2.0, 0.3)),
 }
-SPLITTINGS = {"splitting": True, "splitting_drift_first": False}  # whether the noise acts first
+SPLITTINGS = tuple(BY_HAND)
 IMPLICIT = "midpoint"
 SOLVES, ITERATIONS, FAILURES, RESIDUAL = range(len(REPORT))
 
@@ -56,6 +69,11 @@ def on_the_sphere(generator):
 def increments(generator, h, steps=None):
     shape = (3, LANES) if steps is None else (steps, 3, LANES)
     return np.sqrt(h) * np.clip(generator.standard_normal(shape), -3.0, 3.0)
+
+
+def tosses(generator, steps=None):
+    """Fair coins."""
+    return generator.choice([-1.0, 1.0], LANES if steps is None else (steps, LANES))
 
 
 def relative(a, b):
@@ -113,23 +131,31 @@ def test_euler_maruyama_is_the_ito_formula(model, h, generator):
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splitting_is_the_composition_of_flows(name, model, h, generator):
     """At h = 0.2 and 1 some lanes need range reduction; at h = 1 rounding errors grow within the step."""
-    y, dW = random_states(generator), increments(generator, h + 0.01)
-    new, _ = take_step(SCHEMES[name].record, model, h, dW, y)
-    expected = [composition(model, h, dW[:, lane], y[:, lane], SPLITTINGS[name]) for lane in range(LANES)]
-    assert relative(new, np.transpose(expected)) < (1e-12 if h == 1.0 else 1e-14)
-    if h > 0.1:  # negative control: the other order is another scheme
-        other = [composition(model, h, dW[:, lane], y[:, lane], not SPLITTINGS[name]) for lane in range(LANES)]
-        assert relative(new, np.transpose(other)) > 1e-2
+    y, dW, coins = random_states(generator), increments(generator, h + 0.01), tosses(generator)
+    new, _ = take_step(SCHEMES[name].record, model, h, dW, y, coins)
+
+    def by_hand(name, side):
+        """With the coins on that side."""
+        states = [BY_HAND[name](model, h, dW[:, lane], side * coins[lane], y[:, lane]) for lane in range(LANES)]
+        return np.transpose(states)
+
+    assert relative(new, by_hand(name, 1)) < (1e-12 if h == 1.0 else 1e-14)
+    if h > 0.1:  # negative control: another order is another scheme
+        others = [(other, 1) for other in SPLITTINGS if other != name]
+        if name == "splitting_order2" and len(noise_indices(model)) > 1:
+            others.append((name, -1))
+        for other in others:
+            assert relative(new, by_hand(*other)) > 1e-2
 
 
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splitting_without_time_is_the_noise_flows(name, model, generator):
-    y, dW = random_states(generator), increments(generator, 0.1)
-    new, _ = take_step(SCHEMES[name].record, model, 0.0, dW, y)
+    y, dW, coins = random_states(generator), increments(generator, 0.1), tosses(generator)
+    new, _ = take_step(SCHEMES[name].record, model, 0.0, dW, y, coins)
     expected = []
     for lane in range(LANES):
         state = tuple(y[:, lane])
-        for k in range(3):
+        for k in (2, 1, 0) if name == "splitting_order2" and coins[lane] < 0 else (0, 1, 2):
             state = turned(k, strengths(model)[k] * dW[k, lane] * state[k] / model.noise_inertia[k], state)
         expected.append(state)
     assert relative(new, np.transpose(expected)) < 3e-15
@@ -176,11 +202,137 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
     angles = t * (1.0 / 0.8) * y[axis]
     assert abs(angles[17] / angle - 1) < 1e-14
     expected = np.transpose([turned_exactly(axis, angles[lane], y[:, lane]) for lane in range(LANES)])
-    for scheme in (LIE_TROTTER, LIE_TROTTER_EXCHANGED):
-        new, _ = take_step(scheme, model, h, dW, y)
+    # With order 2 a drift turns in several parts, so only its noise can be told to the last bit, with either coin.
+    for scheme in (LIE_TROTTER, LIE_TROTTER_EXCHANGED, *([ORDER_2] if which == "noise" else [])):
+        new, _ = take_step(scheme, model, h, dW, y, tosses(generator))
         assert np.array_equal(new[axis], y[axis])
         others = [k for k in range(3) if k != axis]
         assert relative(new[others], expected[others]) < 1e-15
+
+
+# --- splitting, for every model --------------------------------------------------------------------------------------
+
+SYSTEMS = {
+    "rigid_body": RIGID_BODY,
+    "rigid_body_two_noises": RIGID_BODY._replace(sigma=(0.7, None, 1.2)),
+    "rigid_body_one_noise": ONE_NOISE,
+    "rigid_body_no_noise": RIGID_BODY._replace(sigma=(None, None, None)),
+    "maxwell_bloch": MaxwellBloch((0.5, 1.5)),
+    "lotka_volterra": LotkaVolterra((0.3,)),
+    "sine_euler": SineEuler((0.5, 0.2, None, 0.4)),
+}
+
+
+def order_2_printed(model, h, dW, coin, y):
+    """The remark rem:order2 for one path, with the model's own flows, which other tests check."""
+    last, on = pieces(model) - 1, [k for k, sigma in enumerate(model.sigma) if sigma is not None]
+
+    def half(y):
+        for k in range(last):
+            y = drift_flow(model, k, h / 4, y, ANY_ANGLES)
+        y = drift_flow(model, last, h / 2, y, ANY_ANGLES)
+        for k in range(last - 1, -1, -1):
+            y = drift_flow(model, k, h / 4, y, ANY_ANGLES)
+        return y
+
+    y = half(y)
+    for k in on if coin == 1 else on[::-1]:
+        y = noise_flow(model, k, model.sigma[k] * dW[k], y, ANY_ANGLES)
+    return half(y)
+
+
+def acted(flows, model, h, dW, y):
+    """What a composition, given as data, makes of a state."""
+    for kind, k, fraction in flows:
+        if kind == "drift":
+            y = drift_flow(model, k, fraction * h, y, ANY_ANGLES)
+        else:
+            y = noise_flow(model, k, fraction * model.sigma[k] * dW[k], y, ANY_ANGLES)
+    return y
+
+
+@pytest.fixture(params=SYSTEMS)
+def system(request, generator):
+    """A model, states [component, lane] and increments [noise, lane]."""
+    model = SYSTEMS[request.param]
+    y = random_states(generator, dimension(model))
+    if isinstance(model, LotkaVolterra):
+        y = np.exp(0.5 * y)
+    return model, y, 0.5 * generator.standard_normal((noises(model), LANES))
+
+
+def by_lanes(step, y, dW, coins):
+    """The states after step(y, dW, coin) in every lane."""
+    return np.transpose([step(tuple(y[:, n].tolist()), dW[:, n].tolist(), coins[n]) for n in range(LANES)])
+
+
+def test_order_2_is_the_printed_composition_and_so_are_the_compositions_as_data(system, generator):
+    model, y, dW = system
+    h, coins = 0.3, tosses(generator)
+    new, _ = take_step(ORDER_2, model, h, dW, y, coins)
+    printed = by_lanes(lambda y, dW, coin: order_2_printed(model, h, dW, coin, y), y, dW, coins)
+    assert relative(new, printed) < 1e-13
+    as_data = compositions(ORDER_2, model)
+    assert [probability for probability, _ in as_data] == [0.5, 0.5]
+    of_coin = {1.0: as_data[0][1], -1.0: as_data[1][1]}
+    assert relative(by_lanes(lambda y, dW, coin: acted(of_coin[coin], model, h, dW, y), y, dW, coins), printed) < 1e-14
+    if len(noise_indices(model)) > 1:  # negative control: the coins on the other side
+        other, _ = take_step(ORDER_2, model, h, dW, y, -coins)
+        assert relative(other, printed) > 1e-2
+    lie_trotter = compositions(LIE_TROTTER, model)[0][1]
+    assert relative(by_lanes(lambda y, dW, coin: acted(lie_trotter, model, h, dW, y), y, dW, coins), printed) > 1e-2
+
+
+@pytest.mark.parametrize("scheme", [LIE_TROTTER, LIE_TROTTER_EXCHANGED], ids=["noise first", "drift first"])
+def test_compositions_of_lie_trotter_are_its_step(system, scheme):
+    model, *_ = system
+    ((probability, flows),) = compositions(scheme, model)
+    drift, noise = [("drift", k, 1.0) for k in range(pieces(model))], [("noise", k, 1.0) for k in noise_indices(model)]
+    assert probability == 1.0
+    assert list(flows) == (noise + drift if scheme is LIE_TROTTER else drift + noise)
+
+
+def test_compositions_as_data_for_two_pieces_and_two_noises():
+    halves = [("drift", 0, 0.25), ("drift", 1, 0.5), ("drift", 0, 0.25)]
+    noise = [("noise", 0, 1.0), ("noise", 1, 1.0)]
+    expected = ((0.5, (*halves, *noise, *halves)), (0.5, (*halves, *noise[::-1], *halves)))
+    assert compositions(ORDER_2, MaxwellBloch((1.0, 1.0))) == expected
+
+
+def test_order_2_with_the_coin_turned_is_its_own_inverse(system, generator):
+    """Phi_{-h,-coin}(-dW) o Phi_{h,coin}(dW) is the identity: turning the coin reverses the order of all flows."""
+    model, y, dW = system
+    h, coins = 0.3, tosses(generator)
+    new, _ = take_step(ORDER_2, model, h, dW, y, coins)
+    back, _ = take_step(ORDER_2, model, -h, -dW, new, -coins)
+    assert relative(back, y) < 1e-12
+    assert relative(new, y) > 0.1
+    if len(noise_indices(model)) > 1:  # negative control
+        assert relative(take_step(ORDER_2, model, -h, -dW, new, coins)[0], y) > 1e-2
+
+
+def test_only_order_2_tosses_coins():
+    assert [name for name, row in SCHEMES.items() if protocol.tosses(row.record)] == ["splitting_order2"]
+
+
+def test_order_2_keeps_all_casimirs(system, generator):
+    model, y, _ = system
+    steps = 200 if COMPILED else 10
+    dW = 0.1 * np.clip(generator.standard_normal((steps, noises(model), LANES)), -3.0, 3.0)
+    new, _ = take_steps(ORDER_2, model, 0.01, dW, y, tosses(generator, steps))
+    for lane in range(LANES):
+        before, after = (np.array(casimirs(model, tuple(x[:, lane].tolist()))) for x in (y, new))
+        assert np.all(np.abs(after - before) <= 1e-13 * np.linalg.norm(y[:, lane]) ** 3 + 1e-13)
+    assert relative(new, y) > 0.1
+
+
+def test_flows_of_a_step_for_estimates_of_run_time():
+    """13 flows and, because lanes differ in their coins, two of the noises twice."""
+    assert typical_ns("splitting_order2", RIGID_BODY) > typical_ns("splitting", RIGID_BODY)
+    flow = typical_ns("splitting", RIGID_BODY._replace(sigma=(None, None, None))) / 3
+    assert typical_ns("splitting_order2", RIGID_BODY._replace(sigma=(None, None, None))) == pytest.approx(10 * flow)
+    draws = typical_ns("splitting", RIGID_BODY) - 6 * flow
+    assert typical_ns("splitting_order2", RIGID_BODY) == pytest.approx(15 * flow + draws)
 
 
 # --- lanes are independent -------------------------------------------------------------------------------------------
@@ -189,8 +341,8 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
 @pytest.mark.parametrize("name", SCHEMES)
 def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
     y, dW, h = random_states(generator), increments(generator, 0.1, steps=5), 0.05
-    scheme = SCHEMES[name].record
-    clean, clean_report = take_steps(scheme, RIGID_BODY, h, dW, y)
+    scheme, coins = SCHEMES[name].record, tosses(generator, steps=5)
+    clean, clean_report = take_steps(scheme, RIGID_BODY, h, dW, y, coins)
     spoilt = np.array([3, 4, 30, 31, 63])
     y[:, 3] = np.nan
     y[1, 4] = np.nan
@@ -198,7 +350,7 @@ def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
     y[0, 31] = -np.inf
     dW[2, 0, 63] = np.nan
     with np.errstate(all="ignore"):
-        new, report = take_steps(scheme, RIGID_BODY, h, dW, y)
+        new, report = take_steps(scheme, RIGID_BODY, h, dW, y, coins)
     others = np.delete(np.arange(LANES), spoilt)
     assert np.all(np.isnan(new[:, spoilt]).any(axis=0))
     # A sweep may take another road to the same sine, an iteration may end a turn later: the last digits may differ.
@@ -212,18 +364,19 @@ def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
 def test_a_lane_does_not_depend_on_its_place(name, generator):
     """Lanes in another order give the same bits in another order."""
     y, dW, order = random_states(generator), increments(generator, 0.1, steps=3), generator.permutation(LANES)
-    new, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW, y)
-    permuted, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW[:, :, order], y[:, order])
+    coins = tosses(generator, steps=3)
+    new, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW, y, coins)
+    permuted, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW[:, :, order], y[:, order], coins[:, order])
     assert np.array_equal(permuted, new[:, order])
 
 
 @pytest.mark.parametrize("name", SCHEMES)
 def test_a_noise_that_is_off_has_no_effect(name, generator):
     """None and 0 mean the same; and increments of a noise that is off are not read."""
-    y, dW, h = random_states(generator), increments(generator, 0.1), 0.1
-    zero, _ = take_step(SCHEMES[name].record, RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0)), h, dW, y)
+    y, dW, h, coins = random_states(generator), increments(generator, 0.1), 0.1, tosses(generator)
+    zero, _ = take_step(SCHEMES[name].record, RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0)), h, dW, y, coins)
     dW[1:] = np.nan
-    off, _ = take_step(SCHEMES[name].record, ONE_NOISE, h, dW, y)
+    off, _ = take_step(SCHEMES[name].record, ONE_NOISE, h, dW, y, coins)
     if name in SPLITTINGS:
         assert np.array_equal(off, zero)  # a flow through the angle 0 is left out
     else:
@@ -246,16 +399,17 @@ def structure_matrix(y):
 def poisson_defect(scheme, model, h, generator):
     """The largest entry of D B(y) D^T - B(Phi(y)) over random y and dW; D by central differences of fourth order.
 
-    All states that belong to one point are lanes of one block with the same increments.
+    All states that belong to one point are lanes of one block with the same increments and coin.
     """
     worst = 0.0
-    y, dW = np.ones((3, LANES)), np.zeros((3, LANES))
+    y, dW, coins = np.ones((3, LANES)), np.zeros((3, LANES)), np.ones(LANES)
     offsets = [np.zeros(3)] + [j * DELTA * e for e in np.eye(3) for j in (-2, -1, 1, 2)]
     for point in range(POINTS):
         lanes = slice(point * len(offsets), (point + 1) * len(offsets))
         y[:, lanes] = (generator.standard_normal(3) + np.array(offsets)).T
         dW[:, lanes] = increments(generator, h)[:, :1]
-    new, _ = take_step(scheme, model, h, dW, y)
+        coins[lanes] = (-1) ** point
+    new, _ = take_step(scheme, model, h, dW, y, coins)
     for point in range(POINTS):
         base = point * len(offsets)
         columns = []
@@ -292,7 +446,8 @@ def casimir_errors(scheme, h, steps, seed=5):
     """|C(y_n) - C(y_0)| / C(y_0) of every lane after many steps."""
     generator = np.random.default_rng(seed)
     y = on_the_sphere(generator)
-    new, report = take_steps(scheme, RIGID_BODY, h, increments(generator, h, steps), y)
+    dW, coins = increments(generator, h, steps), tosses(generator, steps)
+    new, report = take_steps(scheme, RIGID_BODY, h, dW, y, coins)
     before, after = (y**2).sum(axis=0), (new**2).sum(axis=0)
     return np.abs(after - before) / before, report
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from spi.expressions import parse_expression
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
 from spi.numbers import NumberError, parse
@@ -197,7 +198,10 @@ def test_hash_of_a_profile_is_that_of_its_content(spec):
 
 NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
 WHOLE = "must be a whole number such as 500 or 10^6"
-SCHEMES = "splitting, splitting_drift_first, euler_maruyama, midpoint"
+SCHEMES = (
+    "splitting, splitting_drift_first, splitting_order2, euler_maruyama, midpoint, ap_splitting, "
+    "ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
+)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +211,7 @@ SCHEMES = "splitting, splitting_drift_first, euler_maruyama, midpoint"
         ("samples", "smaples", "12: smaples: is no known key; did you mean 'samples'?"),
         ("  inertia", "  inerta", "5: model.inerta: is no known key; did you mean 'inertia'?"),
         ("kind: strong", "knd: strong", "2: knd: is no known key; did you mean 'kind'?"),
-        ("kind: strong\n", "", "1: kind: missing key 'kind'; add kind: strong or trajectory"),
+        ("kind: strong\n", "", "1: kind: missing key 'kind'; add kind: strong or trajectory or weak"),
         ("samples: 10\n", "", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
         (
             "  noise_inertia: [1, 2, 3]\n",
@@ -222,7 +226,7 @@ SCHEMES = "splitting, splitting_drift_first, euler_maruyama, midpoint"
         ("samples", "[a]: 3\nsamples", "1: has a list or mapping as a key; keys must be words"),
         # names
         ("kind: strong", "kind: strnog", "2: kind: is 'strnog'; did you mean 'strong'?"),
-        ("kind: strong", "kind: weather", "2: kind: is 'weather'; known: strong, trajectory"),
+        ("kind: strong", "kind: weather", "2: kind: is 'weather'; known: strong, trajectory, weak"),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
         (", splitting", ", 7", f"11: schemes: entry 2 is '7'; known: {SCHEMES}"),
@@ -404,8 +408,8 @@ def test_bad_value(spec, old, new, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory"),
-        ("# only a comment\n", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory"),
+        ("", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory or weak"),
+        ("# only a comment\n", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory or weak"),
         ("- a\n- b\n", "s.yaml:1: is a list; must be a mapping, lines of key: value"),
         ("just words\n", "s.yaml:1: is 'just words'; must be a mapping, lines of key: value"),
         (
@@ -501,6 +505,175 @@ def test_garbage_is_an_error_of_one_line(tmp_path_factory, text):
     (path.parent / "good.yaml").write_text(GOOD)
     assume("=" not in text)
     assert error(load, path.parent / "good.yaml", overrides=[f"steps={text} x"])
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Weak errors
+# ---------------------------------------------------------------------------------------------------------------------
+
+WEAK = """\
+kind: weak
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+steps: [1/8, 1/4]
+reference_step: 2^-6
+schemes: [splitting]
+functions:
+  phi: sin(2*pi*y1) + sin(2*pi*y2)
+  energy: y1^2
+estimators: [plain, multilevel]
+samples: 10^6
+prefixes: [10, 1000]
+seconds: 60
+"""
+
+
+def test_weak(spec):
+    e = spec(WEAK)
+    (case,) = e.cases
+    assert (e.kind, case.steps, case.reference_step, case.truncate_noise) == ("weak", (1 / 4, 1 / 8), 1 / 64, False)
+    assert case.functions == {"phi": "sin(2*pi*y1) + sin(2*pi*y2)", "energy": "y1^2"}
+    assert case.expressions == tuple(parse_expression(text, 3) for text in case.functions.values())
+    assert (case.estimators, case.samples, case.prefixes) == (("plain", "multilevel"), 10**6, (10, 1000))
+    assert (case.standard_error, case.seconds, case.seed) == (None, 60.0, 1)
+    assert json.loads(json.dumps(e.effective)) == e.effective
+    assert e.effective["cases"]["main"]["functions"][1] == ["energy", "y1^2"]
+    assert spec(WEAK, overrides=["estimators=[kolmogorov]"]).cases[0].estimators == ("kolmogorov",)
+
+
+def test_a_text_alone_is_phi(spec):
+    case = spec(WEAK, overrides=["functions=y1"]).cases[0]
+    assert case.functions == {"phi": "y1"}
+    assert spec(WEAK, overrides=["functions={phi: y1}"]).cases[0] == case
+
+
+def test_functions_are_replaced_whole(spec):
+    profile = "profiles:\n  quick: {functions: {cube: y1^3}, samples: 1000}\n"
+    assert spec(WEAK + profile, "quick").cases[0].functions == {"cube": "y1^3"}
+    assert spec(WEAK + profile, "quick", ["functions.square=y2^2"]).cases[0].functions == {"square": "y2^2"}
+
+
+def test_unused_keys_are_harmless(spec):
+    case = spec(WEAK, overrides=["estimators=[multilevel]", "samples=5"]).cases[0]
+    assert (case.samples, case.prefixes) == (5, (10, 1000))
+
+
+def test_hash_of_functions(spec):
+    assert spec(WEAK.replace("sin(2*pi*y1)", "sin( pi*2 *(y1))")).hash == spec(WEAK).hash
+    for other in ("functions={energy: y1^2, phi: sin(2*pi*y1) + sin(2*pi*y2)}", "functions.phi=sin(2*y1)"):
+        assert spec(WEAK, overrides=[other]).hash != spec(WEAK).hash  # the order is that of the results
+
+
+EXPRESSION = "must be an expression in y1 .. y3 such as sin(2*pi*y1) + y2^2"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "*y2)",
+            "*y4)",
+            "9: functions.phi: is 'sin(2*pi*y1) + sin(2*pi*y4)' (unknown word 'y4', the state has y1 .. y3)",
+        ),
+        ("y1^2", "y1^2 +", "10: functions.energy: is 'y1^2 +' (it ends too early)"),
+        ("y1^2", "sine(y1)", "10: functions.energy: is 'sine(y1)' (unknown word 'sine', did you mean 'sin'?)"),
+        ("y1^2", "y1/0", "10: functions.energy: is 'y1/0' (division by zero)"),
+        ("y1^2", "i*y1", "10: functions.energy: is 'i*y1' (complex)"),
+        ("y1^2", "2*pi", "10: functions.energy: is '2*pi' (constant)"),
+    ],
+)
+def test_bad_expression(spec, old, new, message):
+    assert WEAK.count(old) == 1
+    assert error(spec, WEAK.replace(old, new)) == f"s.yaml:{message}; {EXPRESSION}"
+
+
+def test_bad_expression_elsewhere(spec):
+    wrong = f"is 'y' (unknown word 'y', did you mean 'y3'?); {EXPRESSION}"
+    assert error(spec, WEAK, overrides=["functions.phi=y"]) == f"s.yaml: --set functions.phi: {wrong}"
+    assert error(spec, WEAK, overrides=["functions=y"]) == f"s.yaml: --set functions: {wrong}"
+    profile = "profiles:\n  paper:\n    functions:\n      a: y1\n      b: y\n"
+    assert error(spec, WEAK + profile) == f"s.yaml:19: profiles.paper.functions.b: {wrong}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("  phi", "  phi 1", "9: functions.phi 1: is no name of a function; must consist of letters, digits and _"),
+        ("y1^2", "[y1]", "10: functions.energy: is a list; must be text"),
+        ("  energy: y1^2\n", "  energy:\n", "10: functions.energy: is empty; must be text"),
+        (
+            "functions:\n  phi: sin(2*pi*y1) + sin(2*pi*y2)\n  energy: y1^2\n",
+            "functions: {}\n",
+            "8: functions: is an empty mapping; must have at least 1 item",
+        ),
+        (
+            "functions:\n  phi: sin(2*pi*y1) + sin(2*pi*y2)\n  energy: y1^2\n",
+            "",
+            "1: functions: missing key 'functions'; "
+            "add functions: test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi",
+        ),
+        (
+            "estimators: [plain, multilevel]\n",
+            "",
+            "1: estimators: missing key 'estimators'; add estimators: a list, some of plain, multilevel, kolmogorov",
+        ),
+        ("[plain,", "[plane,", "11: estimators: entry 1 is 'plane'; did you mean 'plain'?"),
+        ("[plain, multilevel]", "[]", "11: estimators: is an empty list; must have at least 1 item"),
+        ("[plain, multilevel]", "[plain, plain]", "11: estimators: has 'plain' twice; remove one"),
+        (
+            "samples: 10^6\n",
+            "",
+            "1: samples: missing key 'samples', needed by the estimator 'plain'; "
+            "add samples: number of Brownian paths of plain",
+        ),
+        ("samples: 10^6", "samples: 0", "12: samples: is '0'; must be at least 1"),
+        ("[10, 1000]", "[10, 10]", "13: prefixes: has 10 after 10; must increase"),
+        ("[10, 1000]", "[10, 1.5]", f"13: prefixes: entry 2 is '1.5' (not whole); {WHOLE}"),
+        ("[10, 1000]", "[10^7]", "13: prefixes: has 10000000; must not exceed samples, which is 1000000"),
+        (
+            "seconds: 60\n",
+            "",
+            "1: standard_error: missing key 'standard_error', needed by the estimator 'multilevel'; "
+            "add standard_error: what multilevel aims at for the weak error at the largest step "
+            "or seconds: budget of multilevel, in seconds of one thread of typical speed",
+        ),
+        ("seconds: 60", "seconds: -1", "14: seconds: is '-1'; must be greater than 0"),
+        ("seconds: 60", "standard_error: 0", "14: standard_error: is '0'; must be greater than 0"),
+        ("[1/8, 1/4]", "[1/4, 0.25]", "5: steps: has 2^-2 twice; remove one"),
+        (
+            "[splitting]",
+            "[midpoint]",
+            "7: schemes: has 'midpoint', which needs bounded increments; set truncate_noise: true",
+        ),
+        (
+            "[splitting]\n",
+            "[splitting]\nreference_scheme: splitting\n",
+            "12: estimators: has 'multilevel', which compares each scheme with itself, and reference_scheme is set; "
+            "use plain or leave out reference_scheme",
+        ),
+    ],
+)
+def test_bad_weak(spec, old, new, message):
+    assert WEAK.count(old) == 1
+    assert error(spec, WEAK.replace(old, new)) == f"s.yaml:{message}"
+
+
+SURFACES = "is for maxwell_bloch and rigid_body, whose Casimir surfaces are two-dimensional"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["schemes=[euler_maruyama]"], "is for splitting schemes, which 'euler_maruyama' is not"),
+        (["truncate_noise=true"], "has no truncate_noise"),
+        (["model={name: lotka_volterra}", "initial=[1, 2]"], SURFACES),
+    ],
+)
+def test_kolmogorov_needs_a_surface_and_a_splitting(spec, overrides, message):
+    found = error(spec, WEAK.replace("[plain,", "[kolmogorov,"), overrides=overrides)
+    assert found.startswith(f"s.yaml:11: estimators: has 'kolmogorov', which {message}")
+    assert found.endswith("; use plain or multilevel instead")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -657,5 +830,8 @@ def test_json_schema():
     with_cases, alone = strong["anyOf"]
     assert with_cases == {"required": ["cases"]}
     assert "samples" in alone["required"]
+    weak = schema["$defs"]["weak"]["properties"]
+    assert weak["estimators"]["items"]["enum"] == ["plain", "multilevel", "kolmogorov"]
+    assert [option["type"] for option in weak["functions"]["anyOf"]] == ["object", "string"]
     rigid_body = {"properties": {"name": {"const": "rigid_body"}}, "required": ["name", "inertia", "noise_inertia"]}
     assert rigid_body in alone["properties"]["model"]["anyOf"]

@@ -17,6 +17,7 @@ from spi import ensemble
 from spi.dispatch import kernel
 from spi.estimators import GROUPS, group_counts
 from spi.protocol import REPORT
+from spi.records import Part
 from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
 from spi.spec import load
 from spi.studies import strong
@@ -47,8 +48,8 @@ def state_of(plan, state=None, blocks=None):
 
 def study(case, scheme):
     """(variables by name, attributes) of a whole study."""
-    *_, state = strong.batches(p := strong.plan(case, scheme), strong.start(p))
-    group = strong.group(case, scheme, state)
+    *_, state = strong.batches(p := strong.plan(case, Part(scheme)), strong.start(p))
+    group = strong.group(case, Part(scheme), state)
     assert list(group.coordinates["h"]) == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group.attributes
 
@@ -196,7 +197,7 @@ def test_a_path_is_counted_in_the_group_that_it_is_added_to(samples):
     if not COMPILED and samples > 70:
         pytest.skip("too many steps without the compiler")
     before, after = (
-        state_of(strong.plan(case_of("schemes=[euler_maruyama]", f"samples={n}"), "euler_maruyama"))
+        state_of(strong.plan(case_of("schemes=[euler_maruyama]", f"samples={n}"), Part("euler_maruyama")))
         for n in (samples, samples + 1)
     )
     changed = np.flatnonzero((before.squares != after.squares).any(axis=1))
@@ -220,7 +221,7 @@ def test_standard_errors_are_those_of_a_root_of_a_mean(samples):
 
 @pytest.mark.parametrize("scheme", BY_HAND)
 def test_batches_do_not_matter(scheme):
-    plan = strong.plan(case_of("samples=330" if COMPILED else "samples=150"), scheme)
+    plan = strong.plan(case_of("samples=330" if COMPILED else "samples=150"), Part(scheme))
     whole = state_of(plan)
     for blocks in (1, 2, 5):
         assert same_numbers(state_of(plan, blocks=blocks), whole)
@@ -232,7 +233,7 @@ def test_batches_do_not_matter(scheme):
 @compiled_only
 @pytest.mark.parametrize("scheme", BY_HAND)
 def test_threads_do_not_matter(scheme):
-    plan, before = strong.plan(case_of("samples=330"), scheme), ensemble.thread_count()
+    plan, before = strong.plan(case_of("samples=330"), Part(scheme)), ensemble.thread_count()
     states = []
     try:
         for threads in (1, 2):
@@ -246,7 +247,7 @@ def test_threads_do_not_matter(scheme):
 
 @pytest.mark.parametrize("middle", [1, 3])
 def test_going_on_from_the_middle_gives_the_same_bits(middle):
-    plan = strong.plan(case_of("samples=330" if COMPILED else "samples=200"), "splitting")
+    plan = strong.plan(case_of("samples=330" if COMPILED else "samples=200"), Part("splitting"))
     begun = strong.advance_state(plan, strong.start(plan), middle)
     kept = begun._replace(**{name: np.copy(v) for name, v in begun._asdict().items() if isinstance(v, np.ndarray)})
     *_, resumed = strong.batches(plan, begun)
@@ -255,7 +256,7 @@ def test_going_on_from_the_middle_gives_the_same_bits(middle):
 
 
 def test_the_first_samples_of_many_are_the_samples_of_few():
-    many, few = (strong.plan(case_of(f"samples={n}"), "splitting") for n in (256, 128))
+    many, few = (strong.plan(case_of(f"samples={n}"), Part("splitting")) for n in (256, 128))
     state = strong.advance_state(many, strong.start(many), 2)
     assert same_numbers(state, state_of(few))
     for a, b in zip(strong.errors(many, state), strong.errors(few, state_of(few)), strict=True):
@@ -265,9 +266,9 @@ def test_the_first_samples_of_many_are_the_samples_of_few():
 def test_seeds_matter_and_orders_of_schemes_do_not():
     case = case_of("schemes=[euler_maruyama, splitting]")
     turned_round = case_of("schemes=[splitting, euler_maruyama]")
-    first = state_of(strong.plan(case, "splitting"))
-    assert same_numbers(first, state_of(strong.plan(turned_round, "splitting")))
-    assert not same_numbers(first, state_of(strong.plan(case.model_copy(update={"seed": 2}), "splitting")))
+    first = state_of(strong.plan(case, Part("splitting")))
+    assert same_numbers(first, state_of(strong.plan(turned_round, Part("splitting"))))
+    assert not same_numbers(first, state_of(strong.plan(case.model_copy(update={"seed": 2}), Part("splitting"))))
 
 
 def test_steps_of_the_same_grid_do_not_influence_one_another():
@@ -407,15 +408,22 @@ def test_an_implicit_scheme_reports_on_its_solver():
 
 def test_progress_and_cost():
     case = case_of("samples=150")
-    plan = strong.plan(case, "splitting")
+    plan = strong.plan(case, Part("splitting"))
     state = state_of(plan)
     found, attributes = study(case, "splitting")
-    assert math.isclose(strong.current_stderr(plan, state), found["error_final_stderr"][0], rel_tol=1e-12)
-    per_path, needed = strong.cost(case)
-    assert per_path == round(case.final_time / case.reference_step) + sum(
-        round(case.final_time / h) for h in case.steps
-    )
+    done, total, stderr = strong.progress(plan, state)
+    assert (done, total) == (150, 150)
+    assert math.isclose(stderr, found["error_final_stderr"][0], rel_tol=1e-12)
+    begun = strong.progress(plan, strong.advance_state(plan, strong.start(plan), 2))
+    assert begun[:2] == (128, 150) and begun[2] > 0
+    unbegun = strong.progress(plan, strong.start(plan))
+    assert unbegun[:2] == (0, 150) and math.isnan(unbegun[2])
+    steps, seconds, needed = strong.cost(case, Part("splitting"))
+    per_path = round(case.final_time / case.reference_step) + sum(round(case.final_time / h) for h in case.steps)
+    assert steps == 150 * per_path
+    assert 1e-9 < seconds / steps < 1e-7
     assert needed >= state.squares.nbytes
+    assert strong.parts(case) == [Part(scheme) for scheme in case.schemes]
     assert np.allclose(found["seconds"], found["ns_per_step"] * 1e-9 * 150 * case.final_time / np.array(case.steps))
     assert (found["ns_per_step"] > 0).all()
     assert attributes["wall_seconds"] > 0

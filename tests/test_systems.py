@@ -16,6 +16,7 @@ from scipy.linalg import expm
 from spi import fields
 from spi.models import LotkaVolterra, MaxwellBloch, SineEuler
 from spi.protocol import ANY_ANGLES, casimirs, drift_flow, hamiltonian, noise_flow, strengths, structure
+from spi.records import Part
 from spi.schemes import SCHEMES
 from spi.studies import strong
 
@@ -638,9 +639,9 @@ def strong_case(name, sigma, scheme, final_time):
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
 def test_strong_orders(name, sigma, scheme, final_time, order):
     case = strong_case(name, sigma, scheme, final_time)
-    plan = strong.plan(case, scheme)
+    plan = strong.plan(case, Part(scheme))
     *_, state = strong.batches(plan, strong.start(plan))
-    group = strong.group(case, scheme, state)
+    group = strong.group(case, Part(scheme), state)
     low, high = group.attributes["order_ci"]
     assert low <= order <= high
     other = 1.5 - order  # negative control: 1/2 and 1 are told apart
@@ -654,9 +655,9 @@ def test_strong_orders(name, sigma, scheme, final_time, order):
 def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
     """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
-    plan = strong.plan(case, "euler_maruyama")
+    plan = strong.plan(case, Part("euler_maruyama"))
     *_, state = strong.batches(plan, strong.start(plan))
-    group = strong.group(case, "euler_maruyama", state)
+    group = strong.group(case, Part("euler_maruyama"), state)
     assert group.variables["nonfinite"][1].any() and "finite" in group.attributes["note"]
 
 

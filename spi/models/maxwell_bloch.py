@@ -36,6 +36,7 @@ MaxwellBloch.dimension = 3
 MaxwellBloch.pieces = 2
 MaxwellBloch.noises = 2
 MaxwellBloch.conserved = 1
+MaxwellBloch.surface = "cylinder"  # on which spi.kolmogorov works
 
 
 @means(drift_angle, MaxwellBloch)

@@ -42,6 +42,7 @@ RigidBody.dimension = 3
 RigidBody.pieces = 3
 RigidBody.noises = 3
 RigidBody.conserved = 1
+RigidBody.surface = "sphere"  # on which spi.kolmogorov works
 
 
 @inlined

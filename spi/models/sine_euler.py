@@ -50,6 +50,7 @@ class SineEuler(NamedTuple):
 SineEuler.dimension = 8
 SineEuler.pieces = 4
 SineEuler.noises = 4
+SineEuler.flow_ns = 1.7
 SineEuler.conserved = 2
 
 _S = math.sqrt(3.0) / 2.0  # sin(2 pi / 3)

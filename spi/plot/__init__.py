@@ -7,9 +7,10 @@ from pathlib import Path
 from . import style
 from .strong import draw as _strong
 from .trajectory import draw as _trajectory
+from .weak import draw as _weak
 
 #: The kinds of study that have a figure, by ``results.attributes["kind"]``.
-PLOTTERS = {"strong": _strong, "trajectory": _trajectory}
+PLOTTERS = {"strong": _strong, "trajectory": _trajectory, "weak": _weak}
 
 
 def figure(results):

@@ -1,22 +1,18 @@
 """The figure of strong errors: error against step size, with 95 % intervals and reference slopes."""
 
 import math
-from fractions import Fraction
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from . import style
+from .errors import INTERVAL, LINE, PANEL, error_axes, legend_under, limits, slopes, with_order
 
-UNRESOLVED, SLOPE = "#999999", "#777777"
+UNRESOLVED = "#999999"
 
 #: The reference slopes: (order, line style, whether the line lies above the data or below).
 SLOPES = ((1 / 2, "--", True), (1, ":", False))
-
-PANEL = (5.0, 4.0)  # inches, without the legend under it and the title above
-INTERVAL = 1.96  # half the width of a 95 % interval in standard errors
 
 
 def draw(results):
@@ -28,7 +24,7 @@ def draw(results):
     columns = 2 if len(panels) == 4 else min(len(panels), 3)
     rows = math.ceil(len(panels) / columns)
     fig = Figure()
-    height = rows * (PANEL[1] + 0.17 * (max(map(len, panels)) + len(SLOPES)))
+    height = rows * (PANEL[1] + LINE * (max(map(len, panels)) + len(SLOPES)))
     style.dress(fig, columns * PANEL[0], height, results.attributes.get("title", ""), shared)
     axes = list(fig.subplots(rows, columns, squeeze=False).flat)
     for i, (ax, groups, facts) in enumerate(zip(axes, panels, own, strict=False)):
@@ -44,28 +40,16 @@ def draw(results):
 
 
 def _panel(ax, groups, styles):
-    ax.set_xscale("log", base=2)
-    ax.set_yscale("log", nonpositive="clip")
-    h = np.concatenate([group.coordinates["h"] for group in groups])
-    if h.size:
-        ax.set_xlim(h.min() / 1.5, h.max() * 1.5)
-        _power_ticks(ax, h)
-    ax.set_xlabel("step size $h$")
+    error_axes(ax, np.concatenate([group.coordinates["h"] for group in groups]))
     resolved = np.concatenate([_points(group, resolved=True) for group in groups])
     drawn = resolved if len(resolved) else np.concatenate([_points(group, resolved=False) for group in groups])
     if len(drawn):
-        _slopes(ax, drawn)
-        _limits(ax, drawn)
+        slopes(ax, drawn, SLOPES)
+        ax.set_ylim(limits(drawn[:, 1]))
     for group in groups:
         _scheme(ax, group, *styles[group.scheme])
-    ax.grid(True, which="major", color="#e6e6e6", linewidth=0.6)
-    ax.set_axisbelow(True)
     _remarks(ax, groups)
-    # Under the panel, where it never covers data; the schemes first, their markers without bars.
-    entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda e: not isinstance(e[0], tuple))
-    handles = [handle[0] if isinstance(handle, tuple) else handle for handle, _ in entries]
-    place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "handlelength": 2.4}
-    ax.legend(handles, [label for _, label in entries], frameon=False, **place)
+    legend_under(ax)
 
 
 def _points(group, resolved):
@@ -92,39 +76,9 @@ def _scheme(ax, group, marker, colour):
         ax.plot(h[beyond], np.ones(beyond.sum()), marker=CARETUP, color=colour, linestyle="none", zorder=4, **top)
 
 
-def _slopes(ax, points):
-    """Reference lines that touch the cloud of points from above or below, at a distance, so that they cover none."""
-    ends = np.array(ax.get_xlim())
-    for order, line, above in SLOPES:
-        ratio = points[:, 1] / points[:, 0] ** order
-        factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
-        label = f"slope {Fraction(order)}"
-        ax.plot(ends, factor * ends**order, line, color=SLOPE, linewidth=1, zorder=1, label=label)
-
-
-def _limits(ax, points):
-    """The data with some room, and at least two whole decades' labels."""
-    low, high = np.log10(points[:, 1].min() / 3), np.log10(points[:, 1].max() * 3)
-    while math.floor(high) - math.ceil(low) < 1:
-        low, high = low - 0.05, high + 0.05
-    ax.set_ylim(10**low, 10**high)
-
-
-def _power_ticks(ax, h):
-    exponents = np.arange(round(math.log2(h.min())), round(math.log2(h.max())) + 1)
-    step = 1 if len(exponents) <= 5 else 2 if len(exponents) <= 13 else 4
-    ax.xaxis.set_major_locator(FixedLocator(2.0 ** exponents[::-1][::step]))
-    ax.xaxis.set_minor_locator(FixedLocator(2.0**exponents) if step > 1 else NullLocator())
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x, steps=True)}$"))
-    ax.xaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
-
-
 def _label(group):
     a = group.attributes
-    label = style.plain(a.get("scheme_label", group.scheme))
-    if not math.isfinite(a.get("order", math.nan)):
-        return f"{label}: order not resolved"
-    return f"{label}: order {a['order']:.2f} [{a['order_ci'][0]:.2f}, {a['order_ci'][1]:.2f}]"
+    return with_order(style.label(group), a.get("order", math.nan), *a.get("order_ci", (math.nan, math.nan)))
 
 
 def _remarks(ax, groups):

@@ -2,9 +2,12 @@
 
 import contextlib
 import math
+import re
 from fractions import Fraction
 
+import matplotlib
 import matplotlib.style
+from matplotlib.colors import to_hex
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import TextPath
 
@@ -14,8 +17,20 @@ SCHEMES = {
     "midpoint": ("o", "#0072B2"),
     "splitting": ("D", "#009E73"),
     "splitting_drift_first": ("s", "#CC79A7"),
+    "splitting_order2": ("^", "#E69F00"),
+    "ap_splitting": ("h", "#0072B2"),
+    "ap_splitting_midpoint": ("p", "#56B4E9"),
+    "multiscale_euler": ("X", "#D55E00"),
+    "multiscale_euler_semi_implicit": ("P", "#CC79A7"),
 }
-OTHERS = (("^", "#E69F00"), ("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2"), ("<", "#009E73"))
+OTHERS = (("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2"), ("<", "#009E73"))
+
+#: The markers of one scheme at several eps, from large to small eps, and for each such scheme its sequence of colours.
+SEQUENCE = ("o", "s", "^", "v", "p", "h")
+RAMPS = ("plasma", "viridis", "cividis")
+
+#: What estimators of weak errors are called.
+ESTIMATORS = {"plain": "plain Monte Carlo", "multilevel": "multilevel", "kolmogorov": "Kolmogorov, no sampling"}
 
 STYLE = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so that a figure looks the same everywhere
@@ -51,10 +66,40 @@ def applied():
 
 
 def styles(results):
-    """Marker and colour of every scheme in ``results``, the same in all panels."""
-    names = dict.fromkeys(group.scheme for group in results.groups)
-    unknown = [name for name in names if name not in SCHEMES]
-    return SCHEMES | {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
+    """Marker and colour of every scheme in ``results``, the same in all panels.
+
+    Of a scheme at several eps each has its own, in an order; at one eps it looks like the scheme.
+    """
+    members = {}
+    for group in results.groups:
+        members.setdefault(family(group), {})[group.scheme] = group.attributes.get("eps")
+    unknown = [name for name in members if name not in SCHEMES]
+    looks = SCHEMES | {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
+    ramps = 0
+    for name, schemes in members.items():
+        if len(schemes) == 1:
+            looks |= dict.fromkeys(schemes, looks[name])
+            continue
+        ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
+        ramps += 1
+        for i, scheme in enumerate(sorted(schemes, key=lambda scheme: -(schemes[scheme] or 0.0))):
+            looks[scheme] = SEQUENCE[i % len(SEQUENCE)], to_hex(ramp(0.86 * (1 - i / (len(schemes) - 1))))
+    return looks
+
+
+def family(group):
+    """The scheme of a group, whatever its eps."""
+    eps = group.attributes.get("eps")
+    return group.scheme if eps is None else group.scheme.removesuffix(f"_eps_{eps:g}")
+
+
+def label(group, with_eps=True):
+    """What the scheme of a group is called."""
+    text, eps = group.attributes.get("scheme_label", group.scheme), group.attributes.get("eps")
+    if eps is None:
+        return plain(text)
+    text = plain(text.removesuffix(f", eps = {eps:g}"))
+    return rf"{text}, $\varepsilon={power(eps)}$" if with_eps else text
 
 
 def cases(results):
@@ -115,9 +160,13 @@ def facts(attributes):
     if attributes.get("reference_scheme"):
         told["reference_scheme"] = plain(f"reference: {attributes['reference_scheme'].replace('_', ' ')}")
     if "samples" in attributes:
-        told["samples"] = f"{attributes['samples']} samples"
+        told["samples"] = f"{count(attributes['samples'])} samples"
     if attributes.get("truncate_noise"):
         told["truncate_noise"] = "truncated noise"
+    if attributes.get("estimator"):
+        told["estimator"] = ESTIMATORS.get(attributes["estimator"], attributes["estimator"])
+    if len(attributes.get("functions", ())) == 1:
+        told["function"] = rf"$\varphi(y)={formula(attributes['functions'][0])}$"
     if "path" in attributes and "seed" in attributes:
         told["path"] = f"path {attributes['path']} of seed {attributes['seed']}"
     return told
@@ -153,6 +202,33 @@ def number(value, steps=False):
     if float(f"{value:.3g}") != value and nearest and abs(nearest - value) < 1e-12 * abs(value):
         return str(nearest)
     return rf"{digits}\cdot10^{{{int(exponent)}}}" if e else digits
+
+
+def power(value):
+    """A number in mathtext, powers of ten as such."""
+    exponent = round(math.log10(value)) if value > 0 else 0
+    return f"10^{{{exponent}}}" if exponent and math.isclose(value, 10.0**exponent) else number(value)
+
+
+def count(number):
+    """How many, with large powers of ten as such."""
+    exponent = len(str(number)) - 1
+    return f"$10^{{{exponent}}}$" if number == 10**exponent and exponent > 3 else f"{number}"
+
+
+def formula(text):
+    """A test function, as the text of an expression, in mathtext."""
+    text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
+    text = re.sub(r"\by(\d+)", r"y_{\1}", text)
+    text = re.sub(r"\b([a-z]{2,})\(", lambda match: rf"\mathrm{{{match.group(1)}}}(", text)
+    return re.sub(r"\^(\d+)", r"^{\1}", text).replace("*", r"\,")
+
+
+def _constant(value):
+    times = value / math.pi
+    if times and times % 1 == 0:
+        return r"\pi" if times == 1 else rf"{times:g}\pi"
+    return number(value)
 
 
 def upright(name):

@@ -30,6 +30,8 @@ def draw(results):
         raise ValueError("the results name no panel that could be drawn")
 
     columns, lines, places = _places([len(row) for row in rows])
+    if len(rows) == 1 and len(rows[0]) == 4 and cases[0][0].attributes["panels"].split() == ["components"]:
+        columns, lines = 2, 2
     width, height = PANELS[columns]
     shared, own = style.split_facts(cases)
     fig = Figure()
@@ -55,8 +57,7 @@ def draw(results):
 
 def _path(group, marker, colour, turn):
     curves = (np.asarray(group.variables[name][1], dtype=float) for name in ("y", "hamiltonian", "casimirs"))
-    label = style.plain(group.attributes.get("scheme_label", group.scheme))
-    return Path(group.scheme, label, marker, colour, turn, group.coordinates["t"], *curves)
+    return Path(group.scheme, style.label(group), marker, colour, turn, group.coordinates["t"], *curves)
 
 
 def _panels(attributes, paths):

@@ -17,7 +17,7 @@ class EulerMaruyama(NamedTuple):
 
 
 @means(advance, EulerMaruyama)
-def _(scheme, model, h, dW, y, work, report):
+def _(scheme, model, h, dW, coins, y, work, report):
     for lane in range(LANES):
         state = load(model, y, lane)
         new = add_scaled(state, h, drift_field(model, state))

@@ -43,7 +43,7 @@ def _(scheme, model):
 
 
 @means(advance, Midpoint)
-def _(scheme, model, h, dW, y, work, report):
+def _(scheme, model, h, dW, coins, y, work, report):
     d = dimension(model)
     x = work[: d * LANES]
     matrix = work[d * LANES :]

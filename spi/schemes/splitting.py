@@ -6,9 +6,11 @@ angles, which are nearly all, need no range reduction.
 
 from typing import NamedTuple
 
+import numpy as np
+from numba import types
 from numba.extending import overload
 
-from ..dispatch import INLINED, inlined, means, number, unrolled, word
+from ..dispatch import INLINED, constant, field_type, inlined, means, number, record_class, unrolled, word
 from ..elementary import REDUCIBLE, SMALL, TINY, bits
 from ..lanes import load, store
 from ..protocol import (
@@ -23,7 +25,9 @@ from ..protocol import (
     noise_flow,
     noise_indices,
     piece_indices,
+    pieces,
     strengths,
+    work_size,
 )
 from ..rng import LANES
 
@@ -38,8 +42,18 @@ class DriftFlows(NamedTuple):
     fraction: float = 1.0
 
 
+class StrangDriftFlows(NamedTuple):
+    """The stage exp(c h/2 Y_{H_1}) o ... o exp(c h Y_{H_p}) o ... o exp(c h/2 Y_{H_1}), c = ``fraction``."""
+
+    fraction: float = 1.0
+
+
 class NoiseFlows(NamedTuple):
     """The stage exp(sigma_m dW_m Y_{Ĥ_m}) o ... o exp(sigma_1 dW_1 Y_{Ĥ_1}); a noise that is off is left out."""
+
+
+class ShuffledNoiseFlows(NamedTuple):
+    """The stage NoiseFlows where the coin of a path is 1, and the same flows in reversed order where it is -1."""
 
 
 class Splitting(NamedTuple):
@@ -52,91 +66,243 @@ class Splitting(NamedTuple):
 LIE_TROTTER = Splitting((NoiseFlows(), DriftFlows()))
 #: Its remark rem-xchange: the deterministic part acts first.
 LIE_TROTTER_EXCHANGED = Splitting((DriftFlows(), NoiseFlows()))
+#: Its eq. order2, of weak order 2.
+ORDER_2 = Splitting((StrangDriftFlows(0.5), ShuffledNoiseFlows(), StrangDriftFlows(0.5)))
+
+
+def _tosses(scheme):
+    if isinstance(scheme, types.Type):
+        stages = [record_class(stage) for stage in field_type(scheme, "stages").types]
+    else:
+        stages = [type(stage) for stage in scheme.stages]
+    return ShuffledNoiseFlows in stages
+
+
+Splitting.tosses = staticmethod(_tosses)
+
+
+def compositions(scheme, model):
+    """A step as data: ((probability, flows), ...), where flows are ("drift" or "noise", k, fraction of h or 1), ...
+
+    The flows stand in the order in which they act.  One composition, or two of probability 1/2 where coins are tossed.
+    """
+    pieces, noises = piece_indices(model), noise_indices(model)
+    coins = (1, -1) if _tosses(scheme) else (1,)
+    return tuple((1 / len(coins), tuple(_flows(scheme, coin, pieces, noises))) for coin in coins)
+
+
+def _flows(scheme, coin, pieces, noises):
+    for stage in scheme.stages:
+        if isinstance(stage, DriftFlows):
+            yield from (("drift", k, stage.fraction) for k in pieces)
+        elif isinstance(stage, StrangDriftFlows):
+            *first, last = pieces
+            yield from (("drift", k, stage.fraction / 2) for k in first)
+            yield "drift", last, stage.fraction
+            yield from (("drift", k, stage.fraction / 2) for k in reversed(first))
+        else:
+            backwards = isinstance(stage, ShuffledNoiseFlows) and coin == -1
+            yield from (("noise", k, 1.0) for k in (reversed(noises) if backwards else noises))
+
+
+@means(work_size, Splitting)
+def _(scheme, model):
+    return LANES
 
 
 @means(advance, Splitting)
-def _(scheme, model, h, dW, y, work, report):
-    run_stages(scheme.stages, model, h, dW, y)
+def _(scheme, model, h, dW, coins, y, work, report):
+    run_stages(scheme.stages, model, h, dW, coins, y, work)
 
 
-def run_stages(stages, model, h, dW, y):
+def run_stages(stages, model, h, dW, coins, y, work):
     """Apply the stages in order."""
     for stage in stages:
-        run_stage(stage, model, h, dW, y)
+        run_stage(stage, model, h, dW, coins, y, work)
 
 
 @overload(run_stages, jit_options=INLINED)
-def _(stages, model, h, dW, y):
+def _(stages, model, h, dW, coins, y, work):
     if len(stages) == 0:
-        return lambda stages, model, h, dW, y: None
+        return lambda stages, model, h, dW, coins, y, work: None
 
-    def first_then_rest(stages, model, h, dW, y):
-        run_stage(stages[0], model, h, dW, y)
-        run_stages(stages[1:], model, h, dW, y)
+    def first_then_rest(stages, model, h, dW, coins, y, work):
+        run_stage(stages[0], model, h, dW, coins, y, work)
+        run_stages(stages[1:], model, h, dW, coins, y, work)
 
     return first_then_rest
 
 
 @word
-def run_stage(stage, model, h, dW, y):
-    """Apply one stage to the states `y` of a block, in place."""
+def run_stage(stage, model, h, dW, coins, y, work):
+    """Apply one stage to the states `y` of a block, in place; `work` has LANES floats."""
 
 
 @means(run_stage, DriftFlows)
-def _(stage, model, h, dW, y):
+def _(stage, model, h, dW, coins, y, work):
     drift_sweeps(model, y, stage.fraction * h)
 
 
+@means(run_stage, StrangDriftFlows)
+def _(stage, model, h, dW, coins, y, work):
+    drift_sweeps_up(model, y, stage.fraction * h)
+    drift_sweeps_down(model, y, 0.5 * stage.fraction * h)
+
+
 @means(run_stage, NoiseFlows)
-def _(stage, model, h, dW, y):
-    noise_sweeps(model, y, dW)
+def _(stage, model, h, dW, coins, y, work):
+    noise_sweeps(model, y, dW, work)
+
+
+@means(run_stage, ShuffledNoiseFlows)
+def _(stage, model, h, dW, coins, y, work):
+    noise_sweeps_up(model, y, dW, coins, work)
+    noise_sweeps_down(model, y, dW, coins, work)
+
+
+def _reversed_but_last(indices):
+    return lambda model: indices(model)[-2::-1]
 
 
 @unrolled(piece_indices)
 def drift_sweeps(index, model, y, t):
-    """exp(t Y_{H_k}) on all lanes."""
-    k = number(index)
-    largest = 0
-    for lane in range(LANES):
-        largest = max(largest, bits(drift_angle(model, k, t, load(model, y, lane))))
-    if largest <= _TINY_BITS:
-        drift_sweep(index, model, t, y, TINY_ANGLES)
-    elif largest <= _SMALL_BITS:
-        drift_sweep(index, model, t, y, SMALL_ANGLES)
-    elif largest <= _REDUCIBLE_BITS:
-        drift_sweep(index, model, t, y, REDUCED_ANGLES)
-    else:
-        drift_sweep(index, model, t, y, ANY_ANGLES)
+    """exp(t Y_{H_k}) for k = 1, ..., p."""
+    sweep(Drift(), index, model, y, t)
     return y
 
 
-@inlined
-def drift_sweep(index, model, t, y, angles):
-    for lane in range(LANES):
-        store(y, lane, drift_flow(model, number(index), t, load(model, y, lane), angles))
+@unrolled(piece_indices)
+def drift_sweeps_up(index, model, y, t):
+    """exp(t/2 Y_{H_k}) for k = 1, ..., p - 1, then exp(t Y_{H_p})."""
+    sweep(Drift(), index, model, y, t if number(index) == pieces(model) - 1 else 0.5 * t)
+    return y
+
+
+@unrolled(_reversed_but_last(piece_indices))
+def drift_sweeps_down(index, model, y, t):
+    """exp(t Y_{H_k}) for k = p - 1, ..., 1."""
+    sweep(Drift(), index, model, y, t)
+    return y
 
 
 @unrolled(noise_indices)
-def noise_sweeps(index, model, y, dW):
-    """exp(sigma_k dW_k Y_{Ĥ_k}) on all lanes."""
+def noise_sweeps(index, model, y, dW, t):
+    """exp(sigma_k dW_k Y_{Ĥ_k}) for all noises in turn; `t` is scratch for one."""
     k = number(index)
     sigma = strengths(model)[k]
-    largest = 0
     for lane in range(LANES):
-        largest = max(largest, bits(noise_angle(model, k, sigma * dW[k * LANES + lane], load(model, y, lane))))
-    if largest <= _TINY_BITS:
-        noise_sweep(index, model, sigma, dW, y, TINY_ANGLES)
-    elif largest <= _SMALL_BITS:
-        noise_sweep(index, model, sigma, dW, y, SMALL_ANGLES)
-    elif largest <= _REDUCIBLE_BITS:
-        noise_sweep(index, model, sigma, dW, y, REDUCED_ANGLES)
-    else:
-        noise_sweep(index, model, sigma, dW, y, ANY_ANGLES)
+        t[lane] = sigma * dW[k * LANES + lane]
+    sweep(Noise(), index, model, y, t)
     return y
 
 
-@inlined
-def noise_sweep(index, model, sigma, dW, y, angles):
+# Where the order of the noises differs from lane to lane, all of 1, ..., m, ..., 1 are applied: those up to m - 1 with
+# time 0 where the coin is -1, those after m with time 0 where it is 1.
+
+
+@constant
+def last_noise(model):
+    """The last noise that is on, or -1."""
+    return (-1, *noise_indices(model))[-1]
+
+
+@unrolled(noise_indices)
+def noise_sweeps_up(index, model, y, dW, coins, t):
+    """exp(sigma_k dW_k Y_{Ĥ_k}) for k = 1, ..., m - 1 where the coin is 1, then for k = m in all lanes."""
     k = number(index)
+    sigma = strengths(model)[k]
+    if k == last_noise(model):
+        for lane in range(LANES):
+            t[lane] = sigma * dW[k * LANES + lane]
+    else:
+        for lane in range(LANES):
+            t[lane] = sigma * dW[k * LANES + lane] if coins[lane] > 0.0 else 0.0
+    sweep(Noise(), index, model, y, t)
+    return y
+
+
+@unrolled(_reversed_but_last(noise_indices))
+def noise_sweeps_down(index, model, y, dW, coins, t):
+    """exp(sigma_k dW_k Y_{Ĥ_k}) for k = m - 1, ..., 1 where the coin is -1."""
+    k = number(index)
+    sigma = strengths(model)[k]
     for lane in range(LANES):
-        store(y, lane, noise_flow(model, k, sigma * dW[k * LANES + lane], load(model, y, lane), angles))
+        t[lane] = 0.0 if coins[lane] > 0.0 else sigma * dW[k * LANES + lane]
+    sweep(Noise(), index, model, y, t)
+    return y
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# One flow on all lanes
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Drift(NamedTuple):
+    """The flows of H_k."""
+
+
+class Noise(NamedTuple):
+    """The flows of Ĥ_k."""
+
+
+@word
+def flow(part, model, k, t, y, angles):
+    """The flow of one part."""
+
+
+@word
+def angle(part, model, k, t, y):
+    """The largest |angle| in it."""
+
+
+@means(flow, Drift)
+def _(part, model, k, t, y, angles):
+    return drift_flow(model, k, t, y, angles)
+
+
+@means(flow, Noise)
+def _(part, model, k, t, y, angles):
+    return noise_flow(model, k, t, y, angles)
+
+
+@means(angle, Drift)
+def _(part, model, k, t, y):
+    return drift_angle(model, k, t, y)
+
+
+@means(angle, Noise)
+def _(part, model, k, t, y):
+    return noise_angle(model, k, t, y)
+
+
+@inlined
+def sweep(part, index, model, y, t):
+    """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes."""
+    k = number(index)
+    largest = 0
+    for lane in range(LANES):
+        largest = max(largest, bits(angle(part, model, k, of_lane(t, lane), load(model, y, lane))))
+    if largest <= _TINY_BITS:
+        sweep_within(TINY_ANGLES, part, index, model, y, t)
+    elif largest <= _SMALL_BITS:
+        sweep_within(SMALL_ANGLES, part, index, model, y, t)
+    elif largest <= _REDUCIBLE_BITS:
+        sweep_within(REDUCED_ANGLES, part, index, model, y, t)
+    else:
+        sweep_within(ANY_ANGLES, part, index, model, y, t)
+
+
+@inlined
+def sweep_within(angles, part, index, model, y, t):
+    for lane in range(LANES):
+        store(y, lane, flow(part, model, number(index), of_lane(t, lane), load(model, y, lane), angles))
+
+
+def of_lane(t, lane):
+    """t, or the entry of the lane if there is one for each."""
+    return t[lane] if np.ndim(t) else t
+
+
+@overload(of_lane, jit_options=INLINED)
+def _(t, lane):
+    return (lambda t, lane: t[lane]) if isinstance(t, types.Array) else (lambda t, lane: t)

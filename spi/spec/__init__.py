@@ -4,8 +4,8 @@ Later layers override earlier ones, key by key (and a model parameter by paramet
 
     the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
 
-so that a profile or ``--set`` has the last word in every case.  All profiles of a file are checked, whichever is asked
-for.
+so that a profile or ``--set`` has the last word in every case.  Another mapping, ``functions``, is replaced whole.  All
+profiles of a file are checked, whichever is asked for.
 """
 
 import difflib
@@ -21,9 +21,9 @@ import yaml
 from pydantic import ValidationError
 
 from .keys import entries_in, shown, suggestion
-from .kinds import FILE, KINDS, LAYERS, PROFILES, Case, StrongCase, json_schema
+from .kinds import FILE, KINDS, LAYERS, PROFILES, Case, StrongCase, WeakCase, json_schema
 
-__all__ = ["KINDS", "PROFILES", "Case", "Experiment", "SpecError", "StrongCase", "json_schema", "load"]
+__all__ = ["KINDS", "PROFILES", "Case", "Experiment", "SpecError", "StrongCase", "WeakCase", "json_schema", "load"]
 
 _MOST_ENTRIES = 10_000  # aliases of aliases could multiply without bound
 _MERGE = "tag:yaml.org,2002:merge"
@@ -266,13 +266,13 @@ def _valid(read, data, layers):
     except ValidationError as invalid:
         errors = invalid.errors(include_url=False)
     kind, context, loc, value = errors[0]["type"], errors[0].get("ctx", {}), (), data
-    key = context.get("key") or context.get("discriminator", "").strip("'")
-    for step in (*errors[0]["loc"], key):
+    keys = context.get("keys") or (context.get("discriminator", "").strip("'"),)
+    for step in (*errors[0]["loc"], *keys):
         if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
             loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing
     if kind == "spec":
         message = errors[0]["msg"]
-        loc += (key,) if key and loc[-1:] != (key,) else ()
+        loc += tuple(key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,))
     elif kind in ("literal_error", "union_tag_invalid"):
         known = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
         message = f"is {shown(value)}; {suggestion(value, known)}"

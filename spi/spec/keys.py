@@ -5,6 +5,7 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 
 import difflib
 import math
+import re
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
@@ -22,6 +23,12 @@ from ..schemes import SCHEMES
 
 #: What the figure of a trajectory can show; see ``spi.plot``.
 PANELS = ("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase")
+
+#: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
+ESTIMATORS = ("plain", "multilevel", "kolmogorov")
+
+#: What the figure of weak errors can show.
+WEAK_PANELS = ("errors", "samples", "seconds", "eps")
 
 ABSENT = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -57,9 +64,9 @@ def quantity(value):
     return f"2^{exponent - 1}" if mantissa == 0.5 and abs(exponent - 1) > 1 else f"{value:.12g}"
 
 
-def wrong(what, right, key=None):
-    """The error that pydantic is to report; `key` is a key of the mapping at hand."""
-    return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "key": key})
+def wrong(what, right, *keys):
+    """The error that pydantic is to report; `keys` lead from the mapping at hand to what is wrong."""
+    return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "keys": keys})
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -162,6 +169,18 @@ def _complex_modes(value):
     return [repr(float(part)) for z in numbers for part in (complex(z).real, complex(z).imag)]
 
 
+_NAME = "^[A-Za-z0-9_]+$"
+
+
+def _by_name(value):
+    """The mapping of names that a text stands for, with the name phi; other values as they are."""
+    if isinstance(value, dict):
+        for name in value:
+            if not re.match(_NAME, name):
+                raise wrong("is no name of a function", "must consist of letters, digits and _", name)
+    return {"phi": value} if isinstance(value, str) else value
+
+
 def key_of(hint, description):
     """The annotation of a key."""
     return Annotated[_read(hint), Field(description=description)]
@@ -171,11 +190,23 @@ _List = Annotated[tuple[Positive, ...], MinLen(1)]
 Steps = Annotated[_List, BeforeValidator(_powers_of_two, json_schema_input_type=_read(_List) | str)]
 _State = tuple[float, ...]
 State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
+_Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
+Eps = Annotated[
+    _Eps,
+    BeforeValidator(
+        lambda value: value if isinstance(value, list) else [value], json_schema_input_type=_read(_Eps) | float | str
+    ),
+]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
 Schemes = Annotated[tuple[Literal[tuple(SCHEMES)], ...], MinLen(1)]
 Path = Annotated[int, Ge(0), Le(10**15)]
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+WeakPanels = Annotated[tuple[Literal[WEAK_PANELS], ...], MinLen(1)]
+Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
+Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
+_ByName = Annotated[dict[Annotated[str, Field(pattern=_NAME)], str], MinLen(1)]
+Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
 
 

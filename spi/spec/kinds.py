@@ -4,36 +4,48 @@ A new kind is a subclass of Case and a line in KINDS.
 """
 
 import math
+from itertools import pairwise
 from typing import Annotated, Literal, get_type_hints
 
 import pydantic
 from annotated_types import Ge, MinLen
 from pydantic import create_model, model_validator
 
+from ..expressions import canonical, is_constant, parse_expression
 from ..models import MODELS
+from ..numbers import NumberError
 from ..protocol import Positive
 from ..schemes import SCHEMES
+from ..schemes.splitting import Splitting
 from .keys import (
     ABSENT,
     COMPLETE,
+    ESTIMATORS,
     PANELS,
+    WEAK_PANELS,
     CaseName,
+    Eps,
+    Estimators,
+    Functions,
     Keys,
     Model,
     ModelPart,
     Panels,
     Path,
+    Prefixes,
     Samples,
     Schemes,
     Seed,
     State,
     Steps,
+    WeakPanels,
     entries_in,
     key_of,
     name_of,
     needed_keys,
     one_of,
     quantity,
+    shown,
     wrong,
 )
 
@@ -60,6 +72,12 @@ class Case(Keys):
     initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
     final_time: key_of(Positive, "final time T, a multiple of every step")
     seed: key_of(Seed, "seed of the random numbers") = 1
+    eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
+
+    @property
+    def runs(self):
+        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
+        return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
 
     @property
     def model_name(self):
@@ -72,19 +90,33 @@ class Case(Keys):
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
+    @model_validator(mode="after")
+    def _check_eps(self):
+        multiscale = [s for s in self.schemes if SCHEMES[s].multiscale]
+        if multiscale and self.eps is None:
+            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+        if self.eps is not None:
+            if not multiscale:
+                known = [name for name, row in SCHEMES.items() if row.multiscale]
+                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+            _check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
+            for name in multiscale:
+                if SCHEMES[name].needs_eps and 0 in self.eps:
+                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        return self
 
-class StrongCase(Case):
-    """Strong errors of schemes, each against itself at the reference step on the same Brownian paths."""
+
+class ErrorCase(Case):
+    """What the cases of errors against step sizes have."""
 
     steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13")
     reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large")
     schemes: key_of(Schemes, "a list of schemes")
-    samples: key_of(Samples, "number of Brownian paths")
-    truncate_noise: key_of(pydantic.StrictBool, "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes") = (
-        False
-    )
-
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     reference_scheme: key_of(Literal[tuple(SCHEMES)] | None, "scheme of the reference; default: each its own") = None
+
+    def _schemes_used(self):
+        return self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
 
     @model_validator(mode="after")
     def _check_steps(self):
@@ -93,9 +125,15 @@ class StrongCase(Case):
         steps = [self._dyadic(h) for h in self.steps]
         if len(set(steps)) < len(steps):
             raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
-        schemes = self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
-        _check_schemes(self.schemes, schemes, max(steps), self.truncate_noise, "steps")
+        _check_schemes(self.schemes, self._schemes_used(), max(steps), self.truncate_noise, "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
+
+    @model_validator(mode="after")
+    def _check_reference_scheme(self):
+        name = self.reference_scheme
+        if name and SCHEMES[name].needs_eps and not all(eps for _, eps in self.runs):
+            raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
+        return self
 
     def _dyadic(self, h):
         """h as exactly the reference step times a power of two that divides the final time."""
@@ -112,6 +150,102 @@ class StrongCase(Case):
         return exact
 
 
+class StrongCase(ErrorCase):
+    """Strong errors of schemes, each against itself at the reference step on the same Brownian paths."""
+
+    samples: key_of(Samples, "number of Brownian paths")
+
+
+class WeakCase(ErrorCase):
+    """Weak errors of schemes: E phi(y_N) for test functions phi, against the same at the reference step."""
+
+    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi")
+    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}")
+    samples: key_of(Samples | None, "number of Brownian paths of plain") = None
+    prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
+    standard_error: key_of(Positive | None, "what multilevel aims at for the weak error at the largest step") = None
+    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed") = None
+    accuracy: key_of(Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs") = (
+        None
+    )
+    panels: key_of(WeakPanels, f"what the figure shows, some of {', '.join(WEAK_PANELS)}") = ("errors",)
+
+    @property
+    def expressions(self):
+        """The trees of the test functions, in the order of their names."""
+        return tuple(parse_expression(text, type(self.model).dimension) for text in self.functions.values())
+
+    @pydantic.field_serializer("functions")
+    def _canonical(self, functions):
+        # pairs, because their order decides that of the results, and in the least text that decides the values
+        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
+
+    @model_validator(mode="after")
+    def _check_functions(self):
+        d = type(self.model).dimension
+        right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
+        for name, text in self.functions.items():
+            try:
+                if is_constant(parse_expression(text, d)):
+                    raise NumberError("constant")
+            except NumberError as error:
+                raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+        return self
+
+    @model_validator(mode="after")
+    def _check_panels(self):
+        if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
+            raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")
+        if {"samples", "seconds"} & set(self.panels) and not ("plain" in self.estimators and self.prefixes):
+            panel = next(p for p in self.panels if p in ("samples", "seconds"))
+            right = "needs the estimator plain and prefixes, as in prefixes: [10^3, 10^4]"
+            raise wrong(f"has '{panel}', but there are no results of fewer samples", right, "panels")
+        return self
+
+    @model_validator(mode="after")
+    def _check_estimators(self):
+        _check_once(self.estimators, "estimators")
+        for name in self.estimators:
+            getattr(self, f"_check_{name}")()
+        return self
+
+    def _check_plain(self):
+        self._need("plain", "samples")
+        for before, n in pairwise(self.prefixes or ()):
+            if n <= before:
+                raise wrong(f"has {n} after {before}", "must increase", "prefixes")
+        if self.prefixes and self.prefixes[-1] > self.samples:
+            raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
+
+    def _check_multilevel(self):
+        self._need("multilevel", "standard_error", "seconds")
+        if self.reference_scheme:
+            what = "has 'multilevel', which compares each scheme with itself, and reference_scheme is set"
+            raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+
+    def _check_kolmogorov(self):
+        """What the solvers without sampling can do."""
+        if getattr(type(self.model), "surface", None) is None:
+            able = [name for name, cls in MODELS.items() if getattr(cls, "surface", None)]
+            what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
+        elif not any(isinstance(SCHEMES[s].record, Splitting) for s in self.schemes):
+            what = f"is for splitting schemes, which '{self.schemes[0]}' is not"
+        elif self.truncate_noise:
+            what = "has no truncate_noise"
+        elif self.reference_scheme:
+            what = "has no reference_scheme"
+        else:
+            return
+        rest = [name for name in ESTIMATORS if name != "kolmogorov"]
+        raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
+
+    def _need(self, estimator, *keys):
+        """One of these keys must be given."""
+        if all(getattr(self, key) is None for key in keys):
+            add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
+            raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
+
+
 class TrajectoryCase(Case):
     """One path of each scheme, all on the same Brownian path."""
 
@@ -119,9 +253,7 @@ class TrajectoryCase(Case):
     schemes: key_of(Schemes, "a list of schemes")
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
-    truncate_noise: key_of(pydantic.StrictBool, "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes") = (
-        False
-    )
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     @model_validator(mode="after")
     def _check_step(self):
@@ -147,10 +279,14 @@ def _check_multiple(end, h, key, has):
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 
+def _check_once(listed, key):
+    if len(set(listed)) < len(listed):
+        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
 def _check_schemes(listed, used, largest_step, truncated, key):
     """No scheme twice; and what the truncation of increments asks for."""
-    if len(set(listed)) < len(listed):
-        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", "schemes")
+    _check_once(listed, "schemes")
     if truncated and largest_step >= 1:
         has = "has" if key == "steps" else "is"
         right = "must be below 1 with truncate_noise, whose bound is 0 there"
@@ -162,7 +298,7 @@ def _check_schemes(listed, used, largest_step, truncated, key):
 
 
 #: kind in a spec file -> record of a case
-KINDS: dict[str, type[Case]] = {"strong": StrongCase, "trajectory": TrajectoryCase}
+KINDS: dict[str, type[Case]] = {"strong": StrongCase, "trajectory": TrajectoryCase, "weak": WeakCase}
 
 
 # ---------------------------------------------------------------------------------------------------------------------

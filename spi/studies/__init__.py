@@ -1,9 +1,9 @@
-"""What can be asked, one module per kind of experiment.
+"""What can be asked.
 
-A study offers ``plan(case, scheme)``, ``start(plan)``, ``batches(plan, state)``, ``current_stderr(plan, state)``,
-``group(case, scheme, state)``, ``cost(case)`` and the NamedTuple ``State``, from which a run can go on.
+A study is a module with ``parts``, ``plan``, ``cost``, ``start``, ``batches``, ``progress`` and ``group``.
 """
 
-from . import strong, trajectory
+from . import strong, trajectory, weak
 
-STUDIES = {"strong": strong, "trajectory": trajectory}
+#: kind of experiment -> study
+STUDIES = {"strong": strong, "trajectory": trajectory, "weak": weak}

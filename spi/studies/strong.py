@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dispatch import means, number, tuplewise, unrolled
-from ..ensemble import Grid, Noise, empty_report, integrate, thread_count, use_threads
+from ..ensemble import Grid, Noise, empty_report, grid, integrate, thread_count, use_threads
 from ..estimators import (
     GROUPS,
     PARTS,
@@ -26,9 +26,9 @@ from ..estimators import (
 from ..fields import noise_field, noise_field_derivative, squared_distance
 from ..lanes import load
 from ..protocol import REPORT, casimir_indices, casimirs, noise_indices, observe
-from ..records import Group, describe
+from ..records import Group, Part, describe
 from ..rng import BROWNIAN, LANES
-from ..schemes import SCHEMES
+from ..schemes import scheme_row, typical_ns
 from ..schemes.splitting import Splitting
 
 _BLOCKS_PER_ROUND = GROUPS // PARTS
@@ -118,26 +118,32 @@ class Plan(NamedTuple):
         return -(-self.samples // LANES)
 
 
-def plan(case, scheme):
+def parts(case):
+    """What is run one after the other: each scheme."""
+    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
+
+
+def plan(case, part):
     """The plan for one scheme of a case."""
     doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
     total = round(case.final_time / case.reference_step)
-    reference = SCHEMES[case.reference_scheme].record if case.reference_scheme else None
+    reference = scheme_row(case.reference_scheme, part.eps or 0.0).record if case.reference_scheme else None
     return Plan(
-        SCHEMES[scheme].record,
+        scheme_row(part.scheme, part.eps).record,
         case.model,
         case.initial,
-        Grid(case.reference_step, total, doublings, case.truncate_noise, reference),
+        grid(case.reference_step, total, doublings, case.truncate_noise, reference_scheme=reference),
         Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
         total >> doublings,
         case.samples,
     )
 
 
-def cost(case):
-    """Steps of one path, all step sizes together, and bytes of memory needed, for one scheme."""
-    p = plan(case, case.schemes[0])
-    return int(p.steps.sum()), int(_BATCH_BYTES) + 8 * GROUPS * p.points
+def cost(case, part):
+    """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+    p = plan(case, part)
+    steps = int(p.steps.sum()) * case.samples
+    return steps, steps * 1e-9 * typical_ns(part.scheme, case.model), int(_BATCH_BYTES) + 8 * GROUPS * p.points
 
 
 def start(p):
@@ -234,11 +240,13 @@ def errors(p, state):
     )
 
 
-def current_stderr(p, state):
-    """The standard error at the final time of the largest step, for the progress line."""
-    counts = group_counts(min(state.blocks * LANES, p.samples))
-    value, without = root_mean_square(state.squares[:, -1], counts)
-    return float(jackknife_stderr(value, without, counts))
+def progress(p, state):
+    """Paths done, all paths, and the standard error at the final time of the largest step."""
+    done = min(state.blocks * LANES, p.samples)
+    if not done:
+        return 0, p.samples, float("nan")
+    value, without = root_mean_square(state.squares[:, -1], group_counts(done))
+    return done, p.samples, float(jackknife_stderr(value, without, group_counts(done)))
 
 
 def nanoseconds_per_step(p, h):
@@ -250,7 +258,7 @@ def nanoseconds_per_step(p, h):
         return np.nan
     steps = 2048
     alone = p._replace(
-        grid=p.grid._replace(reference_step=h, reference_steps=steps, doublings=np.zeros(1, np.int64)),
+        grid=grid(h, steps, truncate=p.grid.truncate),
         steps=np.array([steps]),
         samples=LANES,
     )
@@ -267,10 +275,10 @@ def nanoseconds_per_step(p, h):
     return 1e9 * best / (steps * LANES)
 
 
-def group(case, scheme, state):
+def group(case, part, state):
     """The results of one scheme of a case, from its final state."""
-    p = plan(case, scheme)
-    row = SCHEMES[scheme]
+    p = plan(case, part)
+    row = scheme_row(part.scheme, part.eps)
     h = np.array(case.steps)
     error, without, where, final, final_without, counts = errors(p, state)
     stderr = jackknife_stderr(error, without, counts)
@@ -296,12 +304,12 @@ def group(case, scheme, state):
         variables |= {name: state.report[down, i] for i, name in enumerate(REPORT)}
     return Group(
         case.name,
-        scheme,
+        part.group,
         {"h": h, "casimir": np.arange(state.drift.shape[1])},
         {name: (("h",), values) for name, values in variables.items()}
         | {"casimir_drift": (("h", "casimir"), state.drift[down])},
         {
-            **describe(case, row),
+            **describe(case, row, part.eps),
             "order": order.order,
             "order_ci": (order.low, order.high),
             "points_in_fit": order.points,

@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dispatch import kernel, means, number, unrolled
-from ..ensemble import Grid, Noise, empty_report, integrate, thread_count
+from ..ensemble import Grid, Noise, empty_report, grid, integrate, thread_count
 from ..lanes import load
 from ..protocol import REPORT, casimir_indices, casimirs, hamiltonian, observe
-from ..records import Group, describe
+from ..records import Group, Part, describe
 from ..rng import BROWNIAN, LANES
-from ..schemes import SCHEMES
+from ..schemes import scheme_row, typical_ns
 
 
 class Recorder(NamedTuple):
@@ -45,21 +45,26 @@ class Plan(NamedTuple):
     grid: Grid
     noise: Noise
     path: int
-    samples: int = 1
 
 
-def plan(case, scheme):
+def parts(case):
+    """What is run one after the other: each scheme."""
+    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
+
+
+def plan(case, part):
     """The plan for one scheme of a case."""
     steps = round(case.final_time / case.step)
-    grid = Grid(case.step, steps, np.zeros(1, np.int64), case.truncate_noise)
     noise = Noise(np.uint64(case.seed), np.uint64(BROWNIAN))
-    return Plan(SCHEMES[scheme].record, case.model, case.initial, grid, noise, case.path)
+    times = grid(case.step, steps, truncate=case.truncate_noise)
+    return Plan(scheme_row(part.scheme, part.eps).record, case.model, case.initial, times, noise, case.path)
 
 
-def cost(case):
-    """Steps taken (a whole block of paths is) per path asked for, and bytes of memory."""
+def cost(case, part):
+    """Steps of paths (of a whole block), seconds of one thread at typical speed, and bytes of memory."""
     steps = round(case.final_time / case.step)
-    return steps * LANES, 8 * (steps + 1) * (type(case.model).dimension + 4)
+    ns = typical_ns(part.scheme, case.model)
+    return steps * LANES, steps * LANES * 1e-9 * ns, 8 * (steps + 1) * (type(case.model).dimension + 4)
 
 
 def start(p):
@@ -80,9 +85,9 @@ def batches(p, state):
     yield State(1, time.perf_counter() - began, y, report[0, 0])
 
 
-def current_stderr(p, state):
-    """A path has none."""
-    return float("nan")
+def progress(p, state):
+    """0 or 1 paths of 1, and no standard error."""
+    return state.blocks, 1, float("nan")
 
 
 @unrolled(casimir_indices)
@@ -101,7 +106,7 @@ def invariants(model, states, energy, conserved):
         _keep_casimir(model, conserved, row, y)
 
 
-def group(case, scheme, state):
+def group(case, part, state):
     """The results of one scheme of a case, from its final state."""
     n, d = state.y.shape
     spread = np.zeros((n, d * LANES))
@@ -122,7 +127,7 @@ def group(case, scheme, state):
         drift = np.abs(conserved - conserved[0]).max(axis=0)
     return Group(
         case.name,
-        scheme,
+        part.group,
         {"t": t, "component": np.arange(d), "casimir": np.arange(conserved.shape[1])},
         {
             "y": (("t", "component"), state.y),
@@ -130,7 +135,7 @@ def group(case, scheme, state):
             "casimirs": (("t", "casimir"), conserved),
         },
         {
-            **describe(case, SCHEMES[scheme]),
+            **describe(case, scheme_row(part.scheme, part.eps), part.eps),
             "step": case.step,
             "path": case.path,
             "panels": " ".join(case.panels),

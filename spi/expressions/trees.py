@@ -1,0 +1,176 @@
+"""Expressions as trees of records: how they are read and written, and the table of what each record means."""
+
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dispatch import INDICES, number
+from ..numbers import NumberError, Numbers, read
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Records: what they hold, what they mean for arrays and in generated code, how they are written
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class Constant(NamedTuple):
+    """A number."""
+
+    value: float
+
+
+class Component(NamedTuple):
+    """y_{k+1}, with k given by one of INDICES."""
+
+    index: NamedTuple
+
+
+class WholePower(NamedTuple):
+    """a^n by repeated multiplication, with n = 2, ..., 15 given by one of INDICES."""
+
+    a: NamedTuple
+    exponent: NamedTuple
+
+
+_ONE, _TWO = [("a", NamedTuple)], [("a", NamedTuple), ("b", NamedTuple)]  # their fields, the operands
+Sum = NamedTuple("Sum", _TWO)
+Difference = NamedTuple("Difference", _TWO)
+Product = NamedTuple("Product", _TWO)
+Quotient = NamedTuple("Quotient", _TWO)
+Power = NamedTuple("Power", _TWO)
+Negative = NamedTuple("Negative", _ONE)
+Sine = NamedTuple("Sine", _ONE)
+Cosine = NamedTuple("Cosine", _ONE)
+Tangent = NamedTuple("Tangent", _ONE)
+HyperbolicTangent = NamedTuple("HyperbolicTangent", _ONE)
+Exponential = NamedTuple("Exponential", _ONE)
+Logarithm = NamedTuple("Logarithm", _ONE)
+SquareRoot = NamedTuple("SquareRoot", _ONE)
+Absolute = NamedTuple("Absolute", _ONE)
+
+
+class Meaning(NamedTuple):
+    """What a record with operands means."""
+
+    array: np.ufunc  #: of arrays
+    code: str  #: Python source of it, for floats {0}, {1}; compiled and not
+    text: str  #: in the grammar
+    binds: int  #: how tightly the text binds: 1 sums, 2 products, 3 powers and minus signs, 4 atoms
+    operands: tuple[int, ...]  #: how tightly the texts of operands must bind to need no parentheses
+
+
+MEANINGS = {
+    Sum: Meaning(np.add, "{0} + {1}", "{0} + {1}", 1, (1, 2)),
+    Difference: Meaning(np.subtract, "{0} - {1}", "{0} - {1}", 1, (1, 2)),
+    Product: Meaning(np.multiply, "{0} * {1}", "{0}*{1}", 2, (2, 3)),
+    Quotient: Meaning(np.divide, "divided({0}, {1})", "{0}/{1}", 2, (2, 3)),
+    Power: Meaning(np.power, "np.power({0}, {1})", "{0}^{1}", 3, (4, 3)),
+    Negative: Meaning(np.negative, "-{0}", "-{0}", 3, (3,)),
+    Sine: Meaning(np.sin, "sin_versine(angles, {0})[0]", "sin({0})", 4, (0,)),
+    Cosine: Meaning(np.cos, "1.0 - sin_versine(angles, {0})[1]", "cos({0})", 4, (0,)),
+    Tangent: Meaning(np.tan, "np.tan({0})", "tan({0})", 4, (0,)),
+    HyperbolicTangent: Meaning(np.tanh, "np.tanh({0})", "tanh({0})", 4, (0,)),
+    Exponential: Meaning(np.exp, "exp({0})", "exp({0})", 4, (0,)),
+    Logarithm: Meaning(np.log, "log({0})", "log({0})", 4, (0,)),
+    SquareRoot: Meaning(np.sqrt, "np.sqrt({0})", "sqrt({0})", 4, (0,)),
+    Absolute: Meaning(np.abs, "abs({0})", "abs({0})", 4, (0,)),
+}
+_SIGNS = {"+": Sum, "-": Difference, "*": Product, "/": Quotient, "^": Power}
+_FUNCTIONS = {"sin": Sine, "cos": Cosine, "tan": Tangent, "tanh": HyperbolicTangent, "exp": Exponential}
+_FUNCTIONS |= {"log": Logarithm, "sqrt": SquareRoot, "abs": Absolute}
+
+# ---------------------------------------------------------------------------------------------------------------------
+# From and to text
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+class _Trees(Numbers):
+    """The meaning of the grammar in trees; what has no y in it stays a number."""
+
+    longest = 400
+    functions = tuple(_FUNCTIONS)
+
+    def __init__(self, dimension):
+        components = {f"y{k + 1}": Component(INDICES[k]()) for k in range(dimension)}
+        self.constants = {**Numbers.constants, **components}
+        self.state = f"y1 .. y{dimension}" if dimension > 1 else "only y1"
+
+    def unknown(self, word):
+        if re.fullmatch("[yY][0-9]+", word):
+            return NumberError(f"unknown word '{word}', the state has {self.state}")
+        return super().unknown(word)
+
+    def negative(self, a):
+        if isinstance(a, Negative):
+            return a.a
+        return Negative(a) if _is_tree(a) else super().negative(a)
+
+    def combine(self, sign, a, b):
+        if not _is_tree(a) and not _is_tree(b):
+            return super().combine(sign, a, b)
+        if sign == "/" and b == 0:
+            raise ZeroDivisionError
+        if sign == "^" and not _is_tree(b):
+            return _power(a, b)
+        return _SIGNS[sign](_tree(a), _tree(b))
+
+    def apply(self, function, a):
+        return _FUNCTIONS[function](a) if _is_tree(a) else super().apply(function, a)
+
+
+def _is_tree(value):
+    return type(value) in MEANINGS or isinstance(value, Component | WholePower)
+
+
+def _tree(value):
+    """A tree, or a number as a Constant."""
+    if isinstance(value, complex):
+        raise NumberError("complex")
+    return value if _is_tree(value) else Constant(float(value))
+
+
+def _power(a, exponent):
+    """A tree to the power of a number."""
+    if isinstance(exponent, complex):
+        raise NumberError("complex")
+    if exponent in (0, 1):
+        return 1 if exponent == 0 else a
+    if exponent == 0.5:
+        return SquareRoot(a)
+    if exponent in range(2, len(INDICES)):
+        return WholePower(a, INDICES[int(exponent)]())
+    if -exponent in range(1, len(INDICES)):
+        return Quotient(Constant(1.0), _power(a, -exponent))
+    return Power(a, _tree(exponent))
+
+
+def parse_expression(text, dimension):
+    """The tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none."""
+    return _tree(read(text, _Trees(dimension)))
+
+
+def is_constant(expression):
+    """Whether no component of the state occurs in it."""
+    return isinstance(expression, Constant)
+
+
+def canonical(expression):
+    """The text of a tree; ``parse_expression`` makes the same tree of it."""
+    return _written(expression, 0)
+
+
+def _written(expression, binds):
+    """The text of a tree, in parentheses if it binds less tightly than `binds`."""
+    if isinstance(expression, Constant):
+        own, text = 3 if math.copysign(1.0, expression.value) < 0.0 else 4, repr(expression.value)
+        text = text if text == "-0.0" else text.removesuffix(".0")
+    elif isinstance(expression, Component):
+        own, text = 4, f"y{number(expression.index) + 1}"
+    elif isinstance(expression, WholePower):
+        own, text = 3, f"{_written(expression.a, 4)}^{number(expression.exponent)}"
+    else:
+        meaning = MEANINGS[type(expression)]
+        own = meaning.binds
+        text = meaning.text.format(*map(_written, expression, meaning.operands))
+    return text if own >= binds else f"({text})"

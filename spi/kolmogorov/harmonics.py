@@ -1,0 +1,217 @@
+"""Functions on the unit sphere as real spherical harmonics of degree <= L, split by the symmetry of the rigid body.
+
+The rotations by pi about the three axes (with the identity, a group of four) commute with every flow of the rigid body,
+so functions split into four *classes* that no operator mixes, numbered by the coordinate that behaves like them: class
+0 like y1, class 1 like y2, class 2 like y3, and class 3 like y1 y2 y3.  In polar coordinates about the third axis each
+degree l of a class has the orders m of one parity with one of cos(m phi), sin(m phi):
+
+    class 0: m odd,  cos for odd l           class 2: m even, cos for odd l
+    class 1: m odd,  cos for even l          class 3: m even, cos for even l        (sin for the other l)
+
+The operator behind all flows about the third axis, A f = d/dt f(y turned about axis 3 by the angle t y3), is
+A = -y3 d/dphi: it turns cos into m sin and multiplies by y3, that is, in the chain l = m, ..., L of one order m it is
+m times a signed Jacobi matrix J_m.  All of it is truncated in one place, J_m to L - m + 1 rows; what is made of A
+(exp(tA), exp(sA^2), sums) is then exact in the truncated space.  So a splitting scheme in this space is a splitting
+scheme for the finite system whose generator is made of the same A, and its error tends to 0 with h for every L.
+Functions of J_m taken in its eigenvectors are those that Gauss quadrature with L - m + 1 nodes would give.
+
+The other axes come from the cyclic shift U f(y1, y2, y3) = f(y2, y3, y1): A_{k+1} = U A_k U^-1.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+from scipy.sparse import coo_array
+
+CLASSES = (0, 1, 2, 3)
+
+
+class Chain(NamedTuple):
+    """The states of one order m > 0 of a class, l = m, ..., L."""
+
+    order: int
+    states: np.ndarray  #: their positions among the states of the class
+    sign: np.ndarray  #: +1 where the state has cos(m phi), -1 where sin
+    nodes: np.ndarray  #: the eigenvalues of J_m ...
+    vectors: np.ndarray  #: ... and its eigenvectors
+
+
+def is_cosine(which, degree):
+    """Whether the harmonics of this class and degree have cos(m phi) (else sin)."""
+    return (degree % 2 == 1) == (which in (0, 2))
+
+
+def shifted(which, by=1):
+    """The class to which U^by takes the class."""
+    return which if which == 3 else (which + by) % 3
+
+
+class Harmonics:
+    """The four classes up to degree L: positions, chains and the shift U.
+
+    Within a class states are sorted by degree, then order.  ``turn[c][l]`` is the orthogonal matrix of U from degree l
+    of class c to degree l of ``shifted(c)``.
+    """
+
+    def __init__(self, L):
+        self.L = L
+        self.orders = {c: [self._orders(c, degree) for degree in range(L + 1)] for c in CLASSES}
+        self.starts = {c: np.cumsum([0] + [len(m) for m in self.orders[c]]) for c in CLASSES}
+        self.size = {c: int(self.starts[c][-1]) for c in CLASSES}
+        modes = [_jacobi_modes(m, L) for m in range(1, L + 1)]
+        self.chains = {c: [self._chain(c, m, *modes[m - 1]) for m in range(2 - (c < 2), L + 1, 2)] for c in CLASSES}
+        self.turn = self._turns()
+
+    @staticmethod
+    def _orders(which, degree):
+        first = 1 if which < 2 else (0 if is_cosine(which, degree) else 2)
+        return np.arange(first, degree + 1, 2)
+
+    def _chain(self, which, m, nodes, vectors):
+        degrees = np.arange(m, self.L + 1)
+        states = np.array([self.starts[which][i] + (m - self.orders[which][i][0]) // 2 for i in degrees])
+        return Chain(m, states, np.where([is_cosine(which, i) for i in degrees], 1.0, -1.0), nodes, vectors)
+
+    def _turns(self):
+        """With M_k multiplication by y_k from degree l - 1 to l: U_l = (2l+1)/l sum_k M_{k+1} U_{l-1} M_k^T.
+
+        This is U M_k = M_{k+1} U and sum_k M_k M_k^T = l / (2l+1); no rounding error grows in it, since the rows of
+        (M_0, M_1, M_2) are orthogonal.
+        """
+        turn = {c: [] for c in CLASSES}
+        full = np.ones((1, 1))
+        for degree in range(self.L + 1):
+            if degree:
+                M = _coordinates(degree)
+                full = (2 + 1 / degree) * sum((M[k] @ (M[k - 1] @ full.T).T) for k in range(3))
+            for c in CLASSES:
+                rows, columns = (self._in_full(b, degree) for b in (shifted(c), c))
+                turn[c].append(full[np.ix_(rows, columns)].copy())
+        return turn
+
+    def _in_full(self, which, degree):
+        """Positions among cos 0, ..., cos l, sin 1, ..., sin l."""
+        return self.orders[which][degree] + (0 if is_cosine(which, degree) else degree)
+
+    def generator(self, which, k):
+        """A_k in a class, a sparse antisymmetric matrix."""
+        inner = shifted(which, 2 - k)  # U^(2-k) takes axis k to the third
+        rows, columns, values = [], [], []
+        for chain in self.chains[inner]:
+            couple = chain.order * _jacobi(chain.order, self.L) * chain.sign[:-1]
+            rows += [chain.states[1:], chain.states[:-1]]
+            columns += [chain.states[:-1], chain.states[1:]]
+            values += [couple, -couple]
+        n = self.size[inner]
+        A = coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (n, n)).tocsr()
+        if k == 2:
+            return A
+        starts, turned = self.starts[inner], []
+        for degree in range(1, self.L + 1):
+            low, mid, high = starts[degree - 1 : degree + 2]
+            block = self.rotate(A[mid:high, low:mid].toarray(), which, k, degree, degree - 1)
+            block[abs(block) < 1e-13 * self.L] = 0.0
+            turned.append(block)
+        starts = self.starts[which]
+        rows, columns, values = [], [], []
+        for degree, block in enumerate(turned, start=1):
+            i, j = np.nonzero(block)
+            i_all, j_all = i + starts[degree], j + starts[degree - 1]
+            rows += [i_all, j_all]
+            columns += [j_all, i_all]
+            values += [block[i, j], -block[i, j]]
+        n = self.size[which]
+        return coo_array((np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (n, n)).tocsr()
+
+    def rotate(self, block, which, k, left, right):
+        """A block (degrees left, right) of an operator about the third axis, turned to axis k, in class `which`."""
+        if k == 0:  # A_0 = U A_2 U^-1, from class which - 1
+            turn = self.turn[shifted(which, -1)]
+            return turn[left] @ block @ turn[right].T
+        turn = self.turn[which]
+        return turn[left].T @ block @ turn[right]
+
+    def project(self, functions, radius):
+        """Coefficients of phi(radius n) for each class: arrays (size, number of functions)."""
+        rings, around = self.L + 1 + self.L // 2, 3 * self.L + 4
+        z, weights = np.polynomial.legendre.leggauss(rings)
+        phi = 2 * np.pi / around * np.arange(around)
+        s = np.sqrt((1 - z) * (1 + z))
+        points = np.array([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(z, np.ones(around))])
+        points = radius * points.reshape(3, -1)
+        values = np.array([np.broadcast_to(f(points), points.shape[1]).reshape(rings, around) for f in functions])
+        modes = np.fft.rfft(values, axis=-1)[..., : self.L + 1] * (weights * 2 * np.pi / around)[:, None]
+        return self._sort(lambda P, m: ((P @ modes[:, :, m].real.T), (P @ -modes[:, :, m].imag.T)), z, len(functions))
+
+    def evaluation(self, point):
+        """The vectors e_c with f(point) = sum_c e_c . f_c, for a point of the unit sphere."""
+        phi = np.arctan2(point[1], point[0])
+        found = self._sort(lambda P, m: (P * np.cos(m * phi), P * np.sin(m * phi)), np.array([point[2]]), 1)
+        return {c: v[:, 0] for c, v in found.items()}
+
+    def _sort(self, parts, z, count):
+        """Coefficients from parts(P, m) = those of cos(m phi) and sin(m phi), l = m, ..., L."""
+        found = {c: np.zeros((self.size[c], count)) for c in CLASSES}
+        for m, P in enumerate(legendre(self.L, z)):
+            cosine, sine = parts(P if m == 0 else np.sqrt(2) * P, m)
+            for c in CLASSES:
+                if m % 2 != (c < 2):
+                    continue
+                for degree in range(m, self.L + 1):
+                    if is_cosine(c, degree) or m > 0:
+                        part = cosine if is_cosine(c, degree) else sine
+                        found[c][self.starts[c][degree] + (m - self.orders[c][degree][0]) // 2] = part[degree - m]
+        return found
+
+
+def _jacobi(m, L):
+    """Off-diagonal of J_m, multiplication by y3 on the degrees m, ..., L of order m."""
+    degree = np.arange(m + 1, L + 1)
+    return np.sqrt((degree - m) * (degree + m) / (4.0 * degree**2 - 1))
+
+
+def _jacobi_modes(m, L):
+    if m == L:
+        return np.zeros(1), np.ones((1, 1))
+    return eigh_tridiagonal(np.zeros(L - m + 1), _jacobi(m, L))
+
+
+def legendre(L, z):
+    """Normalised associated Legendre functions, for each m an array (L - m + 1, len(z)); integral 1 with m = 0."""
+    z = np.asarray(z, dtype=float)
+    s = np.sqrt((1 - z) * (1 + z))
+    top = np.full(z.shape, np.sqrt(0.25 / np.pi))
+    for m in range(L + 1):
+        P = np.zeros((L - m + 1, len(z)))
+        P[0] = top
+        couple = _jacobi(m, L)
+        for i in range(L - m):
+            P[i + 1] = (z * P[i] - (couple[i - 1] * P[i - 1] if i else 0.0)) / couple[i]
+        yield P
+        top = top * s * np.sqrt((2 * m + 3) / (2 * m + 2))
+
+
+def _coordinates(degree):
+    """Multiplication by y1, y2, y3 from degree - 1 to degree, among cos 0, ..., cos l, sin 1, ..., sin l."""
+    lower = degree - 1
+    m = np.arange(degree)
+    up = np.sqrt((degree + m) * (degree + m + 1) / (4.0 * degree**2 - 1)) / 2  # to order m + 1 ...
+    down = -np.sqrt((degree - m) * (degree - m + 1) / (4.0 * degree**2 - 1)) / 2  # ... and to m - 1
+    up[0] *= np.sqrt(2)  # cos 0 carries no factor sqrt(2)
+    if degree > 1:
+        down[1] *= np.sqrt(2)
+    same = np.sqrt((degree - m) * (degree + m) / (4.0 * degree**2 - 1))
+    c, s = (lambda m: m), (lambda m: degree + m)
+    c0, s0 = (lambda m: m), (lambda m: lower + m)
+    p, q = m[1:], m[2:]
+    entries = (
+        ((c(m + 1), c0(m), up), (c(p - 1), c0(p), down[1:]), (s(p + 1), s0(p), up[1:]), (s(q - 1), s0(q), down[2:])),
+        ((s(m + 1), c0(m), up), (s(q - 1), c0(q), -down[2:]), (c(p + 1), s0(p), -up[1:]), (c(p - 1), s0(p), down[1:])),
+        ((c(m), c0(m), same), (s(p), s0(p), same[1:])),
+    )
+    matrices = []
+    for parts in entries:
+        rows, columns, values = (np.concatenate([part[i] for part in parts]) for i in range(3))
+        matrices.append(coo_array((values, (rows, columns)), (2 * degree + 1, 2 * degree - 1)).tocsr())
+    return matrices

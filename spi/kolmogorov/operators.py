@@ -1,0 +1,186 @@
+"""Backward operators on the sphere, class by class (see :mod:`.harmonics`): one step, its powers, and the semigroup.
+
+A step is kept as E = P - I throughout, and a flow about axis k adds U^j (exp(turn A + spread A^2) - 1) U^-j f to f: the
+rounding errors of the fixed matrices are then proportional to h, and do not pile up over many small steps.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ive
+
+from .harmonics import shifted
+
+
+class Factor(NamedTuple):
+    """The operator exp(turn A_k + spread A_k^2) of one or more flows about axis k."""
+
+    axis: int
+    turn: float
+    spread: float
+
+
+def factors(turn, spread, composition, h):
+    """The factors of one composition in the order in which they act on f, the last flow first.
+
+    `turn` and `spread` are the coefficients of A_k and A_k^2 in the generator.
+    """
+    found = []
+    for kind, k, fraction in reversed(composition):
+        if kind == "drift":
+            factor = Factor(k, fraction * h * turn[k], 0.0)
+        elif kind == "noise":
+            factor = Factor(k, 0.0, fraction**2 * h * spread[k])
+        else:
+            raise ValueError(f"a composition consists of 'drift' and 'noise', not {kind!r}")
+        if found and found[-1].axis == k:
+            last = found.pop()
+            factor = Factor(k, last.turn + factor.turn, last.spread + factor.spread)
+        if factor.turn or factor.spread:
+            found.append(factor)
+    return tuple(found)
+
+
+class Step:
+    """The backward operator of a step in one class of functions.
+
+    `words` are (probability, factors); what all words begin or end with is applied once.
+    """
+
+    def __init__(self, harmonics, which, words):
+        self.harmonics, self.which, self.cache = harmonics, which, {}
+        lists = [word for _, word in words]
+        a = _common(lists)
+        b = _common([word[a:][::-1] for word in lists])
+        self.before, self.after = lists[0][:a], lists[0][len(lists[0]) - b :]
+        self.nothing = sum(p for p, word in words if len(word) == a + b)
+        self.branches = [(p, word[a : len(word) - b]) for p, word in words if len(word) > a + b]
+
+    @property
+    def length(self):
+        """How many factors are applied."""
+        return len(self.before) + len(self.after) + sum(len(word) for _, word in self.branches)
+
+    def increment(self, V):
+        """E V, for the columns of V."""
+        D = self._along(self.before, V, np.zeros_like(V))
+        if self.branches:
+            D = sum((p * self._along(word, V, D.copy()) for p, word in self.branches), self.nothing * D)
+        return self._along(self.after, V, D)
+
+    def _along(self, word, V, D):
+        for factor in word:
+            D += self._factor(factor, V + D)
+        return D
+
+    def _factor(self, factor, V):
+        by = (2 - factor.axis) % 3  # U^by takes the axis to the third
+        inner = shifted(self.which, by)
+        if (inner, factor) not in self.cache:
+            chains = self.harmonics.chains[inner]
+            self.cache[inner, factor] = [(c.states, _on_chain(c, factor)) for c in chains]
+        V = self._shift(V, self.which, by)
+        W = np.zeros_like(V)
+        for states, matrix in self.cache[inner, factor]:
+            W[states] = matrix @ V[states]
+        return self._shift(W, inner, -by % 3)
+
+    def _shift(self, V, which, by):
+        """U^by V."""
+        if by == 0:
+            return V
+        goal = shifted(which, by)
+        turns = self.harmonics.turn[which] if by == 1 else [m.T for m in self.harmonics.turn[goal]]
+        a, b = self.harmonics.starts[which].tolist(), self.harmonics.starts[goal].tolist()
+        W = np.empty_like(V)
+        for i, matrix in enumerate(turns):
+            np.matmul(matrix, V[a[i] : a[i + 1]], out=W[b[i] : b[i + 1]])
+        return W
+
+    def matrix(self):
+        """E, made in strips so narrow that they stay in cache and BLAS starts no threads for products this small."""
+        size = self.harmonics.size[self.which]
+        width = min(max(2**18 // self.harmonics.L**2, 24), 128)
+        E = np.empty((size, size))
+        for a in range(0, size, width):
+            E[:, a : a + width] = self.increment(np.eye(size, min(width, size - a), -a))
+        return E
+
+    def power(self, V, n):
+        """P^n V: step by step, or with E as a matrix, squared as often as pays."""
+        doublings = cheapest(self.harmonics.L, n, self.length)[1]
+        if doublings is None:
+            for _ in range(n):
+                V = V + self.increment(V)
+            return V
+        E = self.matrix()
+        for _ in range(doublings):
+            if n % 2:
+                V = V + E @ V
+            E = E @ E + 2 * E
+            n //= 2
+        for _ in range(n):
+            V = V + E @ V
+        return V
+
+
+def _common(lists):
+    """How many first elements the lists share."""
+    return next((i for i, group in enumerate(zip(*lists, strict=False)) if len(set(group)) > 1), min(map(len, lists)))
+
+
+def cheapest(L, n, length):
+    """(seconds on one core, roughly, doublings or None for no matrix) of the cheapest way to P^n."""
+    size = L**2 / 4
+    ways = [(n * length * (5e-6 * L + L**3 / 4e9), None)]
+    if L <= 160:  # else the matrices get large
+        build = length * L**3 * size / 1e10
+        for k in range(int(n).bit_length()):
+            ways.append((build + k * (2 * size**3 / 4e10 + size**2 * 3e-9) + (n / 2**k) * (size**2 * 1e-9 + 5e-5), k))
+    return min(ways, key=lambda way: way[0])
+
+
+def _on_chain(chain, factor):
+    """exp(turn A + spread A^2) - 1 on one chain, A being m J_m with signs; its even and odd part."""
+    x = chain.order * chain.nodes
+    s = factor.spread * x**2
+    Q = chain.vectors
+    even = (Q * (np.expm1(-s) * np.cos(factor.turn * x) - 2 * np.sin(factor.turn * x / 2) ** 2)) @ Q.T
+    odd = (Q * (np.exp(-s) * np.sin(factor.turn * x))) @ Q.T
+    return even + odd * chain.sign
+
+
+def bounds(L, turn, spread):
+    """Bounds of the skew and of the symmetric part of the generator: |A_k| <= max m J_m < (L+1) / 2."""
+    top = (L + 1) / 2
+    return top * sum(abs(t) for t in turn), top**2 * sum(spread)
+
+
+def semigroup(harmonics, which, turn, spread, time, V):
+    """exp(time G) V with G = sum_k turn_k A_k + spread_k A_k^2.
+
+    Chebyshev expansion in pieces so short that the imaginary part of the numerical range, which is [-rho, 0] + i[-beta,
+    beta], does no harm: within it |T_j| stays far below the reciprocal of the coefficients.
+    """
+    A = [harmonics.generator(which, k) for k in range(3)]
+    G = sum(t * a + s * (a @ a) if s else t * a for t, s, a in zip(turn, spread, A, strict=True))
+    pieces, half, coefficients = chebyshev(*bounds(harmonics.L, turn, spread), time)
+    B = (G * (time / pieces / half)).tocsr()
+    for _ in range(pieces):
+        # with U_j = T_j(1 + B) - 1, since the c_j add up to 1 only up to rounding
+        a, b = np.zeros_like(V), B @ V
+        W = coefficients[1] * b
+        for c in coefficients[2:]:
+            a, b = b, 2 * (b + B @ (b + V)) - a
+            W += c * b
+        V = V + W
+    return V
+
+
+def chebyshev(beta, rho, time):
+    """(pieces, half, c): exp(z) = sum_j c_j T_j(1 + z / half) for z = time / pieces * an element of the range."""
+    pieces = max(1, int(np.ceil(time * beta / 2)))
+    half = max(rho * time / pieces / 2, 1.0)
+    coefficients = 2 * ive(np.arange(40 + int(14 * np.sqrt(half))), half)
+    coefficients[0] /= 2
+    return pieces, half, coefficients[: np.nonzero(coefficients > 1e-20)[0][-1] + 1]

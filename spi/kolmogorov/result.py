@@ -1,0 +1,22 @@
+"""What the solvers without sampling give."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Expectations(NamedTuple):
+    """E phi(y) at the final time for F test functions: of a scheme at S step sizes, and of the equation itself.
+
+    Each `error` is an estimate of the numerical error, from refining the discretisation; `weak_error` is value - limit,
+    where errors common to both cancel.
+    """
+
+    h: np.ndarray  #: (S,) step sizes
+    value: np.ndarray  #: (F, S) E phi(y_N)
+    error: np.ndarray  #: (F, S)
+    limit: np.ndarray  #: (F,) E phi(y(T))
+    limit_error: np.ndarray  #: (F,)
+    weak_error: np.ndarray  #: (F, S)
+    weak_error_error: np.ndarray  #: (F, S)
+    notes: dict[str, Any]  #: how it was computed: resolution, seconds, ...

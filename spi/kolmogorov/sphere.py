@@ -1,0 +1,191 @@
+"""E phi(y_N) for splitting schemes of the stochastic rigid body, without sampling.
+
+The backward operator of a step, (P f)(y) = E f(y_1) given y_0 = y, is a product of one factor for each flow, the last
+flow acting on f first.  With A_k f = d/dt f(turned about axis k by t y_k), on the sphere of radius 1,
+
+    drift k over time t:                exp(t r / I_k A_k),                  r = |y_0|,
+    noise k over a step h, averaged:    exp(h (sigma_k r / Î_k)^2 / 2 A_k^2),
+
+and the equation itself has E phi(y(T)) = exp(T G) phi with G = sum_k r / I_k A_k + (sigma_k r / Î_k)^2 / 2 A_k^2.
+Scheme and limit use the same truncated A_k (see :mod:`.harmonics`), so most of the error of truncation is common to
+both.
+"""
+
+import time
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from .harmonics import CLASSES, Harmonics
+from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
+from .result import Expectations
+
+#: Degrees tried in turn.
+LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
+#: Without a wish, weak errors are wanted to this fraction.
+RELATIVE = 0.02
+#: A level is not tried if it would take longer, in estimated seconds of one core, for the schemes and for the limit.
+LONGEST, LONGEST_LIMIT = 100.0, 5.0
+#: Rounding errors in units of the largest |phi|.
+ROUNDING = 2e-14
+
+
+def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """E phi of a splitting scheme at each step size and of the equation, as :class:`~.result.Expectations`.
+
+    `compositions` = ((probability, (("drift", k, fraction) | ("noise", k, 1.0), ...)), ...) in acting order; each of
+    `steps` divides `final_time`; `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error
+    of value, limit and weak error; without it, weak errors are wanted to a fiftieth of themselves.
+
+    The degree L is raised until the weak error has settled.  The stated error is its last change, or a quarter of the
+    change before where that is larger (a change may be small by chance).  The limit is far cheaper, so it is taken at a
+    higher degree, and value = limit + weak error.
+    """
+    started = time.perf_counter()
+    problem = _Problem.of(model, compositions, initial, final_time, steps, functions)
+    rounding = ROUNDING * problem.size()[0]
+    if np.count_nonzero(initial) <= 1:
+        return _at_rest(problem, initial)
+    limits, weak = {}, {}
+    for L in LEVELS:
+        if len(weak) >= 3 and problem.cost(L) > LONGEST:
+            break
+        limits[L], values = problem.solve(L)
+        weak[L] = values - limits[L][:, None]
+        weak_error, weak_error_error = _settled(weak, rounding[:, None])
+        goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
+        if len(weak) >= 3 and np.all(weak_error_error <= np.maximum(goal, 2 * rounding[:, None])):
+            break
+    goal = goal.min(axis=1) if accuracy is None else accuracy / 2
+    for L in LEVELS[len(weak) :]:
+        if np.all(_settled(limits, rounding)[1] <= np.maximum(goal, 2 * rounding)):
+            break
+        if problem.cost_of_limit(L) > LONGEST_LIMIT:
+            break
+        limits[L], _ = problem.solve(L, schemes=False)
+    limit, limit_error = _settled(limits, rounding)
+    extrapolated, doubt = extrapolate(problem.steps, weak_error)
+    # two roads to the limit: where they differ by more than the extrapolation can be blamed for, the limit is blamed
+    limit_error = limit_error + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_error.max(axis=1), 0.0)
+    notes = {
+        "degree": max(weak),
+        "degree_of_limit": max(limits),
+        "weak_errors_by_degree": weak,
+        "limits_by_degree": limits,
+        "extrapolated_minus_limit": extrapolated,
+        "extrapolation_error": doubt,
+        "seconds": time.perf_counter() - started,
+    }
+    value, error = limit[:, None] + weak_error, limit_error[:, None] + weak_error_error
+    return Expectations(problem.steps, value, error, limit, limit_error, weak_error, weak_error_error, notes)
+
+
+def _at_rest(problem, initial):
+    """On an axis nothing moves (and seen from there expectations elsewhere are least smooth)."""
+    y = np.asarray(initial, dtype=float)[:, None]
+    limit, nothing = np.array([np.ravel(f(y))[0] for f in problem.functions]), np.zeros(len(problem.steps))
+    weak_error = limit[:, None] * nothing
+    value = limit[:, None] + weak_error
+    return Expectations(
+        problem.steps, value, weak_error, limit, 0 * limit, weak_error, weak_error, {"fixed point": True}
+    )
+
+
+def _settled(by_degree, rounding):
+    """The last of a sequence of refinements, and its error, infinite where that is not known."""
+    found = list(by_degree.values())
+    changes = [abs(b - a) for a, b in pairwise(found)]
+    if not changes:
+        return found[-1], np.full_like(found[-1], np.inf)
+    error = np.maximum(changes[-1], changes[-2] / 4 if len(changes) > 1 else np.inf) + rounding
+    return found[-1], np.where(np.isnan(error), np.inf, error)
+
+
+def extrapolate(steps, weak_error):
+    """The polynomial through the weak errors at the smallest steps (at most seven), at h = 0; and its error.
+
+    That is the limit found by extrapolating the scheme, minus the limit found from the generator.  The error is taken
+    to be the change when the largest of the steps is left out; infinite for less than three steps.
+    """
+    h, at = np.unique(steps, return_index=True)
+    h, values = h[:7], weak_error[:, at[:7]]
+    if len(h) < 3:
+        return np.zeros(len(values)), np.full(len(values), np.inf)
+    found = []
+    for n in (len(h), len(h) - 1):
+        weights = [np.prod([b / (b - a) for b in h[:n] if b != a]) for a in h[:n]]
+        found.append(values[:, :n] @ np.array(weights))
+    return found[0], abs(found[0] - found[1])
+
+
+class _Problem(NamedTuple):
+    compositions: tuple
+    point: np.ndarray  #: y_0 / r
+    radius: float
+    turn: list  #: r / I_k
+    spread: list  #: (sigma_k r / Î_k)^2 / 2
+    time: float
+    steps: np.ndarray
+    counts: list
+    functions: tuple
+
+    @classmethod
+    def of(cls, model, compositions, initial, final_time, steps, functions):
+        initial, steps = np.asarray(initial, dtype=float), np.asarray(steps, dtype=float)
+        counts = np.rint(final_time / steps)
+        if np.any(counts < 1) or np.any(abs(counts * steps - final_time) > 1e-9 * final_time):
+            raise ValueError("every step size must divide the final time")
+        if abs(sum(p for p, _ in compositions) - 1) > 1e-12:
+            raise ValueError("the probabilities of the compositions do not add up to 1")
+        for _, word in compositions:
+            noises = [k for kind, k, _ in word if kind == "noise"]
+            if len(set(noises)) < len(noises):  # the two would share an increment, which a product of means ignores
+                raise ValueError("a noise may occur once in a composition")
+        r = float(np.linalg.norm(initial))
+        point = initial / r if r > 0 else np.array([0.0, 0.0, 1.0])
+        strengths = zip(model.sigma, model.noise_inertia, strict=True)
+        spread = [((sigma or 0.0) * r / i) ** 2 / 2 for sigma, i in strengths]
+        turn = [r / i for i in model.inertia]
+        counts = [int(n) for n in counts]
+        return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions))
+
+    def size(self):
+        """The largest |phi| and the integral of phi^2 over the unit sphere, both roughly (F,)."""
+        z, phi = np.linspace(-1, 1, 20000), np.arange(20000) * np.pi * (np.sqrt(5) - 1)
+        s = np.sqrt(1 - z**2)
+        points = self.radius * np.array([s * np.cos(phi), s * np.sin(phi), z])
+        values = np.array([np.broadcast_to(f(points), z.shape) for f in self.functions])
+        return abs(values).max(axis=1), 4 * np.pi * np.mean(values**2, axis=1)
+
+    def words(self, h):
+        return [(p, factors(self.turn, self.spread, word, h)) for p, word in self.compositions]
+
+    def solve(self, L, schemes=True):
+        """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
+        harmonics = Harmonics(L)
+        coefficients = harmonics.project(self.functions, self.radius)
+        evaluation = harmonics.evaluation(self.point)
+        size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))
+        limit = np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0)
+        values = limit[:, None] + np.zeros(len(self.steps))
+        for c in CLASSES:
+            e = evaluation[c]
+            on = np.linalg.norm(coefficients[c], axis=0) > 1e-15 * size
+            if not np.any(on) or np.linalg.norm(e) < 1e-14 * L:
+                continue
+            V = np.ascontiguousarray(coefficients[c][:, on])
+            limit[on] += e @ semigroup(harmonics, c, self.turn, self.spread, self.time, V)
+            for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
+                values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
+        return limit, values
+
+    def cost(self, L):
+        """About how many seconds `solve` takes."""
+        lengths = [Step(None, 0, self.words(h)).length for h in self.steps]
+        steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
+        return 3 * steps + self.cost_of_limit(L)
+
+    def cost_of_limit(self, L):
+        pieces, _, coefficients = chebyshev(*bounds(L, self.turn, self.spread), self.time)
+        return 3 * pieces * len(coefficients) * 4e-9 * L**2 * len(self.functions)

@@ -1,0 +1,93 @@
+"""Tables of strong errors."""
+
+import math
+
+from .text import (
+    INTERVAL,
+    LABEL,
+    is_odd,
+    lines_of,
+    new_table,
+    order_found,
+    power_of_two,
+    print_whole,
+    short,
+    with_interval,
+)
+
+#: The columns of a strong study, in this order; those of an implicit solver follow where there are any.
+STRONG = (
+    *("case", "scheme", "h", "error", "error_stderr", "error_final", "error_final_stderr", "casimir_drift"),
+    *("nonfinite", "resolved", "samples", "seconds", "ns_per_step", "order", "order_low", "order_high"),
+    *("expected_order", "solves", "iterations", "failures", "largest_residual"),
+)
+
+
+def rows(groups):
+    """A record per step size."""
+    for group in groups:
+        yield from _rows(group)
+
+
+def _rows(group):
+    attributes = group.attributes
+    low, high = attributes.get("order_ci", (None, None))
+    whole = {"case": group.case, "scheme": group.scheme, "order_low": low, "order_high": high}
+    whole |= {name: attributes.get(name) for name in ("samples", "order", "expected_order")}
+    for i, h in enumerate(group.coordinates["h"].tolist()):
+        # Several Casimirs make one column: the largest drift.
+        points = {n: v[i].max() for n, (axes, v) in group.variables.items() if axes[:1] == ("h",) and v[i].size}
+        record = {**whole, "h": h, **{name: value.item() for name, value in points.items()}}
+        yield {key: record[key] for key in STRONG if record.get(key) is not None}
+
+
+def show(console, heading, groups):
+    """Print the table of a case."""
+    from rich.text import Text
+
+    headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "non-\nfinite", "ns per\nstep", ""]
+    table = new_table(heading, headings, left=3)
+    table.columns[0].no_wrap, table.columns[0].max_width = False, LABEL
+    table.columns[-1].justify = "left"
+    for group in groups:
+        label = lines_of(group.attributes.get("scheme_label", group.scheme))
+        for record in _rows(group):
+            resolved, lost = record.get("resolved", True), record.get("nonfinite", 0)
+            remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
+            error = with_interval(record["error"], INTERVAL * record["error_stderr"])
+            table.add_row(
+                Text(label),
+                power_of_two(record["h"]),
+                Text(error if resolved else f"({error})", style="" if resolved else "dim"),
+                short(record.get("casimir_drift")),
+                Text(str(lost), style="bold red" if lost else ""),
+                short(record.get("ns_per_step"), ".1f"),
+                Text(remark, style="dim"),
+            )
+            label = ""
+        table.add_section()
+    print_whole(console, table)
+    console.print()
+    for group in groups:
+        for line in _summary(group):
+            console.print(line, markup=False, soft_wrap=True)
+    console.print()
+
+
+def _summary(group):
+    """What is to be said about all step sizes of one scheme."""
+    a = group.attributes
+    order = a.get("order", math.nan), *a.get("order_ci", (math.nan, math.nan))
+    points = group.coordinates["h"].size
+    few = math.isfinite(order[0]) and a.get("points_in_fit", points) < points
+    through = f", through the finest {a['points_in_fit']} of {points}" if few else ""
+    yield f"{a.get('scheme_label', group.scheme)}: {order_found(*order, a.get('expected_order'))}{through}"
+    if a.get("note"):
+        yield f"    {a['note']}"
+    if a.get("reference_nonfinite"):
+        yield f"    {a['reference_nonfinite']} reference paths left the finite numbers"
+    if "failures" in group.variables:
+        solves, iterations, failures = (group.variables[n][1].sum() for n in ("solves", "iterations", "failures"))
+        residual = group.variables["largest_residual"][1].max(initial=0)
+        mean = iterations / solves if solves else 0.0
+        yield f"    solver: {mean:.1f} iterations a step, {failures:g} failures, largest residual {short(residual)}"

@@ -1,0 +1,97 @@
+"""What all tables share: the console, the look of a table, and how numbers are written."""
+
+import math
+from fractions import Fraction
+
+#: Half the width of a 95 % interval in standard errors.
+INTERVAL = 1.96
+
+LABEL = 32  #: characters of a column of schemes
+
+_WIDTH = 100  # of a table that goes into a file or a pipe
+
+
+def new_console(file):
+    """A console that writes to ``file``, or to standard output if that is None."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False)
+    return console if console.is_terminal else Console(file=file, highlight=False, width=_WIDTH)
+
+
+def new_table(title, headings, left=0):
+    """A table without rows, its first ``left`` columns left-justified."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    style = {"box": box.SIMPLE_HEAD, "padding": (0, 1, 0, 0), "pad_edge": False, "show_edge": False}
+    table = Table(title=Text(title) if title else None, title_justify="left", **style)
+    for i, heading in enumerate(headings):
+        table.add_column(Text(heading), justify="left" if i < left else "right", no_wrap=True)
+    return table
+
+
+def lines_of(label):
+    """The label of a scheme as it stands in a table, its eps in a line of its own if there is no room."""
+    return label if len(label) <= LABEL else label.replace(", eps = ", ",\neps = ")
+
+
+def print_whole(console, table):
+    """Print a table at the width its numbers need: one cut short would be another number."""
+    from rich.measure import Measurement
+
+    needed = Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+    console.width = max(console.width, needed)
+    console.print(table)
+
+
+def with_interval(value, half):
+    """``3.42e-3 ± 0.07e-3``: the half width with one digit, or two after a leading 1, the value to the same place.
+
+    Of a value with more than seven good digits seven, ``6.612345e-2 ± 2e-13``.
+    """
+    if not math.isfinite(value):
+        return str(value)
+    if not (math.isfinite(half) and half > 0):
+        return short(value, ".3e")
+    scale = math.floor(math.log10(max(abs(value), half)))
+    place = math.floor(math.log10(half))
+    place -= half < 1.95 * 10.0**place
+    digits = max(scale - place, 0)
+    if digits > 6:
+        return f"{short(value, '.6e')} ± {short(half, '.0e')}"
+    exponent = f"e{scale}" if scale else ""
+    return f"{value / 10.0**scale:z.{digits}f}{exponent} ± {half / 10.0**scale:.{digits}f}{exponent}"
+
+
+def power_of_two(h):
+    """``2^-5`` for 0.03125, and other numbers as they are."""
+    mantissa, exponent = math.frexp(h)
+    return f"2^{exponent - 1}" if mantissa == 0.5 else f"{h:g}"
+
+
+def fraction(x):
+    """``1/2`` for 0.5, and numbers that are no simple fraction as they are."""
+    nearest = Fraction(x).limit_denominator(12)
+    return str(nearest) if abs(nearest - x) < 1e-12 else f"{x:g}"
+
+
+def short(x, form=".1e"):
+    """A number without the leading zeros of its exponent; nothing for None."""
+    if x is None:
+        return ""
+    text = f"{x:{form}}"
+    digits, e, exponent = text.partition("e")
+    return f"{digits}e{int(exponent)}" if e and exponent else text
+
+
+def order_found(order, low, high, expected=None):
+    """A fitted order with its interval, and what theory says."""
+    found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
+    return found if expected is None else f"{found} (expected {fraction(expected)})"
+
+
+def is_odd(value):
+    """Whether a value is infinite or nan."""
+    return isinstance(value, float) and not math.isfinite(value)
