@@ -13,6 +13,8 @@ from .rng import STREAM_VERSION
 from .spec import load
 from .studies import STUDIES
 
+#: What a run takes before and after its study, once everything is compiled.
+STARTING_SECONDS = 2.0
 #: A checkpoint is written after this many seconds, and when the run is interrupted.
 CHECKPOINT_SECONDS = 10.0
 
@@ -110,7 +112,7 @@ def cost(experiment):
     costs = [study.cost(case, part) for case in experiment.cases for part in study.parts(case)]
     steps, seconds, memory = zip(*costs, strict=True)
     at_most = any(getattr(case, "standard_error", None) is not None for case in experiment.cases)
-    return Cost(sum(steps), sum(seconds) / thread_count(), max(memory) / 1e6, at_most)
+    return Cost(sum(steps), STARTING_SECONDS + sum(seconds) / thread_count(), max(memory) / 1e6, at_most)
 
 
 def _progress(study, plan, state, names, numbers):
