@@ -5,6 +5,7 @@ over 2^s h_ref is the sum of its two halves, in this order, first half plus seco
 to the last bit by (seed, stream, path, h_ref), whatever else is computed.
 """
 
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,9 @@ from .dispatch import INLINED, inlined, kernel, means, number, parallel_kernel, 
 from .lanes import store
 from .protocol import REPORT, advance, dimension, memory_size, noise_indices, noises, observe, tosses, work_size
 from .rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
+
+#: How often a study that runs in batches can report, and be interrupted.
+BATCH_SECONDS = 0.5
 
 
 class Grid(NamedTuple):
@@ -253,6 +257,21 @@ def _(observer, model, row, paths, level, n, y, reference):
     if n == observer.steps[level]:
         for i in range(dimension(model) * LANES):
             observer.y[row, level, i] = y[i]
+
+
+def in_batches(state, advance, left, most):
+    """Move a state on with ``advance(state, blocks)`` until no blocks are ``left(state)``; yields it after each batch.
+
+    A batch has at most `most` blocks and takes about BATCH_SECONDS, the first one a block per thread.
+    """
+    least = min(thread_count(), most)
+    blocks = least
+    while left(state) > 0:
+        began = time.perf_counter()
+        state = advance(state, min(blocks, left(state)))
+        yield state
+        rate = blocks / (time.perf_counter() - began)
+        blocks = int(np.clip(rate * BATCH_SECONDS, least, min(most, 4 * blocks)))
 
 
 def thread_count():

@@ -40,6 +40,18 @@ class Results(NamedTuple):
     groups: tuple[Group, ...]
 
 
+def family(group):
+    """The scheme of a group whatever its eps, the inverse of :attr:`Part.group`."""
+    eps = group.attributes.get("eps")
+    return group.scheme if eps is None else group.scheme.removesuffix(f"_eps_{eps:g}")
+
+
+def family_label(group):
+    """The same for the label, the inverse of what ``schemes.scheme_row`` does to it."""
+    label, eps = group.attributes.get("scheme_label", group.scheme), group.attributes.get("eps")
+    return label if eps is None else label.removesuffix(f", eps = {eps:g}")
+
+
 def describe(case, scheme, eps=None):
     """The attributes of a group that say what was integrated: `case` of a spec and `scheme`, a row of the schemes."""
     return {

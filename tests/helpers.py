@@ -4,18 +4,30 @@ Kernels are found in the disk cache by the types of their arguments, so records 
 an edit of this file empties the cache of the tests (see conftest.py).
 """
 
+import io
 import math
 from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from spi import tables
 from spi.dispatch import kernel, means, number, unrolled
 from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
 from spi.lanes import load, store
 from spi.models import RigidBody
-from spi.protocol import advance, dimension, memory_size, noise_indices, observe, work_size
+from spi.protocol import (
+    ANY_ANGLES,
+    advance,
+    dimension,
+    drift_flow,
+    memory_size,
+    noise_flow,
+    noise_indices,
+    observe,
+    work_size,
+)
 from spi.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
@@ -176,6 +188,16 @@ def take_step(scheme, model, h, dW, y, coins=None):
     return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, None if coins is None else coins[np.newaxis])
 
 
+def composed(model, flows, h, y, dW):
+    """One step of one path, or of arrays of them, by the flows of ``schemes.splitting.compositions``, uncompiled."""
+    for part, k, share in flows:
+        if part == "drift":
+            y = drift_flow(model, k, share * h, y, ANY_ANGLES)
+        elif model.sigma[k] is not None:
+            y = noise_flow(model, k, model.sigma[k] * dW[k], y, ANY_ANGLES)
+    return y
+
+
 def random_states(generator, d=3):
     """States of one block, an array [component, lane] of standard normals."""
     return generator.standard_normal((d, LANES))
@@ -234,3 +256,13 @@ BY_HAND = {
     "splitting_drift_first": lambda model, h, dW, coin, y: composition(model, h, dW, y, noise_first=False),
     "splitting_order2": order_2,
 }
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def printed(results):
+    """What ``spi show`` prints."""
+    text = io.StringIO()
+    tables.print_table(results, text)
+    return text.getvalue()

@@ -5,11 +5,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from helpers import composed
 from scipy.integrate import solve_ivp
 
 from spi.kolmogorov.cylinder import expectations
 from spi.models.maxwell_bloch import MaxwellBloch
-from spi.protocol import ANY_ANGLES, drift_flow, noise_flow
 
 INITIAL = (0.4, -0.6, 0.7)
 DRIFT = (("drift", 0, 1.0), ("drift", 1, 1.0))
@@ -29,16 +29,6 @@ def slow_wave(y):
     return np.cos(y[0]) + y[1] * y[2]
 
 
-def flows(model, composition, h, y, dW):
-    """One step by the exact flows."""
-    for what, k, share in composition:
-        if what == "drift":
-            y = drift_flow(model, k, share * h, y, ANY_ANGLES)
-        elif model.sigma[k] is not None:
-            y = noise_flow(model, k, model.sigma[k] * dW[k], y, ANY_ANGLES)
-    return y
-
-
 def by_quadrature(model, compositions, initial, h, steps, phi, nodes):
     """E phi(y_N) by Gauss-Hermite quadrature in all increments."""
     x, weights = np.polynomial.hermite_e.hermegauss(nodes)
@@ -46,7 +36,7 @@ def by_quadrature(model, compositions, initial, h, steps, phi, nodes):
     points = [(1.0, tuple(initial))]
     for _ in range(steps):
         points = [
-            (p * probability * weights[i] * weights[j], flows(model, c, h, y, np.sqrt(h) * x[[i, j]]))
+            (p * probability * weights[i] * weights[j], composed(model, c, h, y, np.sqrt(h) * x[[i, j]]))
             for p, y in points
             for probability, c in compositions
             for i, j in product(range(nodes), repeat=2)
@@ -76,7 +66,7 @@ def test_without_noise_it_is_an_ordinary_differential_equation(name):
     for s, h in enumerate(steps):
         y = INITIAL
         for _ in range(round(1 / h)):
-            y = flows(model, SCHEMES[name][0][1], h, y, None)
+            y = composed(model, SCHEMES[name][0][1], h, y, None)
         value = np.array([phi(np.array(y)[:, None])[0] for phi in (waves, slow_wave)])
         assert np.all(abs(found.value[:, s] - value) < found.error[:, s] + 1e-12), h
         assert np.all(abs(found.weak_error[:, s] - (value - limit)) < found.weak_error_error[:, s] + 1e-12), h

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import composed
 from scipy.integrate import solve_ivp
 
 from spi.kolmogorov import sphere
@@ -12,7 +13,6 @@ from spi.kolmogorov.harmonics import CLASSES, Harmonics, shifted
 from spi.kolmogorov.operators import Step, factors
 from spi.kolmogorov.sphere import expectations
 from spi.models import RigidBody
-from spi.protocol import ANY_ANGLES, drift_flow, noise_flow
 
 DRIFT = [("drift", k, 1.0) for k in range(3)]
 NOISE = [("noise", k, 1.0) for k in range(3)]
@@ -39,16 +39,6 @@ def mixed(y):
     return np.exp(y[0] - 0.5 * y[1]) * (1 + y[2] * y[0]) + y[0] * y[1] * y[2]
 
 
-def apply(model, word, h, increments, y):
-    """The flows of a composition, by the words of the program."""
-    for kind, k, fraction in word:
-        if kind == "drift":
-            y = drift_flow(model, k, fraction * h, y, ANY_ANGLES)
-        elif model.sigma[k] is not None:
-            y = noise_flow(model, k, model.sigma[k] * increments[k], y, ANY_ANGLES)
-    return y
-
-
 def by_quadrature(model, compositions, initial, h, n, phi, points):
     """E phi after n steps: all words in turn, Gauss-Hermite in each increment."""
     on = [k for k in range(3) if model.sigma[k] is not None]
@@ -60,7 +50,7 @@ def by_quadrature(model, compositions, initial, h, n, phi, points):
         y = tuple(np.full(weight.shape, v) for v in initial)
         for i, (_, word) in enumerate(words):
             increments = {k: math.sqrt(h) * grid[i * len(on) + j] for j, k in enumerate(on)}
-            y = apply(model, word, h, increments, y)
+            y = composed(model, word, h, y, increments)
         total += math.prod(p for p, _ in words) * np.sum(weight * phi(np.array(y)))
     return total
 
@@ -85,7 +75,7 @@ def test_without_noise(scheme, length):
             for p, word in SCHEMES[scheme]:  # without noise the words of order 2 are the same
                 y = tuple(initial)
                 for _ in range(round(time / h)):
-                    y = apply(OFF, word, h, None, y)
+                    y = composed(OFF, word, h, y, None)
                 expected += p * phi(np.array(y))
             assert abs(found.value[i, j] - expected) < found.error[i, j] < 1e-9
             assert abs(found.weak_error[i, j] - (expected - phi(end))) < found.weak_error_error[i, j] + 1e-12

@@ -13,7 +13,7 @@ import xarray
 from helpers import COMPILED
 
 from spi import run as runner
-from spi import store
+from spi import ensemble, store
 from spi.rng import LANES, STREAM_VERSION
 from spi.spec import load
 from spi.store import StoreError
@@ -38,7 +38,7 @@ def _no_stopwatch_without_the_compiler(monkeypatch):
 @pytest.fixture
 def small_batches(monkeypatch):
     """One or a few blocks to a batch, whatever the machine."""
-    monkeypatch.setattr(strong, "_BATCH_SECONDS", 0.0)
+    monkeypatch.setattr(ensemble, "BATCH_SECONDS", 0.0)
 
 
 def experiment(*overrides, schemes=SCHEMES):

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import printed
 
 from spi import tables
 from spi.records import Group, Results
@@ -60,12 +61,6 @@ def results():
     )
     groups[-1].attributes.update(order=math.nan, order_ci=(math.nan, math.nan))
     return Results({"kind": "strong", "title": "Strong errors, stochastic rigid body"}, groups)
-
-
-def printed(results):
-    text = io.StringIO()
-    tables.print_table(results, text)
-    return text.getvalue()
 
 
 def test_rows(results):

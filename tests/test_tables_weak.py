@@ -6,6 +6,7 @@ import json
 import math
 
 import pytest
+from helpers import printed
 from weak_results import LIMIT, H, weak, weak_group
 
 from spi import tables
@@ -19,12 +20,6 @@ def results():
         weak_group("splitting", "kolmogorov"),
         weak_group("splitting_order2", "multilevel", case="other", functions=1),
     )
-
-
-def printed(results):
-    text = io.StringIO()
-    tables.print_table(results, text)
-    return text.getvalue()
 
 
 def test_rows(results):

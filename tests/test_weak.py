@@ -13,7 +13,7 @@ import pytest
 from helpers import BY_HAND, COMPILED, LANES, final_states
 
 from spi import run as runner
-from spi import store
+from spi import ensemble, store
 from spi.estimators import GROUPS, group_counts, is_resolved
 from spi.kolmogorov import expectations
 from spi.records import Part
@@ -312,7 +312,7 @@ def finish(p, state):
 @compiled_only
 def test_multilevel_goes_on_from_every_state(monkeypatch):
     """Also from one just after an allocation, or before."""
-    monkeypatch.setattr(multilevel, "_BATCH_SECONDS", 0.0)
+    monkeypatch.setattr(ensemble, "BATCH_SECONDS", 0.0)
     p = multilevel.plan(case_of("seconds=0.01"), "splitting_order2")
     states = list(multilevel.batches(p, multilevel.start(p)))
     *_, whole = states
@@ -652,8 +652,7 @@ def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path
         assert {(r.scheme, r.parts) for r in own} == {(part.name, 4)}
         assert own[0].done == 0 and np.isnan(own[0].stderr)
         assert own[-1].done == own[-1].total and own[-1].stderr > 0
-    monkeypatch.setattr(plain, "_BATCH_SECONDS", 0.0)
-    monkeypatch.setattr(multilevel, "_BATCH_SECONDS", 0.0)
+    monkeypatch.setattr(ensemble, "BATCH_SECONDS", 0.0)
     reached = {}
     for stop in [(0, 2), (0, 3), (1, 2), (1, 9), (1, 20), (2, 1), (3, 15)]:
         reports = Reports(*stop)

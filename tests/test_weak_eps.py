@@ -1,15 +1,15 @@
 """Weak errors at several eps: the largest over eps, what tables say of it, and figures."""
 
-import io
 import math
 import warnings
 
 import numpy as np
 import pytest
+from helpers import printed
 from matplotlib.colors import to_hex
 from weak_results import H, at_eps, weak, weak_group
 
-from spi import plot, tables
+from spi import plot
 from spi.estimators import GROUPS, largest_over
 from spi.plot import style
 
@@ -30,12 +30,6 @@ def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **at
 
 def legend_texts(ax):
     return [text.get_text() for text in ax.get_legend().get_texts()]
-
-
-def printed(results):
-    text = io.StringIO()
-    tables.print_table(results, text)
-    return text.getvalue()
 
 
 def test_largest():

@@ -11,6 +11,8 @@ from matplotlib.colors import to_hex
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.textpath import TextPath
 
+from ..records import family, family_label
+
 #: Marker and colour of each scheme: the paper's markers, the palette of Okabe and Ito without its pale yellow.
 SCHEMES = {
     "euler_maruyama": ("x", "#D55E00"),
@@ -87,19 +89,10 @@ def styles(results):
     return looks
 
 
-def family(group):
-    """The scheme of a group, whatever its eps."""
-    eps = group.attributes.get("eps")
-    return group.scheme if eps is None else group.scheme.removesuffix(f"_eps_{eps:g}")
-
-
 def label(group, with_eps=True):
     """What the scheme of a group is called."""
-    text, eps = group.attributes.get("scheme_label", group.scheme), group.attributes.get("eps")
-    if eps is None:
-        return plain(text)
-    text = plain(text.removesuffix(f", eps = {eps:g}"))
-    return rf"{text}, $\varepsilon={power(eps)}$" if with_eps else text
+    text, eps = plain(family_label(group)), group.attributes.get("eps")
+    return rf"{text}, $\varepsilon={power(eps)}$" if with_eps and eps is not None else text
 
 
 def cases(results):

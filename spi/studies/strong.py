@@ -6,12 +6,13 @@ the final time is kept as well.  The reference is the scheme itself, as in the p
 """
 
 import time
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..dispatch import means, number, tuplewise, unrolled
-from ..ensemble import Grid, Noise, empty_report, grid, integrate, thread_count, use_threads
+from ..ensemble import Grid, Noise, empty_report, grid, in_batches, integrate, thread_count, use_threads
 from ..estimators import (
     GROUPS,
     PARTS,
@@ -28,13 +29,11 @@ from ..lanes import load
 from ..protocol import REPORT, casimir_indices, casimirs, noise_indices, observe
 from ..records import Group, Part, describe
 from ..rng import BROWNIAN, LANES
-from ..schemes import scheme_row, typical_ns
-from ..schemes.splitting import Splitting
+from ..schemes import has_theory, scheme_row, typical_ns
 
 _BLOCKS_PER_ROUND = GROUPS // PARTS
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
 _BATCH_BYTES = 64e6
-_BATCH_SECONDS = 0.5
 
 
 class StrongSums(NamedTuple):
@@ -201,13 +200,7 @@ def advance_state(p, state, blocks):
 def batches(p, state):
     """Run all blocks that are left; yields the state after each batch of about half a second."""
     most = max(1, min(_BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(p.points, 1)))))
-    blocks = min(thread_count(), most)
-    while state.blocks < p.blocks:
-        began = time.perf_counter()
-        state = advance_state(p, state, min(blocks, p.blocks - state.blocks))
-        yield state
-        rate = blocks / (time.perf_counter() - began)
-        blocks = int(np.clip(rate * _BATCH_SECONDS, min(thread_count(), most), min(most, 4 * blocks)))
+    return in_batches(state, partial(advance_state, p), lambda state: p.blocks - state.blocks, most)
 
 
 def errors(p, state):
@@ -333,7 +326,7 @@ def _expected_order(row, case):
     to 1 where f_k' f_l = 0, since Euler-Maruyama is then Milstein's scheme.
     """
     model = case.model
-    if isinstance(row.record, Splitting) and not getattr(type(model), "exact_flows", True):
+    if not has_theory(row, model):
         return None
     states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
     products = np.array(

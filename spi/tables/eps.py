@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ..records import family_label
 from .text import INTERVAL, order_found, power_of_two, short, with_interval
 
 
@@ -34,10 +35,8 @@ def _families(groups):
     """(label, estimator) -> the groups of a scheme for the multiscale system."""
     found = {}
     for group in groups:
-        eps = group.attributes.get("eps")
-        if eps is not None:
-            label = group.attributes.get("scheme_label", group.scheme).removesuffix(f", eps = {eps:g}")
-            found.setdefault((label, group.estimator), []).append(group)
+        if group.attributes.get("eps") is not None:
+            found.setdefault((family_label(group), group.estimator), []).append(group)
     return found
 
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble import Grid, Noise, grid, thread_count
+from ...ensemble import Grid, Noise, grid, in_batches
 from ...estimators import GROUPS, jackknife_stderr
 from ...protocol import REPORT, noise_indices, tosses
 from ...rng import LANES, LEVELS
@@ -42,7 +42,6 @@ PILOT = 2 * ROUND  #: blocks of each level before the first allocation
 SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
 _POWERS = 4
-_BATCH_SECONDS = 0.5
 _BATCH_BYTES = 64e6
 
 
@@ -224,16 +223,9 @@ def batches(p, state):
         state = _with_known(p, state)
         yield state
     while True:
-        for j, level in enumerate(p.levels):
-            bytes_per_block = 8 * LANES * len(level.grid.doublings) * (len(p.initial) + 4 * len(p.functions))
-            most = max(1, int(_BATCH_BYTES / bytes_per_block))
-            blocks = min(thread_count(), most)
-            while state.blocks[j] < state.targets[j]:
-                began = time.perf_counter()
-                state = advance_state(p, state, j, min(blocks, int(state.targets[j] - state.blocks[j])))
+        for j in range(len(p.levels)):
+            for state in _level_batches(p, state, j):  # noqa: B020, the state moves on
                 yield state
-                rate = blocks / (time.perf_counter() - began)
-                blocks = int(np.clip(rate * _BATCH_SECONDS, min(thread_count(), most), min(most, 4 * blocks)))
         if state.allocations > 0:
             state = _note_history(p, state)
             yield state
@@ -242,6 +234,17 @@ def batches(p, state):
         targets = np.maximum(state.blocks, allocation(p, state, SHARES[state.allocations]))
         state = state._replace(targets=targets, allocations=state.allocations + 1)
         yield state
+
+
+def _level_batches(p, state, j):
+    bytes_per_block = 8 * LANES * len(p.levels[j].grid.doublings) * (len(p.initial) + 4 * len(p.functions))
+    most = max(1, int(_BATCH_BYTES / bytes_per_block))
+    return in_batches(
+        state,
+        lambda state, blocks: advance_state(p, state, j, blocks),
+        lambda state: int(state.targets[j] - state.blocks[j]),
+        most,
+    )
 
 
 def _with_known(p, state):

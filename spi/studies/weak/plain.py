@@ -5,11 +5,12 @@ run.
 """
 
 import time
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble import Grid, Noise, grid, thread_count
+from ...ensemble import Grid, Noise, grid, in_batches
 from ...estimators import GROUPS, group_counts, jackknife_stderr
 from ...protocol import REPORT
 from ...rng import BROWNIAN, LANES
@@ -25,7 +26,6 @@ from .sums import (
     values_of_blocks,
 )
 
-_BATCH_SECONDS = 0.5
 _BATCH_BYTES = 64e6
 
 
@@ -137,13 +137,7 @@ def batches(p, state):
     levels = len(p.grid.doublings)
     compile_kernels(p, p.grid, p.noise)
     most = max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(p.initial) + 3 * len(p.functions)))))
-    blocks = min(thread_count(), most)
-    while state.blocks < p.blocks:
-        began = time.perf_counter()
-        state = advance_state(p, state, min(blocks, p.blocks - state.blocks))
-        yield state
-        rate = blocks / (time.perf_counter() - began)
-        blocks = int(np.clip(rate * _BATCH_SECONDS, min(thread_count(), most), min(most, 4 * blocks)))
+    yield from in_batches(state, partial(advance_state, p), lambda state: p.blocks - state.blocks, most)
 
 
 def progress(p, state):

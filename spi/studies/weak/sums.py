@@ -8,7 +8,7 @@ from ...estimators import GROUPS, PARTS, fit_order, is_resolved, jackknife_stder
 from ...expressions import evaluate_lanes
 from ...protocol import REPORT
 from ...rng import LANES
-from ...schemes.splitting import Splitting
+from ...schemes import has_theory
 
 ROUND = GROUPS // PARTS  #: blocks after which all groups have had equally many paths
 
@@ -77,9 +77,8 @@ def means(sums, counts):
 
 
 def expected_order(case, row):
-    """The weak order of a scheme; None where theory says nothing, because a splitting is not made of exact flows."""
-    exact = getattr(type(case.model), "exact_flows", True) or not isinstance(row.record, Splitting)
-    return row.weak_order if exact else None
+    """The weak order of a scheme; None where theory says nothing."""
+    return row.weak_order if has_theory(row, case.model) else None
 
 
 def extension(h, reference_step, order):
