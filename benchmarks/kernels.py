@@ -1,148 +1,164 @@
-"""Our kernels beside a naive Numba loop, in one run: ns per step and path on one and two threads, with ratios.
+"""The table of kernels: every model and scheme, beside a naive Numba loop, timed in one run.
 
-The naive twins stand in naive.py.  Times are the best of several interleaved repetitions, since the machine is noisy;
-compilation is not counted.  Ours counts everything a path needs: random numbers, increments, angle checks.
+    python benchmarks/kernels.py [model ...]      all models and schemes, about five minutes
+    python benchmarks/kernels.py --special        the same kernels in the situations of the studies, about one minute
 
-    python benchmarks/kernels.py [rigid_body|maxwell_bloch|sine_euler ...]
+Times are ns per step and path, the best of several interleaved repetitions, since machines are noisy; compilation is
+not counted.  Naive twins (naive.py where written by hand, otherwise generic.py) run on one thread.  What counts as a
+floating-point operation says flops.py; the random numbers of a step are included.
 """
 
+import argparse
+import json
 import math
 import os
-import re
+import subprocess
 import sys
 import tempfile
-import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
 
-_cache = tempfile.TemporaryDirectory()  # compiled anew, because only then is there assembly to look at
+# Compiled anew, because only then is there assembly to look at; processes that are started here, which import this
+# file under another name, have folders in that of the first one.
+_cache = tempfile.TemporaryDirectory(dir=os.environ["SPI_CACHE_DIR"] if __name__ == "__mp_main__" else None)
 os.environ["SPI_CACHE_DIR"] = _cache.name
 
-import naive
-import numba
-import numpy as np
+import pairs
+import special
+from examples import example, why_not
+from machine import arithmetic_peak, ns_per_normal
 
-from spi.ensemble import Noise, empty_report, grid, integrate, integrate_block, use_threads
-from spi.estimators import GROUPS
-from spi.expressions import parse_expression
-from spi.models import MaxwellBloch, RigidBody, SineEuler
-from spi.protocol import casimirs
-from spi.rng import BROWNIAN, LANES
+from spi.models import MODELS
+from spi.protocol import noise_indices
 from spi.schemes import SCHEMES
-from spi.studies.strong import StrongSums
-from spi.studies.weak import plain
-from spi.studies.weak.sums import add_powers, values_of_blocks
 
-REPEATS = 7
-STEP = 2.0**-16
-RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
-INITIAL = {
-    RigidBody: (math.cos(1.1), 0.0, math.sin(1.1)),
-    MaxwellBloch: (1.0, 2.0, 3.0),
-    SineEuler: (0.1, 0.3, 0.2, 0.3, 0.3, 0.2, 0.4, 0.1),
-}
+ENOUGH = 10  # times as fast as the naive twin
+_PAIRS = {}  # of this process
 
 
-def naive_job(model, paths=2 * LANES, steps=1024):
-    """(path steps, work) of the naive splitting loop."""
-    loop = {RigidBody: naive.rigid_body, MaxwellBloch: naive.maxwell_bloch, SineEuler: naive.sine_euler}[type(model)]
-    arrays = [np.array(x) for x in (*model, INITIAL[type(model)])]
-    out = np.empty((paths, type(model).dimension))
-    return paths * steps, lambda: loop(paths, steps, STEP, *arrays, out)
+def compile_pair(key):
+    pair = _PAIRS[key] = pairs.Pair(*key)
+    return pair.twin, pair.width
 
 
-def our_job(scheme, model, h=STEP, truncate=False, doublings=(0,), blocks=4, steps=8192):
-    """(path steps, work) of the bare ensemble at one step size, or of the strong study's pass with several."""
-    initial, levels = INITIAL[type(model)], len(doublings)
-    counts = steps >> np.array(doublings)
-    sums = StrongSums(
-        np.zeros((blocks, max(int(counts[1:].sum()), 1), 8)),
-        np.zeros((blocks, levels, type(model).conserved, LANES)),
-        np.zeros((blocks, levels), np.int64),
-        np.concatenate(([0, 0], np.cumsum(counts[1:-1])))[:levels].astype(np.int64),
-        counts,
-        casimirs(model, initial),
+def time_pair(key):
+    return _PAIRS[key].times()
+
+
+def compile_all(keys, workers):
+    """Every pair in the next free one of some processes: {pair: (process, twin, width)}."""
+    left, compiled = iter(keys), {}
+
+    def keep_busy(worker):
+        for key in left:
+            compiled[key] = worker, *worker.submit(compile_pair, key).result()
+            if sys.stderr.isatty():
+                print(f"\r{len(compiled)} of {len(keys)} kernels compiled", end="", file=sys.stderr, flush=True)
+
+    with ThreadPoolExecutor(len(workers)) as threads:
+        list(threads.map(keep_busy, workers))
+    return compiled
+
+
+class Machine:
+    """What bounds a kernel on one core."""
+
+    def __init__(self, flops):
+        self.peak, self.ns_per_normal = arithmetic_peak(), ns_per_normal()
+        self.flops, self.flops_per_normal = flops, sum(flops["normal"].values())
+
+    def step(self, model, scheme):
+        """(flops of a step, ns of its random numbers alone, ns of the rest at the peak)."""
+        normals, rest = len(noise_indices(example(model)[0])), sum(self.flops[f"{model} {scheme}"].values())
+        return normals * self.flops_per_normal + rest, normals * self.ns_per_normal, rest / self.peak
+
+    def describe(self):
+        return (
+            f"one core: {self.peak:.1f} flops per ns at most (multiply-adds in registers, measured)\n"
+            f"random numbers alone: {self.ns_per_normal:.2f} ns and {self.flops_per_normal:.0f} flops per increment; "
+            "the integer arithmetic of Philox takes time and counts no flops"
+        )
+
+
+def count_flops(models):
+    """The process that counts."""
+    command = [sys.executable, str(Path(__file__).with_name("flops.py")), *models]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+HEAD = (
+    f"{'scheme':32}{'1 thread':>8}{f'{pairs.THREADS} threads':>10}{'1/2':>6}{'naive':>8}{'':9}{'naive/ours':>10}"
+    f"{'vectors':>12}{'flops':>7}{'of peak':>8}"
+)
+
+
+def line(scheme, times, twin, width, flops, peak):
+    speedup = times.one_thread / times.more_threads
+    ratio = "" if math.isnan(times.naive) else f"{times.naive / times.one_thread:.1f}"
+    naive = "" if math.isnan(times.naive) else f"{times.naive:.1f}"
+    vectors = f"{width[0]} {width[1]:4.0%}" if width else "none"
+    return (
+        f"{scheme:32}{times.one_thread:8.2f}{times.more_threads:10.2f}{speedup:6.2f}{naive:>8} {twin or 'no twin':8}"
+        f"{ratio:>10}{vectors:>12}{flops:7.0f}{flops / times.one_thread / peak:8.0%}"
     )
-    noise = Noise(np.uint64(1), np.uint64(BROWNIAN))
-    report = empty_report(blocks, levels)
-    times = grid(h, steps, doublings, truncate)
-    job = (SCHEMES[scheme].record, model, initial, times, noise, sums, report, 0, blocks, blocks * LANES)
-    return blocks * LANES * steps, lambda: integrate(*job)
 
 
-def weak_job(scheme, model, blocks=64, steps=256):
-    """(path steps, work) of the weak study: the bare ensemble, the paper's test function and sums over paths."""
-    functions = (parse_expression("sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)", type(model).dimension),)
-    times, noise = grid(STEP, steps), Noise(np.uint64(1), np.uint64(BROWNIAN))
-    plan = plain.Plan(SCHEMES[scheme].record, model, INITIAL[type(model)], times, noise, functions, 0, (), None)
-
-    def work():
-        values, _ = values_of_blocks(plan, times, noise, 0, blocks, blocks * LANES)
-        add_powers(values.reshape(blocks, -1, LANES), 0, blocks * LANES, np.zeros((2, 1, GROUPS)))
-
-    return blocks * LANES * steps, work
-
-
-JOBS = {
-    "rigid_body": {
-        "naive splitting": lambda: naive_job(RIGID_BODY),
-        "splitting": lambda: our_job("splitting", RIGID_BODY),
-        "  every angle reduced": lambda: our_job("splitting", RIGID_BODY, h=16.0),
-        "  truncated noise": lambda: our_job("splitting", RIGID_BODY, truncate=True),
-        "  strong study, 9 coarser steps": lambda: our_job(
-            "splitting", RIGID_BODY, truncate=True, doublings=(0, *range(3, 12))
-        ),
-        "  one noise": lambda: our_job("splitting", RIGID_BODY._replace(sigma=(1.0, None, None))),
-        "  paths of 256 steps": lambda: our_job("splitting", RIGID_BODY, blocks=64, steps=256),
-        "  the same with the weak study": lambda: weak_job("splitting", RIGID_BODY),
-        "splitting of weak order 2": lambda: our_job("splitting_order2", RIGID_BODY),
-        "Euler-Maruyama": lambda: our_job("euler_maruyama", RIGID_BODY),
-        "midpoint, truncated noise": lambda: our_job("midpoint", RIGID_BODY, truncate=True),
-    },
-    "maxwell_bloch": {
-        "naive splitting": lambda: naive_job(MaxwellBloch()),
-        "splitting": lambda: our_job("splitting", MaxwellBloch()),
-        "  one noise": lambda: our_job("splitting", MaxwellBloch((1.0, None))),
-        "splitting of weak order 2": lambda: our_job("splitting_order2", MaxwellBloch()),
-        "Euler-Maruyama": lambda: our_job("euler_maruyama", MaxwellBloch()),
-    },
-    "sine_euler": {
-        "naive splitting": lambda: naive_job(SineEuler()),
-        "splitting": lambda: our_job("splitting", SineEuler()),
-        "  one noise": lambda: our_job("splitting", SineEuler((1.0, None, None, None))),
-        "splitting of weak order 2": lambda: our_job("splitting_order2", SineEuler()),
-        "Euler-Maruyama": lambda: our_job("euler_maruyama", SineEuler()),
-    },
-}
+def verdict(model, all_times, machine):
+    """How much faster than naive the two schemes are that everybody knows, and why not more."""
+    parts = []
+    for scheme, label in (("splitting", "splitting"), ("euler_maruyama", "Euler-Maruyama")):
+        times = all_times[model, scheme]
+        ratio = times.naive / times.one_thread
+        text = f"{label} " + ("without a naive twin" if math.isnan(ratio) else f"{ratio:.1f}x")
+        if ratio < ENOUGH:
+            _, random, rest = machine.step(model, scheme)
+            text += (
+                f" (at most {times.naive / (random + rest):.1f}x: of {times.one_thread:.2f} ns, random numbers alone "
+                f"take {random:.2f}, the rest of the flops at the peak {rest:.2f})"
+            )
+        parts.append(text)
+    return f"{model}: {', '.join(parts)} over naive"
 
 
-def best_times(jobs, threads):
-    """ns per step and path of every job, the best of interleaved repetitions."""
-    use_threads(threads)
-    best = dict.fromkeys(jobs, math.inf)
-    for _ in range(REPEATS):
-        for name, (path_steps, work) in jobs.items():
-            began = time.perf_counter()
-            work()
-            best[name] = min(best[name], 1e9 * (time.perf_counter() - began) / path_steps)
-    return best
+def table(models):
+    """Print everything."""
+    keys = [(m, s) for m in models for s in SCHEMES if not why_not(s, example(m)[0])]
+    counting = count_flops(models)
+    context = get_context("spawn")
+    workers = [ProcessPoolExecutor(1, mp_context=context) for _ in range(pairs.THREADS)]
+    compiled = compile_all(keys, workers)
+    machine = Machine(json.loads(counting.communicate()[0]))
+    print(f"\n{machine.describe()}\n\nns per step and path\n{HEAD}")
+    times = {}
+    for model in models:
+        print(model)
+        for scheme in SCHEMES:
+            if reason := why_not(scheme, example(model)[0]):
+                print(f"  {scheme:29} not for this model: {reason}")
+                continue
+            worker, twin, width = compiled[model, scheme]
+            times[model, scheme] = worker.submit(time_pair, (model, scheme)).result()
+            flops, _, _ = machine.step(model, scheme)
+            print(line(f"  {scheme}", times[model, scheme], twin, width, flops, machine.peak), flush=True)
+    print()
+    for model in models:
+        print(verdict(model, times, machine))
+    for worker in workers:
+        worker.shutdown()
 
 
 def main():
-    most = min(2, numba.config.NUMBA_NUM_THREADS)
-    print(f"ns per step and path, best of {REPEATS}; per reference step where there are several step sizes")
-    print(f"{'':36}{'1 thread':>10}{f'{most} threads':>11}{'1 / 2':>8}{'naive / ours':>14}")
-    for model in sys.argv[1:] or JOBS:
-        jobs = {name: job() for name, job in JOBS[model].items()}
-        for _, work in jobs.values():
-            work()  # compile
-        one, two = best_times(jobs, 1), best_times(jobs, most)
-        print(model)
-        for name in jobs:
-            ratio = one["naive splitting"] / one[name]
-            print(f"  {name:34}{one[name]:10.2f}{two[name]:11.2f}{one[name] / two[name]:8.2f}{ratio:14.1f}")
-    print("vector registers named in the assembly of the block kernels")
-    for signature, text in integrate_block.inspect_asm().items():
-        scheme, model = (t.name.split("(")[0] for t in signature[:2])
-        print(f"  {scheme:14} {model:13} zmm {len(re.findall('%zmm', text)):6} ymm {len(re.findall('%ymm', text)):6}")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("models", nargs="*", metavar="model", help=f"of {', '.join(MODELS)}; default: all")
+    parser.add_argument("--special", action="store_true", help="time the situations of the studies instead")
+    options = parser.parse_args()
+    if unknown := set(options.models) - set(MODELS):
+        parser.error(f"no such model: {', '.join(sorted(unknown))}")
+    if options.special:
+        special.table()
+    else:
+        table(options.models or list(MODELS))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from numba.extending import overload
 
 from .dispatch import INLINED, inlined, kernel, means, number, parallel_kernel, unrolled
 from .lanes import store
-from .protocol import REPORT, advance, dimension, memory_size, noise_indices, noises, observe, tosses, work_size
+from .protocol import REPORT, SUMMED, advance, dimension, memory_size, noise_indices, noises, observe, tosses, work_size
 from .rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
 
 #: How often a study that runs in batches can report, and be interrupted.
@@ -36,15 +36,25 @@ class Grid(NamedTuple):
     reversals: np.ndarray  #: int64: 0, 1, or, below the largest step, 2
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
+    first_step: int = 0  #: number of the first reference step; a multiple of STEPS_PER_TOSS and of the largest step
 
 
-def grid(step, steps, doublings=(0,), truncate=False, reversals=None, reference_scheme=None, by_reference=None):
+def grid(
+    step,
+    steps,
+    doublings=(0,),
+    truncate=False,
+    reversals=None,
+    reference_scheme=None,
+    by_reference=None,
+    first_step=0,
+):
     """A :class:`Grid`, by default with one step size, and path number 0 made by the reference scheme."""
     doublings = np.array(doublings, np.int64)
     count = len(doublings)
     reversals = np.array([0] * count if reversals is None else reversals, np.int64)
     by_reference = np.array([1] + [0] * (count - 1) if by_reference is None else by_reference, np.int64)
-    return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme)
+    return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme, first_step)
 
 
 class Noise(NamedTuple):
@@ -155,6 +165,32 @@ def copy(coins, source, target):
         coins[target, lane] = coins[source, lane]
 
 
+def begin(model, initial, row, y):
+    """Put the initial state, one for all lanes or the row of this block, into `y`."""
+    if isinstance(initial, tuple):
+        for lane in range(LANES):
+            store(y, lane, initial)
+    else:
+        y[:] = initial[row]
+
+
+@overload(begin, jit_options=INLINED)
+def _(model, initial, row, y):
+    if isinstance(initial, types.BaseTuple):
+
+        def one_for_all(model, initial, row, y):
+            for lane in range(LANES):
+                store(y, lane, initial)
+
+        return one_for_all
+
+    def row_of_block(model, initial, row, y):
+        for i in range(len(y)):
+            y[i] = initial[row, i]
+
+    return row_of_block
+
+
 @kernel
 def integrate_block(scheme, model, initial, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
@@ -163,8 +199,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     scratch, memory = largest_sizes(grid.reference_scheme, scheme, model)
     y = np.zeros((levels, dimension(model) * LANES + memory))
     for level in range(levels):
-        for lane in range(LANES):
-            store(y[level], lane, initial)
+        begin(model, initial, row, y[level])
     first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
     width = noises(model) * LANES
     words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
@@ -177,7 +212,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     work = np.empty(scratch)
     scale = np.sqrt(grid.reference_step)
 
-    for n in range(grid.reference_steps):
+    for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
             draw_channels(model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
         if tosses_any(grid.reference_scheme, scheme):
@@ -233,8 +268,9 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
 def integrate(scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
     """Integrate the paths of `blocks` blocks, from block `first_block` on; paths from number `samples` on are idle.
 
-    `observer` and `report` (shape blocks x step sizes x len(REPORT)) have one row per block, so that nothing depends
-    on threads; to be added up outside, in the order of blocks.
+    `initial` is a state, or states to go on from after `grid.first_step` steps: an array (blocks, dimension * LANES +
+    memory) as :class:`FinalStates` keeps them.  `observer` and `report` (shape blocks x step sizes x len(REPORT)) have
+    one row per block, so that nothing depends on threads; to be added up outside, in the order of blocks.
     """
     records = [(scheme, model, initial, grid, noise, observer)]  # Numba's prange cannot take nested tuples, but a list
     for row in prange(blocks):
@@ -248,14 +284,14 @@ def integrate(scheme, model, initial, grid, noise, observer, report, first_block
 class FinalStates(NamedTuple):
     """An observer that keeps the last states of each block."""
 
-    y: np.ndarray  #: (blocks, levels, dimension * LANES)
-    steps: np.ndarray  #: (levels,) int64, how many steps each level takes
+    y: np.ndarray  #: (blocks, levels, dimension * LANES), or with room for the memory of a scheme
+    steps: np.ndarray  #: (levels,) int64, the number of the last step of each level
 
 
 @means(observe, FinalStates)
 def _(observer, model, row, paths, level, n, y, reference):
     if n == observer.steps[level]:
-        for i in range(dimension(model) * LANES):
+        for i in range(observer.y.shape[2]):
             observer.y[row, level, i] = y[i]
 
 
@@ -287,3 +323,17 @@ def use_threads(threads):
 def empty_report(blocks, levels):
     """A report for :func:`integrate` to add to."""
     return np.zeros((blocks, levels, len(REPORT)))
+
+
+def add_reports(total, reports):
+    """The report `total` (levels, columns) after those of some blocks."""
+    added = total + reports.sum(axis=0)
+    added[:, SUMMED:] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, SUMMED:]
+    return added
+
+
+def report_columns(report):
+    """What there is in a report (..., columns), by name: of solvers if there was one, of angles if any was large."""
+    solver, angle = REPORT[:-1], REPORT[-1]
+    columns = {name: report[..., i] for i, name in enumerate(solver)} if report[..., 0].any() else {}
+    return columns | ({angle: report[..., -1]} if report[..., -1].any() else {})

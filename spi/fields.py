@@ -10,6 +10,8 @@ from .protocol import (
     noise_gradient,
     noise_hessian,
     noise_indices,
+    noise_structure,
+    noise_structure_derivative,
     strengths,
     structure,
     structure_derivative,
@@ -51,14 +53,14 @@ def drift_field(model, y):
 @inlined
 def noise_field(model, k, y):
     """f_k(y) = B(y) grad Ĥ_k(y)."""
-    return structure(model, y, noise_gradient(model, k, y))
+    return noise_structure(model, k, y, noise_gradient(model, k, y))
 
 
 @inlined
 def noise_field_derivative(model, k, y, v):
     """f_k'(y) v = (DB(y)[v]) grad Ĥ_k(y) + B(y) Hess Ĥ_k(y) v."""
-    turned = structure_derivative(model, y, v, noise_gradient(model, k, y))
-    return add_scaled(turned, 1.0, structure(model, y, noise_hessian(model, k, y, v)))
+    turned = noise_structure_derivative(model, k, y, v, noise_gradient(model, k, y))
+    return add_scaled(turned, 1.0, noise_structure(model, k, y, noise_hessian(model, k, y, v)))
 
 
 @unrolled(noise_indices)

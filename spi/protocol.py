@@ -8,7 +8,9 @@ with independent Wiener processes W_1, ..., W_m.  In the program indices start a
 
 A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per noise; None = that noise is off and is
 neither drawn nor applied) and four class attributes: ``dimension`` d, ``pieces`` p, ``noises`` m, and ``conserved``,
-the number of Casimir functions (and ``exact_flows = False`` if its flows are not).  A **scheme** is a NamedTuple of
+the number of Casimir functions; where it applies also ``exact_flows = False``, ``sphere = True`` (the first Casimir
+function is |y|^2), ``populations = True`` (components are to stay positive) and ``surface``, the Casimir surface on
+which ``spi.kolmogorov`` works.  A **scheme** is a NamedTuple of
 options; its orders and what it preserves stand in ``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into
 which a study collects what it needs.
 
@@ -201,6 +203,18 @@ def structure_derivative(model, y, u, v):
     return structure(model, u, v)
 
 
+@word_with_default
+def noise_structure(model, k, y, v):
+    """B(y) v for a v that is 0 wherever grad Ĥ_k always is: a model may leave out what vanishes."""
+    return structure(model, y, v)
+
+
+@word_with_default
+def noise_structure_derivative(model, k, y, u, v):
+    """(DB(y)[u]) v for such a v."""
+    return structure_derivative(model, y, u, v)
+
+
 @word
 def hamiltonian(model, y):
     """H(y)."""
@@ -242,7 +256,7 @@ def advance(scheme, model, h, dW, coins, y, work, report):
 
     `dW` holds the increments, channel k of lane l at [k * LANES + l]; channels that are off are not to be read.
     `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
-    ``work_size(scheme, model)`` floats; an implicit scheme adds to `report` (see :data:`REPORT`).
+    ``work_size(scheme, model)`` floats; the scheme adds to `report` what :data:`REPORT` says.
     """
 
 
@@ -265,8 +279,10 @@ def memory_size(scheme, model):
     return 0
 
 
-#: What the columns of a solver's report mean, per step size and over all paths and steps.
-REPORT = ("solves", "iterations", "failures", "largest_residual")
+#: What schemes report, per step size and over all paths and steps: how often they solved an equation, iterations and
+#: failures in all, the largest relative residual; and the largest |angle| of a rotation (0 if none is above pi/4).
+REPORT = ("solves", "iterations", "failures", "largest_residual", "largest_angle")
+SUMMED = 3  #: so many of them are sums, the others maxima
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The word that an observer answers

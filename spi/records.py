@@ -58,7 +58,7 @@ def describe(case, scheme, eps=None):
         "scheme_label": scheme.label,
         "case_title": case.title,
         "seed": case.seed,
-        "final_time": case.final_time,
+        "final_time": getattr(case, "final_time", None),
         "initial": case.initial,
         "truncate_noise": case.truncate_noise,
         "model": case.model_name,

@@ -16,6 +16,44 @@ FILES = sorted(FOLDER.glob("*.yaml"))
 FIGURES = set(range(1, 18))  # of the paper
 
 
+def check_strong(group, v):
+    assert np.all(v["error"] > 0.0)
+    assert np.all(np.isfinite(v["error"]) | (v["nonfinite"] > 0))
+
+
+def check_weak(group, v):
+    lost = v["nonfinite"] > 0 if "nonfinite" in v else False
+    assert (np.isfinite(v["error"]) | lost).all()
+    if group.estimator == "kolmogorov":
+        assert np.all(v["error_bound"] < 1.1e-4)  # the accuracy of the quick profiles
+
+
+def check_trajectory(group, v):
+    assert np.isfinite(v["y"][0]).all()
+    if group.scheme.startswith("splitting"):
+        assert np.all(np.array(group.attributes["casimir_drift"]) < 1e-12)
+
+
+def check_work_precision(group, v):
+    assert np.all(v["seconds_per_path"] > 0.0)
+    if group.attributes["measure"] == "strong":
+        check_strong(group, v)
+
+
+def check_stability(group, v):
+    assert np.all((v["finite"] >= 0.0) & (v["finite"] <= 1.0))
+    if "splitting" in group.scheme and v["casimir_worst"].shape[2]:
+        assert np.all(v["finite"] == 1.0) and np.all(v["casimir_worst"] < 1e-12)
+
+
+def check_long_time(group, v):
+    if group.scheme == "splitting":
+        assert np.all(v["nonfinite"] == 0) and np.all(v["casimir_worst"] < 1e-12)
+
+
+CHECKS = {name.removeprefix("check_"): check for name, check in list(globals().items()) if name.startswith("check_")}
+
+
 def test_figures_of_the_paper_have_one_experiment_each():
     figures = [load(path).figure for path in FILES]
     assert sorted(f for f in figures if f is not None) == sorted(FIGURES)
@@ -30,19 +68,7 @@ def test_experiment_runs(path, tmp_path, capsys):
     parts = [(c.name, p.group, p.estimator) for c in experiment.cases for p in STUDIES[experiment.kind].parts(c)]
     assert [(g.case, g.scheme, g.estimator) for g in results.groups] == parts
     for group in results.groups:
-        if experiment.kind == "strong":
-            error = group.variables["error"][1]
-            assert np.all(error > 0.0)
-            assert np.all(np.isfinite(error) | (group.variables["nonfinite"][1] > 0))
-        elif experiment.kind == "weak":
-            lost = group.variables["nonfinite"][1] > 0 if "nonfinite" in group.variables else False
-            assert (np.isfinite(group.variables["error"][1]) | lost).all()
-            if group.estimator == "kolmogorov":
-                assert np.all(group.variables["error_bound"][1] < 1.1e-4)  # the accuracy of the quick profiles
-        else:
-            assert np.isfinite(group.variables["y"][1][0]).all()
-            if group.scheme.startswith("splitting"):
-                assert np.all(np.array(group.attributes["casimir_drift"]) < 1e-12)
+        CHECKS[experiment.kind](group, {name: values for name, (_, values) in group.variables.items()})
     for written in plot.save(results, tmp_path, experiment.name):
         assert written.stat().st_size > 10_000
     tables.print_table(results)

@@ -12,8 +12,8 @@ import pytest
 import xarray
 from helpers import COMPILED
 
-from spi import run as runner
 from spi import ensemble, store
+from spi import run as runner
 from spi.rng import LANES, STREAM_VERSION
 from spi.spec import load
 from spi.store import StoreError

@@ -12,7 +12,7 @@ from spi.expressions import parse_expression
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
 from spi.numbers import NumberError, parse
-from spi.spec import SpecError, json_schema, load
+from spi.spec import KINDS, SpecError, json_schema, load
 
 GOOD = """\
 title: A title
@@ -211,7 +211,11 @@ SCHEMES = (
         ("samples", "smaples", "12: smaples: is no known key; did you mean 'samples'?"),
         ("  inertia", "  inerta", "5: model.inerta: is no known key; did you mean 'inertia'?"),
         ("kind: strong", "knd: strong", "2: knd: is no known key; did you mean 'kind'?"),
-        ("kind: strong\n", "", "1: kind: missing key 'kind'; add kind: strong or trajectory or weak"),
+        (
+            "kind: strong\n",
+            "",
+            f"1: kind: missing key 'kind'; add kind: {' or '.join(KINDS)}",
+        ),
         ("samples: 10\n", "", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
         (
             "  noise_inertia: [1, 2, 3]\n",
@@ -408,8 +412,14 @@ def test_bad_value(spec, old, new, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory or weak"),
-        ("# only a comment\n", "s.yaml:1: the file is empty; start with a line kind: strong or trajectory or weak"),
+        (
+            "",
+            f"s.yaml:1: the file is empty; start with a line kind: {' or '.join(KINDS)}",
+        ),
+        (
+            "# only a comment\n",
+            f"s.yaml:1: the file is empty; start with a line kind: {' or '.join(KINDS)}",
+        ),
         ("- a\n- b\n", "s.yaml:1: is a list; must be a mapping, lines of key: value"),
         ("just words\n", "s.yaml:1: is 'just words'; must be a mapping, lines of key: value"),
         (

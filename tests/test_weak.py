@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from helpers import BY_HAND, COMPILED, LANES, final_states
 
-from spi import run as runner
 from spi import ensemble, store
+from spi import run as runner
 from spi.estimators import GROUPS, group_counts, is_resolved
 from spi.kolmogorov import expectations
 from spi.records import Part

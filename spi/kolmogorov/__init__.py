@@ -7,7 +7,7 @@ flows.
 
 from .result import Expectations
 
-__all__ = ["Expectations", "expectations"]
+__all__ = ["Expectations", "expectations", "limits"]
 
 
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
@@ -25,3 +25,15 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     else:
         raise ValueError(f"no solver without sampling for {type(model).__name__}")
     return solve(model, compositions, initial, final_time, steps, functions, accuracy)
+
+
+def limits(model, initial, final_time, functions, accuracy):
+    """E phi(y(T)) of the equation for F functions, and its numerical error, two arrays (F,); no scheme is looked at.
+
+    For models with the ``surface`` "sphere"; ValueError for others, where the limit is only known from schemes.
+    """
+    if getattr(type(model), "surface", None) != "sphere":
+        raise ValueError(f"no limit without schemes for {type(model).__name__}")
+    from .sphere import limits as solve
+
+    return solve(model, initial, final_time, functions, accuracy)

@@ -81,6 +81,22 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     return Expectations(problem.steps, value, error, limit, limit_error, weak_error, weak_error_error, notes)
 
 
+def limits(model, initial, final_time, functions, accuracy):
+    """E phi(y(T)) of the equation, (F,), and its error, refined until that is below `accuracy` or would take long."""
+    problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
+    if np.count_nonzero(initial) <= 1:
+        return _at_rest(problem, initial)[3:5]
+    rounding, found = ROUNDING * problem.size()[0], {}
+    for L in LEVELS:
+        if len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT:
+            break
+        found[L], _ = problem.solve(L, schemes=False)
+        limit, error = _settled(found, rounding)
+        if len(found) >= 3 and np.all(error <= accuracy):
+            break
+    return limit, error
+
+
 def _at_rest(problem, initial):
     """On an axis nothing moves (and seen from there expectations elsewhere are least smooth)."""
     y = np.asarray(initial, dtype=float)[:, None]

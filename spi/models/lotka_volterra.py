@@ -37,6 +37,7 @@ LotkaVolterra.dimension = 2
 LotkaVolterra.pieces = 2
 LotkaVolterra.noises = 1
 LotkaVolterra.conserved = 0
+LotkaVolterra.populations = True  # components that are to stay positive
 
 
 @means(drift_flow, LotkaVolterra)

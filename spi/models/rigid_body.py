@@ -42,6 +42,7 @@ RigidBody.dimension = 3
 RigidBody.pieces = 3
 RigidBody.noises = 3
 RigidBody.conserved = 1
+RigidBody.sphere = True  # the first Casimir function is |y|^2
 RigidBody.surface = "sphere"  # on which spi.kolmogorov works
 
 
@@ -131,6 +132,7 @@ RigidBodySharedNoise.dimension = 3
 RigidBodySharedNoise.pieces = 3
 RigidBodySharedNoise.noises = 1
 RigidBodySharedNoise.conserved = 1
+RigidBodySharedNoise.sphere = True  # the first Casimir function is |y|^2
 RigidBodySharedNoise.exact_flows = False
 
 # all that does not depend on the noise is the rigid body's

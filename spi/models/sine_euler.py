@@ -15,7 +15,7 @@ The 3-point Fourier transform diagonalises it, with the purely imaginary eigenva
 import math
 from typing import Annotated, NamedTuple
 
-from ..dispatch import inlined, means
+from ..dispatch import inlined, means, tuplewise
 from ..protocol import (
     NonNegative,
     casimirs,
@@ -28,6 +28,8 @@ from ..protocol import (
     noise_flow,
     noise_gradient,
     noise_hessian,
+    noise_structure,
+    noise_structure_derivative,
     sin_versine,
     structure,
 )
@@ -52,6 +54,7 @@ SineEuler.pieces = 4
 SineEuler.noises = 4
 SineEuler.flow_ns = 1.7
 SineEuler.conserved = 2
+SineEuler.sphere = True  # the first Casimir function is |y|^2
 
 _S = math.sqrt(3.0) / 2.0  # sin(2 pi / 3)
 _THIRD = 1.0 / 3.0
@@ -165,39 +168,43 @@ def _cross(w, g):
     return w[0] * g[0] - w[1] * g[1], w[0] * g[1] + w[1] * g[0]
 
 
+@tuplewise("p[i] - q[i]")
+def _minus(p, q):
+    """p - q."""
+
+
+@tuplewise("p[i] + q[i]")
+def _plus(p, q):
+    """p + q."""
+
+
 @inlined
-def _pair(plus, minus, g):
-    """sqrt(3)/2 (omega_{m+n} g_n - omega_{m-n} conj(g_n)), the part of n and -n in B(omega) g at m when m x n = 1."""
-    p, q = _cross(plus, g), _cross(minus, (g[0], -g[1]))
-    return _S * (p[0] - q[0]), _S * (p[1] - q[1])
+def _column(k, y, v):
+    """B(y) v for the part of v on the mode k: the field of H_k, with v/2 in the place of omega_k / |k|^2."""
+    _, c, z0, z1, z2 = _line(k, y)
+    part, _, _, _, _ = _line(k, v)
+    s = 0.5 * _S if c > 0.0 else -0.5 * _S
+    g, gc = (s * part[0], s * part[1]), (s * part[0], -s * part[1])
+    new0 = _minus(_cross(gc, z1), _cross(g, z2))
+    new1 = _minus(_cross(gc, z2), _cross(g, z0))
+    new2 = _minus(_cross(gc, z0), _cross(g, z1))
+    return _unline(k, (0.0, 0.0), new0, new1, new2)
 
 
 @means(structure, SineEuler)
 def _(model, y, v):
     """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""
-    a, b, c, d = (y[0], y[1]), (y[2], y[3]), (y[4], y[5]), (y[6], y[7])
-    ac, bc, cc, dc = (y[0], -y[1]), (y[2], -y[3]), (y[4], -y[5]), (y[6], -y[7])
-    ga, gb = (0.5 * v[0], -0.5 * v[1]), (0.5 * v[2], -0.5 * v[3])
-    gc, gd = (0.5 * v[4], -0.5 * v[5]), (0.5 * v[6], -0.5 * v[7])
-    # for each m the three pairs with their m+n and m-n reduced modulo 3; m x n = 1 or -2 counts +1, -1 or 2 counts -1
-    # m = (1,0), n = (1,1), (0,1), (-1,1): + + +
-    x0, x1, x2 = _pair(d, cc, gb), _pair(b, dc, gc), _pair(c, bc, gd)
-    # m = (1,1), n = (1,0), (0,1), (-1,1): - + -
-    y0, y1, y2 = _pair(d, c, ga), _pair(dc, a, gc), _pair(cc, ac, gd)
-    # m = (0,1), n = (1,0), (1,1), (-1,1): - - +
-    z0, z1, z2 = _pair(b, d, ga), _pair(dc, ac, gb), _pair(bc, a, gd)
-    # m = (-1,1), n = (1,0), (1,1), (0,1): - + -
-    w0, w1, w2 = _pair(c, b, ga), _pair(cc, a, gb), _pair(bc, ac, gc)
-    return (
-        x0[0] + x1[0] + x2[0],
-        x0[1] + x1[1] + x2[1],
-        y1[0] - y0[0] - y2[0],
-        y1[1] - y0[1] - y2[1],
-        z2[0] - z0[0] - z1[0],
-        z2[1] - z0[1] - z1[1],
-        w1[0] - w0[0] - w2[0],
-        w1[1] - w0[1] - w2[1],
-    )
+    return _plus(_plus(_column(0, y, v), _column(1, y, v)), _plus(_column(2, y, v), _column(3, y, v)))
+
+
+@means(noise_structure, SineEuler)
+def _(model, k, y, v):
+    return _column(k, y, v)
+
+
+@means(noise_structure_derivative, SineEuler)
+def _(model, k, y, u, v):
+    return _column(k, u, v)
 
 
 @inlined

@@ -5,12 +5,22 @@ import os
 from pathlib import Path
 
 from . import style
+from .long_time import draw as _long_time
+from .stability import draw as _stability
 from .strong import draw as _strong
 from .trajectory import draw as _trajectory
 from .weak import draw as _weak
+from .work_precision import draw as _work_precision
 
 #: The kinds of study that have a figure, by ``results.attributes["kind"]``.
-PLOTTERS = {"strong": _strong, "trajectory": _trajectory, "weak": _weak}
+PLOTTERS = {
+    "strong": _strong,
+    "trajectory": _trajectory,
+    "weak": _weak,
+    "work_precision": _work_precision,
+    "stability": _stability,
+    "long_time": _long_time,
+}
 
 
 def figure(results):

@@ -16,6 +16,7 @@ from ..records import family, family_label
 #: Marker and colour of each scheme: the paper's markers, the palette of Okabe and Ito without its pale yellow.
 SCHEMES = {
     "euler_maruyama": ("x", "#D55E00"),
+    "euler_maruyama_renormalised": ("v", "#56B4E9"),
     "midpoint": ("o", "#0072B2"),
     "splitting": ("D", "#009E73"),
     "splitting_drift_first": ("s", "#CC79A7"),
@@ -52,6 +53,7 @@ SYMBOLS = {
     "inertia": "I",
     "noise_inertia": r"\hat{I}",
     "epsilon": r"\varepsilon",
+    "eps": r"\varepsilon",
     "beta": r"\beta",
     "nu": r"\nu",
 }

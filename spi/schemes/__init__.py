@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from ..protocol import noise_indices
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
-from .euler_maruyama import EulerMaruyama
+from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
 from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, Splitting, compositions
 
@@ -22,6 +22,7 @@ class Scheme(NamedTuple):
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
     needs_eps: bool = False  #: whether eps must not be 0
+    needs_sphere: bool = False  #: whether the first Casimir function of the model must be |y|^2
 
 
 SCHEMES = {
@@ -31,6 +32,9 @@ SCHEMES = {
     ),
     "splitting_order2": Scheme(ORDER_2, "splitting, weak order 2", 0.5, 1.0, 2.0, "Casimirs, Poisson structure", None),
     "euler_maruyama": Scheme(EulerMaruyama(), "Euler-Maruyama", 0.5, 0.5, 1.0, "nothing", 5.0),
+    "euler_maruyama_renormalised": Scheme(
+        RenormalisedEulerMaruyama(), "Euler-Maruyama, renormalised", 0.5, 0.5, 1.0, "|y|", 5.5, needs_sphere=True
+    ),
     "midpoint": Scheme(Midpoint(), "midpoint", 0.5, 1.0, 1.0, "quadratic Casimirs", 25.0, needs_truncation=True),
     "ap_splitting": Scheme(
         *(AsymptoticPreserving(0.0, ImplicitEuler()), "AP splitting"),

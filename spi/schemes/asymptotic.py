@@ -103,7 +103,7 @@ def _(scheme, model):
 @means(advance, AsymptoticPreserving)
 def _(scheme, model, h, dW, coins, y, work, report):
     move_processes(model, y, scheme, h, dW, work)
-    run_stages(scheme.stages, model, h, work, coins, y, work[noises(model) * LANES :])
+    run_stages(scheme.stages, model, h, work, coins, y, work[noises(model) * LANES :], report)
 
 
 @means(advance, MultiscaleEuler)

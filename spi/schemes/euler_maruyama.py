@@ -1,9 +1,11 @@
-"""The Euler-Maruyama scheme, the paper's first comparator."""
+"""The Euler-Maruyama scheme, the paper's first comparator, and the same with its length put right."""
 
 from typing import NamedTuple
 
-from ..dispatch import means
-from ..fields import add_ito_correction, add_noise_fields, add_scaled, drift_field
+import numpy as np
+
+from ..dispatch import inlined, means
+from ..fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
 from ..lanes import load, store
 from ..protocol import advance
 from ..rng import LANES
@@ -16,10 +18,30 @@ class EulerMaruyama(NamedTuple):
     """
 
 
+class RenormalisedEulerMaruyama(NamedTuple):
+    """A step z of Euler-Maruyama scaled back to the length of y, |y| z / |z|, where |y|^2 is a Casimir function.
+
+    It stays on the sphere, and no more: it is no composition of Poisson maps.
+    """
+
+
+@inlined
+def euler_step(model, h, dW, lane, y):
+    """One step of one lane."""
+    new = add_scaled(y, h, drift_field(model, y))
+    new = add_ito_correction(model, new, h, y)
+    return add_noise_fields(model, new, dW, lane, y)
+
+
 @means(advance, EulerMaruyama)
 def _(scheme, model, h, dW, coins, y, work, report):
     for lane in range(LANES):
+        store(y, lane, euler_step(model, h, dW, lane, load(model, y, lane)))
+
+
+@means(advance, RenormalisedEulerMaruyama)
+def _(scheme, model, h, dW, coins, y, work, report):
+    for lane in range(LANES):
         state = load(model, y, lane)
-        new = add_scaled(state, h, drift_field(model, state))
-        new = add_ito_correction(model, new, h, state)
-        store(y, lane, add_noise_fields(model, new, dW, lane, state))
+        new = euler_step(model, h, dW, lane, state)
+        store(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))

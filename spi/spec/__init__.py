@@ -20,8 +20,11 @@ from typing import NamedTuple
 import yaml
 from pydantic import ValidationError
 
+from . import sweep
+from .cases import Case
 from .keys import entries_in, shown, suggestion
-from .kinds import FILE, KINDS, LAYERS, PROFILES, Case, StrongCase, WeakCase, json_schema
+from .kinds import KINDS, StrongCase, WeakCase
+from .layers import FILE, LAYERS, PROFILES, json_schema
 
 __all__ = ["KINDS", "PROFILES", "Case", "Experiment", "SpecError", "StrongCase", "WeakCase", "json_schema", "load"]
 
@@ -230,9 +233,22 @@ def _cases(kind, file, owners, above):
                 document.fail((*loc, "cases", other), f"is no known case; {suggestion(other, owners)}")
             layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
         data = reduce(_overridden, (document.at(loc) for document, loc in layers), {})
-        keys = {k: v for k, v in data.items() if k in KINDS[kind].model_fields}
-        built.append(_valid(KINDS[kind].model_validate, {**keys, "name": name, "title": title}, layers))
+        data = {k: v for k, v in data.items() if k in KINDS[kind].model_fields} | {"name": name, "title": title}
+        built.append(_swept(kind, data, layers) or _valid(KINDS[kind].model_validate, data, layers))
     return tuple(built)
+
+
+def _swept(kind, data, layers):
+    """The record of a case in which a word is swept, with those of all values in it; None if there is none."""
+    found = [_valid(KINDS[kind].model_validate, version, layers) for version in sweep.versions(data)]
+    if not found:
+        return None
+    ((word, values),) = found[0].sweep.items()
+    if not sweep.uses(data, word):
+        document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
+        places = ", ".join(sweep.PLACES)
+        document.fail((*top, "sweep"), f"the word '{word}' stands nowhere; use it in one of {places}")
+    return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
 
 
 def _overridden(below, above):

@@ -30,6 +30,12 @@ ESTIMATORS = ("plain", "multilevel", "kolmogorov")
 #: What the figure of weak errors can show.
 WEAK_PANELS = ("errors", "samples", "seconds", "eps")
 
+#: What the figure of stability, and that of long times, can show; see ``spi.plot``.
+STABILITY_PANELS = (
+    *("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle"),
+)
+LONG_TIME_PANELS = ("growth", "law", "distance", "moments")
+
 ABSENT = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
 
@@ -138,6 +144,8 @@ def _read(hint):
         return Annotated[hint, BeforeValidator(partial(_number, base), json_schema_input_type=hint | str)]
     if origin is Annotated:
         return Annotated[_read(base), *hint.__metadata__]
+    if origin is dict:
+        return dict[arguments[0], _read(arguments[1])]
     if origin in (tuple, Union, UnionType):
         return (tuple if origin is tuple else Union)[tuple(map(_read, arguments))]
     return hint
@@ -203,6 +211,12 @@ Schemes = Annotated[tuple[Literal[tuple(SCHEMES)], ...], MinLen(1)]
 Path = Annotated[int, Ge(0), Le(10**15)]
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 WeakPanels = Annotated[tuple[Literal[WEAK_PANELS], ...], MinLen(1)]
+StabilityPanels = Annotated[tuple[Literal[STABILITY_PANELS], ...], MinLen(1)]
+LongTimePanels = Annotated[tuple[Literal[LONG_TIME_PANELS], ...], MinLen(1)]
+StepCount = Annotated[int, Ge(1), Le(2**34)]
+Repeats = Annotated[int, Ge(3), Le(1000)]
+Targets = Annotated[tuple[Positive, ...], MinLen(1)]
+Swept = dict[str, Annotated[tuple[float, ...], MinLen(1)]]
 Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
 Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=_NAME)], str], MinLen(1)]
@@ -245,4 +259,5 @@ Model = Annotated[
     Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
 ]
 # Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
+Unread = Annotated[Any, BeforeValidator(lambda v: v)]
 ModelPart = Annotated[dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, _PARTS))]

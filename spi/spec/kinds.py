@@ -1,153 +1,55 @@
-"""What may stand in a spec file: the keys of each kind of experiment and the layers of a file.
+"""What may stand in a spec file: the keys of each kind of experiment.
 
 A new kind is a subclass of Case and a line in KINDS.
 """
 
-import math
 from itertools import pairwise
-from typing import Annotated, Literal, get_type_hints
+from typing import ClassVar
 
 import pydantic
-from annotated_types import Ge, MinLen
-from pydantic import create_model, model_validator
+from pydantic import model_validator
 
-from ..expressions import canonical, is_constant, parse_expression
-from ..models import MODELS
-from ..numbers import NumberError
 from ..protocol import Positive
+from ..rng import STEPS_PER_TOSS
 from ..schemes import SCHEMES
-from ..schemes.splitting import Splitting
+from .cases import (
+    CLIP,
+    Case,
+    ErrorCase,
+    FunctionsCase,
+    SampledCase,
+    check_multiple,
+    check_once,
+    check_schemes,
+)
 from .keys import (
-    ABSENT,
-    COMPLETE,
     ESTIMATORS,
+    LONG_TIME_PANELS,
     PANELS,
+    STABILITY_PANELS,
     WEAK_PANELS,
-    CaseName,
-    Eps,
     Estimators,
     Functions,
-    Keys,
-    Model,
-    ModelPart,
+    LongTimePanels,
     Panels,
     Path,
     Prefixes,
+    Repeats,
     Samples,
     Schemes,
-    Seed,
-    State,
+    StabilityPanels,
+    StepCount,
     Steps,
+    Swept,
+    Targets,
     WeakPanels,
-    entries_in,
     key_of,
-    name_of,
-    needed_keys,
-    one_of,
     quantity,
-    shown,
     wrong,
 )
+from .sweep import Sweep, check
 
-#: ``laptop`` is the file itself; so are the others where the file does not define them.
-PROFILES = ("laptop", "paper", "quick")
-
-CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 _MOST_STORED = 10**7  # states of a trajectory
-_MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
-_ROUNDING = 1e-12  # relative: ratios of steps written as decimals are not exact
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Kinds of experiment
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-class Case(Keys):
-    """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
-
-    name: str
-    title: str
-    model: Model
-    initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
-    final_time: key_of(Positive, "final time T, a multiple of every step")
-    seed: key_of(Seed, "seed of the random numbers") = 1
-    eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
-
-    @property
-    def runs(self):
-        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
-        return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
-
-    @property
-    def model_name(self):
-        return name_of(self.model)
-
-    @model_validator(mode="after")
-    def _check_initial(self):
-        d, found = type(self.model).dimension, len(self.initial)
-        if found != d:
-            raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
-        return self
-
-    @model_validator(mode="after")
-    def _check_eps(self):
-        multiscale = [s for s in self.schemes if SCHEMES[s].multiscale]
-        if multiscale and self.eps is None:
-            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-        if self.eps is not None:
-            if not multiscale:
-                known = [name for name, row in SCHEMES.items() if row.multiscale]
-                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-            _check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
-            for name in multiscale:
-                if SCHEMES[name].needs_eps and 0 in self.eps:
-                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
-        return self
-
-
-class ErrorCase(Case):
-    """What the cases of errors against step sizes have."""
-
-    steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13")
-    reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large")
-    schemes: key_of(Schemes, "a list of schemes")
-    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
-    reference_scheme: key_of(Literal[tuple(SCHEMES)] | None, "scheme of the reference; default: each its own") = None
-
-    def _schemes_used(self):
-        return self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
-
-    @model_validator(mode="after")
-    def _check_steps(self):
-        """The case with its steps from large to small."""
-        _check_count(self.final_time, self.reference_step, "reference_step")
-        steps = [self._dyadic(h) for h in self.steps]
-        if len(set(steps)) < len(steps):
-            raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
-        _check_schemes(self.schemes, self._schemes_used(), max(steps), self.truncate_noise, "steps")
-        return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
-
-    @model_validator(mode="after")
-    def _check_reference_scheme(self):
-        name = self.reference_scheme
-        if name and SCHEMES[name].needs_eps and not all(eps for _, eps in self.runs):
-            raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
-        return self
-
-    def _dyadic(self, h):
-        """h as exactly the reference step times a power of two that divides the final time."""
-        end, reference = self.final_time, self.reference_step
-        if h > end * (1 + _ROUNDING):
-            raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
-        doublings = math.log2(h) - math.log2(reference)
-        exact = reference * 2.0 ** round(doublings)
-        if round(doublings) < 1 or abs(h - exact) > _ROUNDING * h:
-            lower = reference * 2.0 ** max(1, math.floor(doublings))
-            what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
-            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
-        _check_multiple(end, h, "steps", "has")
-        return exact
 
 
 class StrongCase(ErrorCase):
@@ -156,40 +58,21 @@ class StrongCase(ErrorCase):
     samples: key_of(Samples, "number of Brownian paths")
 
 
-class WeakCase(ErrorCase):
+class WeakCase(SampledCase):
     """Weak errors of schemes: E phi(y_N) for test functions phi, against the same at the reference step."""
 
     functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi")
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}")
-    samples: key_of(Samples | None, "number of Brownian paths of plain") = None
     prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
-    standard_error: key_of(Positive | None, "what multilevel aims at for the weak error at the largest step") = None
-    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed") = None
-    accuracy: key_of(Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs") = (
-        None
-    )
     panels: key_of(WeakPanels, f"what the figure shows, some of {', '.join(WEAK_PANELS)}") = ("errors",)
 
-    @property
-    def expressions(self):
-        """The trees of the test functions, in the order of their names."""
-        return tuple(parse_expression(text, type(self.model).dimension) for text in self.functions.values())
-
-    @pydantic.field_serializer("functions")
-    def _canonical(self, functions):
-        # pairs, because their order decides that of the results, and in the least text that decides the values
-        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
-
     @model_validator(mode="after")
-    def _check_functions(self):
-        d = type(self.model).dimension
-        right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
-        for name, text in self.functions.items():
-            try:
-                if is_constant(parse_expression(text, d)):
-                    raise NumberError("constant")
-            except NumberError as error:
-                raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+    def _check_prefixes(self):
+        for before, n in pairwise(self.prefixes or ()):
+            if n <= before:
+                raise wrong(f"has {n} after {before}", "must increase", "prefixes")
+        if self.prefixes and "plain" in self.estimators and self.prefixes[-1] > self.samples:
+            raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
         return self
 
     @model_validator(mode="after")
@@ -202,53 +85,82 @@ class WeakCase(ErrorCase):
             raise wrong(f"has '{panel}', but there are no results of fewer samples", right, "panels")
         return self
 
+
+class WorkPrecisionCase(SampledCase):
+    """Errors of schemes against the time that a path takes: strong errors, or weak ones of one test function."""
+
+    targets: key_of(Targets | None, "errors for which the cheapest scheme is asked; default: powers of ten") = None
+    repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
+
+    prefixes: ClassVar[None] = None
+    panels: ClassVar[tuple] = ()
+
     @model_validator(mode="after")
-    def _check_estimators(self):
-        _check_once(self.estimators, "estimators")
-        for name in self.estimators:
-            getattr(self, f"_check_{name}")()
+    def _check_measure(self):
+        if not self.functions:
+            if self.estimators:
+                raise wrong("is for weak errors", "leave it out, or give functions", "estimators")
+            self._need("strong", "samples")
+        elif len(self.functions) > 1:
+            raise wrong(f"has {len(self.functions)} functions", "must have one, for one error", "functions")
+        elif not self.estimators:
+            raise wrong("missing key 'estimators'", f"add estimators: some of {', '.join(ESTIMATORS)}", "estimators")
         return self
 
-    def _check_plain(self):
-        self._need("plain", "samples")
-        for before, n in pairwise(self.prefixes or ()):
-            if n <= before:
-                raise wrong(f"has {n} after {before}", "must increase", "prefixes")
-        if self.prefixes and self.prefixes[-1] > self.samples:
-            raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
 
-    def _check_multilevel(self):
-        self._need("multilevel", "standard_error", "seconds")
-        if self.reference_scheme:
-            what = "has 'multilevel', which compares each scheme with itself, and reference_scheme is set"
-            raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+class StabilityCase(FunctionsCase):
+    """What schemes keep of the equation where it is hard: sweeps the step size and a word in the parameters."""
 
-    def _check_kolmogorov(self):
-        """What the solvers without sampling can do."""
-        if getattr(type(self.model), "surface", None) is None:
-            able = [name for name, cls in MODELS.items() if getattr(cls, "surface", None)]
-            what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
-        elif not any(isinstance(SCHEMES[s].record, Splitting) for s in self.schemes):
-            what = f"is for splitting schemes, which '{self.schemes[0]}' is not"
-        elif self.truncate_noise:
-            what = "has no truncate_noise"
-        elif self.reference_scheme:
-            what = "has no reference_scheme"
-        else:
-            return
-        rest = [name for name in ESTIMATORS if name != "kolmogorov"]
-        raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
+    sweep: key_of(Swept, "a word and its values, as in {s: [0.1, 1, 10]}, to stand in model, initial or eps")
+    samples: key_of(Samples, "number of Brownian paths")
+    accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
+    panels: key_of(StabilityPanels, f"what the figure shows, some of {', '.join(STABILITY_PANELS)}") = ("regimes",)
 
-    def _need(self, estimator, *keys):
-        """One of these keys must be given."""
-        if all(getattr(self, key) is None for key in keys):
-            add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
-            raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
+    bounded_increments: ClassVar[bool] = False
+
+    @pydantic.field_validator("sweep")
+    @classmethod
+    def _check_sweep(cls, sweep):
+        return check(sweep)
+
+    @model_validator(mode="after")
+    def _check_one_eps(self):
+        if self.eps is not None and len(self.eps) > 1:
+            raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept word", "eps")
+        return self
+
+    @pydantic.field_serializer("sweep")
+    def _effective_sweep(self, sweep):
+        return sweep.effective() if isinstance(sweep, Sweep) else sweep
+
+
+class LongTimeCase(Case):
+    """Casimirs over very many steps, and the law of the states after a long time."""
+
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5")
+    step_count: key_of(StepCount, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}")
+    schemes: key_of(Schemes, "a list of schemes")
+    samples: key_of(Samples, "number of Brownian paths")
+    panels: key_of(LongTimePanels, f"what the figure shows, some of {', '.join(LONG_TIME_PANELS)}") = ("growth",)
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    @model_validator(mode="after")
+    def _check_steps(self):
+        if self.step_count % STEPS_PER_TOSS:
+            lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
+            nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
+            raise wrong(f"is {self.step_count}", nearest, "step_count")
+        check_once(self.steps, "steps")
+        check_schemes(self.schemes, self.schemes, max(self.steps), self.truncate_noise, "steps")
+        if any(SCHEMES[name].multiscale for name in self.schemes):
+            raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
+        return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
 
 
 class TrajectoryCase(Case):
     """One path of each scheme, all on the same Brownian path."""
 
+    final_time: key_of(Positive, "final time T, a multiple of the step")
     step: key_of(Positive, "step size h")
     schemes: key_of(Schemes, "a list of schemes")
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
@@ -260,85 +172,17 @@ class TrajectoryCase(Case):
         if self.final_time / self.step > _MOST_STORED:
             least = quantity(self.final_time / _MOST_STORED)
             raise wrong("gives more than 10^7 steps, all of which are kept", f"must be at least {least}", "step")
-        _check_multiple(self.final_time, self.step, "step", "is")
-        _check_schemes(self.schemes, self.schemes, self.step, self.truncate_noise, "step")
+        check_multiple(self.final_time, self.step, "step", "is")
+        check_schemes(self.schemes, self.schemes, self.step, self.truncate_noise, "step")
         return self
 
 
-def _check_count(end, step, key):
-    if end / step > _MOST_STEPS:
-        what = "gives more than 2^34 steps until final_time"
-        raise wrong(what, f"must be at least {quantity(end / _MOST_STEPS)}", key)
-
-
-def _check_multiple(end, h, key, has):
-    """The final time must be a multiple of h."""
-    if h > end * (1 + _ROUNDING) or abs(round(end / h) * h - end) > _ROUNDING * end:
-        lower = max(math.floor(end / h), 1) * h
-        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
-        raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
-
-
-def _check_once(listed, key):
-    if len(set(listed)) < len(listed):
-        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
-
-
-def _check_schemes(listed, used, largest_step, truncated, key):
-    """No scheme twice; and what the truncation of increments asks for."""
-    _check_once(listed, "schemes")
-    if truncated and largest_step >= 1:
-        has = "has" if key == "steps" else "is"
-        right = "must be below 1 with truncate_noise, whose bound is 0 there"
-        raise wrong(f"{has} {quantity(largest_step)}", right, key)
-    for name in used:
-        if SCHEMES[name].needs_truncation and not truncated:
-            key = "schemes" if name in listed else "reference_scheme"
-            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)
-
-
 #: kind in a spec file -> record of a case
-KINDS: dict[str, type[Case]] = {"strong": StrongCase, "trajectory": TrajectoryCase, "weak": WeakCase}
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Layers of a file
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def _layers(kind, record):
-    """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
-    hints = get_type_hints(record, include_extras=True)
-    keys = [k for k in record.model_fields if k not in ("name", "title")]
-    optional = {k: (ModelPart if k == "model" else hints[k], ABSENT) for k in keys}
-    name, title = (key_of(CaseName, "letters, digits, _ and -"), ...), (str, ABSENT)
-    part = create_model(f"{kind}_part", __base__=Keys, **optional)
-    case = create_model(f"{kind}_case", __base__=part, name=name, title=title)
-    profile = create_model(f"{kind}_profile", __base__=part, cases=(dict[str, part], ABSENT))
-    profiles = create_model(f"{kind}_profiles", __base__=Keys, **dict.fromkeys(PROFILES[1:], (profile, ABSENT)))
-    classes = zip(MODELS, COMPLETE, strict=True)
-    models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
-    alone = {"required": [k for k in keys if k in needed_keys(record)], "properties": {"model": {"anyOf": models}}}
-    file = create_model(
-        kind,
-        __base__=part,
-        __doc__=record.__doc__,
-        __cls_kwargs__={"json_schema_extra": {"anyOf": [{"required": ["cases"]}, alone]}},
-        kind=(Literal[kind], ...),
-        title=title,
-        figure=(key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
-        cases=(key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
-        profiles=(profiles, ABSENT),
-    )
-    return profile, file
-
-
-#: kind -> (class of a profile or an override, class of a file)
-LAYERS = {kind: _layers(kind, record) for kind, record in KINDS.items()}
-FILE = pydantic.TypeAdapter(one_of([file for _, file in LAYERS.values()], "kind", KINDS))
-
-
-def json_schema():
-    """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""
-    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **FILE.json_schema()}
-    return {**schema, "title": "An experiment of spi"}
+KINDS: dict[str, type[Case]] = {
+    "strong": StrongCase,
+    "trajectory": TrajectoryCase,
+    "weak": WeakCase,
+    "work_precision": WorkPrecisionCase,
+    "stability": StabilityCase,
+    "long_time": LongTimeCase,
+}

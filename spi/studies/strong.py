@@ -12,7 +12,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dispatch import means, number, tuplewise, unrolled
-from ..ensemble import Grid, Noise, empty_report, grid, in_batches, integrate, thread_count, use_threads
+from ..ensemble import (
+    Grid,
+    Noise,
+    add_reports,
+    empty_report,
+    grid,
+    in_batches,
+    integrate,
+    report_columns,
+    thread_count,
+    use_threads,
+)
 from ..estimators import (
     GROUPS,
     PARTS,
@@ -122,6 +133,11 @@ def parts(case):
     return [Part(scheme, eps=eps) for scheme, eps in case.runs]
 
 
+def noise_of(case):
+    """The random numbers of a case."""
+    return Noise(np.uint64(case.seed), np.uint64(BROWNIAN))
+
+
 def plan(case, part):
     """The plan for one scheme of a case."""
     doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
@@ -132,7 +148,7 @@ def plan(case, part):
         case.model,
         case.initial,
         grid(case.reference_step, total, doublings, case.truncate_noise, reference_scheme=reference),
-        Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
+        noise_of(case),
         total >> doublings,
         case.samples,
     )
@@ -158,42 +174,39 @@ def start(p):
     )
 
 
-def _observer(p, rows):
-    levels = len(p.steps)
-    initial = casimirs(p.model, p.initial)
-    offsets = np.concatenate(([0, 0], np.cumsum(p.steps[1:-1]))) if levels > 1 else np.zeros(1, np.int64)
+def sums_of(model, initial, steps, rows):
+    """Empty sums for `rows` blocks; `steps` (levels,) is how many steps each step size takes."""
+    levels, conserved = len(steps), casimirs(model, initial)
     return StrongSums(
-        np.zeros((rows, max(p.points, 1), PARTS)),
-        np.zeros((rows, levels, len(initial), LANES)),
+        np.zeros((rows, max(int(steps[1:].sum()), 1), PARTS)),
+        np.zeros((rows, levels, len(conserved), LANES)),
         np.zeros((rows, levels), np.int64),
-        offsets.astype(np.int64),
-        p.steps,
-        initial,
+        np.concatenate(([0, 0], np.cumsum(steps[1:-1])))[:levels].astype(np.int64),
+        steps,
+        conserved,
     )
 
 
 def advance_state(p, state, blocks):
     """The state after the next `blocks` blocks; the same bits however the blocks are divided into calls."""
     began = time.perf_counter()
-    sums, report = _observer(p, blocks), empty_report(blocks, len(p.steps))
+    sums, report = sums_of(p.model, p.initial, p.steps, blocks), empty_report(blocks, len(p.steps))
     integrate(p.scheme, p.model, p.initial, p.grid, p.noise, sums, report, state.blocks, blocks, p.samples)
     squares = state.squares.reshape(_BLOCKS_PER_ROUND, PARTS, -1).copy()
-    drift, total_report = state.drift.copy(), state.report.copy()
+    drift = state.drift.copy()
     for row in range(blocks):
         block = state.blocks + row
         squares[block % _BLOCKS_PER_ROUND] += sums.squares[row, : p.points].T
         lanes = min(LANES, p.samples - block * LANES)
         # a path that left the finite numbers has no last drift but NaN: it is infinitely far
         drift = np.maximum(drift, np.nan_to_num(sums.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1))
-        total_report[:, :3] += report[row, :, :3]
-        total_report[:, 3] = np.maximum(total_report[:, 3], report[row, :, 3])
     return State(
         state.blocks + blocks,
         state.seconds + time.perf_counter() - began,
         squares.reshape(GROUPS, -1),
         drift,
         state.nonfinite + sums.nonfinite.sum(axis=0),
-        total_report,
+        add_reports(state.report, report),
     )
 
 
@@ -243,25 +256,16 @@ def progress(p, state):
 
 
 def nanoseconds_per_step(p, h):
-    """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block.
-
-    NaN if the reference is another scheme: then the compiled code has no way to run the scheme alone.
-    """
-    if p.grid.reference_scheme is not None:
-        return np.nan
+    """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
     steps = 2048
-    alone = p._replace(
-        grid=grid(h, steps, truncate=p.grid.truncate),
-        steps=np.array([steps]),
-        samples=LANES,
-    )
+    times = grid(h, steps, truncate=p.grid.truncate, reference_scheme=p.grid.reference_scheme, by_reference=(0,))
     best, threads = np.inf, thread_count()
     use_threads(1)
     try:
         for _ in range(3):
-            sums, report = _observer(alone, 1), empty_report(1, 1)
+            sums, report = sums_of(p.model, p.initial, np.array([steps]), 1), empty_report(1, 1)
             began = time.perf_counter()
-            integrate(alone.scheme, alone.model, alone.initial, alone.grid, alone.noise, sums, report, 0, 1, LANES)
+            integrate(p.scheme, p.model, p.initial, times, p.noise, sums, report, 0, 1, LANES)
             best = min(best, time.perf_counter() - began)
     finally:
         use_threads(threads)
@@ -293,8 +297,7 @@ def group(case, part, state):
         "seconds": ns * 1e-9 * p.steps[down] * case.samples,
         "ns_per_step": ns,
     }
-    if state.report[1:].any():
-        variables |= {name: state.report[down, i] for i, name in enumerate(REPORT)}
+    variables |= report_columns(state.report[down])
     return Group(
         case.name,
         part.group,

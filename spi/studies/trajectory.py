@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dispatch import kernel, means, number, unrolled
-from ..ensemble import Grid, Noise, empty_report, grid, integrate, thread_count
+from ..ensemble import Grid, Noise, empty_report, grid, integrate, report_columns, thread_count
 from ..lanes import load
 from ..protocol import REPORT, casimir_indices, casimirs, hamiltonian, observe
 from ..records import Group, Part, describe
@@ -115,14 +115,15 @@ def group(case, part, state):
     invariants(case.model, spread, energy, conserved)
     t = np.arange(n) * case.step
     lost = np.flatnonzero(~np.isfinite(state.y).all(axis=1))
-    solves, iterations, failures, residual = state.report
-    solver = {}
-    if solves:
+    told, solver = report_columns(state.report), {}
+    if "solves" in told:
         solver = {
-            "solver_failures": int(failures),
-            "solver_iterations_mean": iterations / solves,
-            "solver_largest_residual": residual,
+            "solver_failures": int(told["failures"]),
+            "solver_iterations_mean": told["iterations"] / told["solves"],
+            "solver_largest_residual": told["largest_residual"],
         }
+    if "largest_angle" in told:
+        solver["largest_angle"] = told["largest_angle"]
     with np.errstate(invalid="ignore"):
         drift = np.abs(conserved - conserved[0]).max(axis=0)
     return Group(

@@ -4,16 +4,24 @@ import csv
 import io
 import json
 
-from . import anything, strong, trajectory, weak
+from . import anything, long_time, stability, strong, trajectory, weak, work_precision
 from .strong import STRONG as STRONG
 from .text import fraction, is_odd, new_console, new_table, print_whole
 from .text import power_of_two as power_of_two
 from .text import with_interval as with_interval
 from .weak import WEAK as WEAK
+from .work_precision import WORK_PRECISION as WORK_PRECISION
 
 #: What each kind of study has: ``rows(groups)``, records of all groups, and ``show(console, heading, groups)``, the
 #: tables of a case.
-KINDS = {"strong": strong, "trajectory": trajectory, "weak": weak}
+KINDS = {
+    "strong": strong,
+    "trajectory": trajectory,
+    "weak": weak,
+    "work_precision": work_precision,
+    "stability": stability,
+    "long_time": long_time,
+}
 
 
 def rows(results):

@@ -5,6 +5,7 @@ import math
 from .text import (
     INTERVAL,
     LABEL,
+    angle_note,
     is_odd,
     lines_of,
     new_table,
@@ -86,6 +87,8 @@ def _summary(group):
         yield f"    {a['note']}"
     if a.get("reference_nonfinite"):
         yield f"    {a['reference_nonfinite']} reference paths left the finite numbers"
+    if "largest_angle" in group.variables and (note := angle_note(group.variables["largest_angle"][1].max())):
+        yield f"    {note}"
     if "failures" in group.variables:
         solves, iterations, failures = (group.variables[n][1].sum() for n in ("solves", "iterations", "failures"))
         residual = group.variables["largest_residual"][1].max(initial=0)

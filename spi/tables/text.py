@@ -1,10 +1,14 @@
 """What all tables share: the console, the look of a table, and how numbers are written."""
 
 import math
+import re
 from fractions import Fraction
 
 #: Half the width of a 95 % interval in standard errors.
 INTERVAL = 1.96
+
+#: Angles, in rad, above which a table says what they cost in accuracy.
+LARGE_ANGLE = 1e6
 
 LABEL = 32  #: characters of a column of schemes
 
@@ -71,6 +75,28 @@ def power_of_two(h):
     return f"2^{exponent - 1}" if mantissa == 0.5 else f"{h:g}"
 
 
+def duration(seconds):
+    """``12.3 µs``: a time with three digits in the unit that suits it."""
+    if not (math.isfinite(seconds) and seconds > 0):
+        return f"{seconds:g}"
+    power = math.floor(math.log10(float(f"{seconds:.2e}")) / 3 + 1e-9)
+    power = min(max(power, -4), 0)
+    scaled = seconds / 1000.0**power
+    digits = 2 if scaled < 9.995 else 1 if scaled < 99.95 else 0
+    return f"{scaled:.{digits}f} {('s', 'ms', 'µs', 'ns', 'ps')[-power]}"
+
+
+def with_pi(text):
+    """The text of an expression in which 6.283185307179586 is 2*pi again."""
+    return re.sub(r"[0-9.]+", _multiple_of_pi, text)
+
+
+def _multiple_of_pi(match):
+    text = match.group()
+    times = float(text) / math.pi if re.fullmatch(r"\d+\.\d+", text) else 0.0
+    return text if not times or times % 1 else "pi" if times == 1 else f"{times:g}*pi"
+
+
 def fraction(x):
     """``1/2`` for 0.5, and numbers that are no simple fraction as they are."""
     nearest = Fraction(x).limit_denominator(12)
@@ -90,6 +116,16 @@ def order_found(order, low, high, expected=None):
     """A fitted order with its interval, and what theory says."""
     found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
     return found if expected is None else f"{found} (expected {fraction(expected)})"
+
+
+def angle_note(largest):
+    """What is to be said about rotations by large angles, or an empty text.
+
+    The product that gives an angle is rounded, so that an angle of 10^6 rad is known to about 10^-10 rad.
+    """
+    if not largest > LARGE_ANGLE:
+        return ""
+    return f"angles up to {largest:.1e} rad, which double precision knows to about {largest * 2.0**-52:.0e} rad"
 
 
 def is_odd(value):

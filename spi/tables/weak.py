@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from .text import (
     print_whole,
     short,
     with_interval,
+    with_pi,
 )
 
 #: The columns of a weak study, in this order.
@@ -162,13 +162,7 @@ def _functions(groups):
     """The test functions, in which 6.283185307179586 is 2*pi again."""
     group = groups[0]
     for name, text in zip(group.coordinates["function"].tolist(), group.attributes.get("functions", ()), strict=False):
-        yield f"{name} = {re.sub(r'[0-9.]+', _multiple_of_pi, text)}"
-
-
-def _multiple_of_pi(match):
-    text = match.group()
-    times = float(text) / math.pi if re.fullmatch(r"\d+\.\d+", text) else 0.0
-    return text if not times or times % 1 else "pi" if times == 1 else f"{times:g}*pi"
+        yield f"{name} = {with_pi(text)}"
 
 
 def _summary(group):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble import Grid, Noise, grid, in_batches
+from ...ensemble import Grid, Noise, add_reports, grid, in_batches
 from ...estimators import GROUPS, jackknife_stderr
 from ...protocol import REPORT, noise_indices, tosses
 from ...rng import LANES, LEVELS
@@ -32,7 +32,6 @@ from .levels import results as results  # the study asks this module for them
 from .sums import (
     ROUND,
     add_powers,
-    add_reports,
     compile_kernels,
     expected_order,
     values_of_blocks,

@@ -10,14 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble import Grid, Noise, grid, in_batches
+from ...ensemble import Grid, Noise, add_reports, grid, in_batches
 from ...estimators import GROUPS, group_counts, jackknife_stderr
 from ...protocol import REPORT
 from ...rng import BROWNIAN, LANES
 from ...schemes import scheme_row, typical_ns
 from .sums import (
     add_powers,
-    add_reports,
     compile_kernels,
     error_variables,
     expected_order,

@@ -6,7 +6,6 @@ from ...dispatch import kernel
 from ...ensemble import FinalStates, empty_report, integrate
 from ...estimators import GROUPS, PARTS, fit_order, is_resolved, jackknife_stderr
 from ...expressions import evaluate_lanes
-from ...protocol import REPORT
 from ...rng import LANES
 from ...schemes import has_theory
 
@@ -57,13 +56,6 @@ def add_powers(values, first_block, samples, sums):
                 for k in range(sums.shape[0]):
                     power *= value
                     sums[k, i, group] += power
-
-
-def add_reports(total, reports):
-    """The report `total` (levels, columns) after those of some blocks."""
-    added = total + reports.sum(axis=0)
-    added[:, REPORT.index("largest_residual")] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, -1]
-    return added
 
 
 def means(sums, counts):

@@ -1,0 +1,129 @@
+"""Naive twins of the schemes that are not written out in naive.py: the models' own flows and fields, path after path.
+
+What makes them naive is the loop: one path at a time, np.random.normal, the library's sine.  A splitting scheme is
+written out from its composition, as a person would write it down; the midpoint rule is solved by plain iteration.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from spi.dispatch import number, unrolled
+from spi.fields import (
+    add_ito_correction,
+    add_noise_fields,
+    add_scaled,
+    dot,
+    drift_field,
+    scaled,
+    squared_distance,
+    step_field,
+)
+from spi.protocol import ANY_ANGLES, drift_flow, noise_flow, noise_indices
+from spi.rng import LANES
+from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
+from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
+from spi.schemes.midpoint import Midpoint
+from spi.schemes.splitting import Splitting, compositions
+
+# The package's fields find increment k of lane l at [k * LANES + l]; here there is lane 0 alone.
+
+
+def loop(step, noises, coins):
+    """A function that makes steps of size h with random increments, for all paths; with coins if there are any."""
+
+    @njit
+    def run(scheme, model, h, initial, paths, steps, out):
+        dW, z = np.zeros(noises * LANES), np.zeros(noises)
+        for p in range(paths):
+            y = initial
+            z[:] = 0.0
+            for _ in range(steps):
+                for k in range(noises):
+                    dW[k * LANES] = math.sqrt(h) * np.random.normal()
+                y = step(scheme, model, h, y, dW, z, coins and np.random.random() < 0.5)
+            for i in range(len(y)):
+                out[p, i] = y[i]
+
+    return run
+
+
+def twin(scheme, model):
+    """``step(scheme, model, h, y, dW, z, heads)`` for one path, or None for a scheme that is not known here.
+
+    `z` are the processes of the multiscale system, which it moves; `heads` is the coin.
+    """
+    if isinstance(scheme, Splitting):
+        return njit(flows_in_turn(scheme, model))
+    if isinstance(scheme, AsymptoticPreserving):
+        flows = njit(flows_in_turn(scheme, model))
+
+        @njit
+        def with_processes(scheme, model, h, y, dW, z, heads):
+            return flows(scheme, model, h, y, move_processes(model, dW, scheme, h, z), z, heads)
+
+        return with_processes
+    return STEPS.get(type(scheme))
+
+
+def flows_in_turn(scheme, model):
+    """The flows of a composition, written out; of one of its two compositions, where a coin is tossed."""
+    lines = ["def step(scheme, model, h, y, dW, z, heads):"]
+    several = compositions(scheme, model)
+    for coin, (_, flows) in zip(("if heads:", "else:"), several, strict=False):
+        lines.append(f" {coin if len(several) > 1 else 'if True:'}")
+        for part, k, share in flows:
+            t = f"{share!r} * h" if part == "drift" else f"model.sigma[{k}] * dW[{k * LANES}]"
+            lines.append(f"  y = {part}_flow(model, {k}, {t}, y, ANY_ANGLES)")
+    names = {"drift_flow": drift_flow, "noise_flow": noise_flow, "ANY_ANGLES": ANY_ANGLES}
+    exec("\n".join([*lines, " return y"]), names)
+    return names["step"]
+
+
+@unrolled(noise_indices)
+def move_processes(index, model, dW, scheme, h, z):
+    """Move the processes by one step and put their increments in place of those of the Wiener processes."""
+    k = number(index)
+    dW[k * LANES], z[k] = increment_and_process(scheme.rule, scheme.eps, h, dW[k * LANES], z[k])
+    return dW
+
+
+@njit
+def euler_maruyama(scheme, model, h, y, dW, z, heads):
+    new = add_ito_correction(model, add_scaled(y, h, drift_field(model, y)), h, y)
+    return add_noise_fields(model, new, dW, 0, y)
+
+
+@njit
+def renormalised_euler_maruyama(scheme, model, h, y, dW, z, heads):
+    new = euler_maruyama(scheme, model, h, y, dW, z, heads)
+    return scaled(new, math.sqrt(dot(y, y) / dot(new, new)))
+
+
+@njit
+def multiscale_euler(scheme, model, h, y, dW, z, heads):
+    increments = move_processes(model, dW, scheme, h, z)
+    return add_noise_fields(model, add_scaled(y, h, drift_field(model, y)), increments, 0, y)
+
+
+@njit
+def midpoint(scheme, model, h, y, dW, z, heads):
+    bound = math.sqrt(h * 4.0 * abs(math.log(h)))
+    for k in range(0, dW.size, LANES):
+        dW[k] = min(max(dW[k], -bound), bound)
+    middle = add_scaled(y, 0.5, step_field(model, h, dW, 0, y))
+    for _ in range(100):
+        last = middle
+        middle = add_scaled(y, 0.5, step_field(model, h, dW, 0, last))
+        if squared_distance(middle, last) <= 1e-28 * dot(middle, middle):
+            break
+    return add_scaled(y, 1.0, step_field(model, h, dW, 0, middle))
+
+
+STEPS = {
+    EulerMaruyama: euler_maruyama,
+    RenormalisedEulerMaruyama: renormalised_euler_maruyama,
+    MultiscaleEuler: multiscale_euler,
+    Midpoint: midpoint,
+}

@@ -1,0 +1,317 @@
+"""Our schemes beside other SDE solvers, in one run, on one problem: time per path at equal strong error.
+
+The peers are diffrax and torchsde, where they are installed; neither is a dependency.  The problem is the rigid body
+with three noises that do not commute.  All programs are fed the same Brownian paths, those of spi's generator, and
+their error is the root mean square distance at the final time from one reference, our splitting at a fine step.
+
+Times count all that a path needs, random numbers included, but not compilation; they are the best of several
+interleaved repetitions, since the machine is noisy, and on one thread time of the processor.  Each peer runs in double
+precision in the fastest way found, and once more as its documentation shows ("plain").  diffrax: one solve with a batch
+as its state, all increments drawn before it; plain: vmap over paths, UnsafeBrownianPath, a matrix of noise fields.
+torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, and its default, a BrownianInterval.
+
+    python benchmarks/peers.py [error ...]
+
+A time at an error is interpolated between step sizes, and nan outside them.  It goes as error^-2, so that the errors'
+standard errors count twice in it.
+"""
+
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from importlib.metadata import version
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from spi.dispatch import kernel
+from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate, use_threads
+from spi.models import RigidBody
+from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
+from spi.schemes import SCHEMES
+
+MODEL = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
+INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
+NOISE = Noise(np.uint64(1), np.uint64(BROWNIAN))
+EXPONENTS = range(3, 9)  # the step sizes are 2^-k
+REFERENCE = 16
+PATHS = 1024  # for the errors
+BATCH = {"spi": 4096, "diffrax": 1024, "torchsde": 4096}  # paths at once when timed: what is best for each
+ERRORS = (0.05, 0.02)  # at which times are compared
+REPEATS, SECONDS = 7, 5.0  # at least
+
+
+class Row(NamedTuple):
+    """A scheme of a program."""
+
+    program: str
+    scheme: str
+    final: Callable  #: final(dW): the last states (paths, 3) from increments (steps, 3, paths)
+    work: Callable  #: work(n): integrate a batch in n steps
+
+
+@kernel
+def draw_block(noise, block, scale, dW):
+    """Fill `dW` (steps, 3, LANES) with the increments of the paths of a block."""
+    words = np.empty(STEPS_PER_DRAW * LANES, np.uint64)
+    for draw in range(len(dW) // STEPS_PER_DRAW):
+        rows = dW[draw * STEPS_PER_DRAW :].reshape(-1)
+        for k in range(3):
+            to, d, b = rows[k * LANES :], np.uint64(draw), np.uint64(block)
+            draw_increments(noise.seed, noise.stream, np.uint64(k), d, b, scale, words, to, 3 * LANES)
+
+
+def our_increments():
+    """Increments (steps, 3, PATHS) by exponent of the step size, added up as the ensemble does."""
+    blocks, fine = [], np.empty((2**REFERENCE, 3, LANES))
+    for block in range(PATHS // LANES):
+        draw_block(NOISE, block, 2.0 ** (-REFERENCE / 2), fine)
+        dW = fine
+        while len(dW) > 2 ** EXPONENTS[-1]:
+            dW = dW[::2] + dW[1::2]
+        blocks.append(dW)
+    increments = {EXPONENTS[-1]: np.concatenate(blocks, axis=-1)}
+    for k in reversed(EXPONENTS[:-1]):
+        increments[k] = increments[k + 1][::2] + increments[k + 1][1::2]
+    return increments
+
+
+def our_states(scheme, exponent, paths, doublings=(0,)):
+    """Last states (step sizes, paths, 3) at the steps 2^doublings 2^-exponent."""
+    row, steps, blocks, levels = SCHEMES[scheme], 2**exponent, paths // LANES, len(doublings)
+    last = FinalStates(np.zeros((blocks, levels, 3 * LANES)), steps >> np.array(doublings))
+    times = grid(1.0 / steps, steps, doublings, row.needs_truncation)
+    integrate(row.record, MODEL, INITIAL, times, NOISE, last, empty_report(blocks, levels), 0, blocks, paths)
+    return last.y.reshape(blocks, levels, 3, LANES).transpose(1, 0, 3, 2).reshape(levels, paths, 3)
+
+
+def our_work(scheme, n):
+    our_states(scheme, round(math.log2(n)), BATCH["spi"])
+
+
+def our_rows():
+    """The rows of spi, and the last states of the reference."""
+    rows, reference = [], None
+    for scheme in ("splitting", "euler_maruyama", "midpoint"):
+        first, *others = our_states(scheme, REFERENCE, PATHS, (0, *(REFERENCE - k for k in reversed(EXPONENTS))))
+        reference = first if reference is None else reference
+        states = dict(zip(reversed(EXPONENTS), others, strict=True))  # of the same increments, which need not be fed
+        final = lambda dW, states=states: states[round(math.log2(len(dW)))]  # noqa: E731
+        rows.append(Row("spi", SCHEMES[scheme].label, final, partial(our_work, scheme)))
+    return rows, reference
+
+
+def diffrax_rows():
+    """The rows of diffrax; ImportError if it is not installed."""
+    import diffrax as dfx
+    import jax
+    import jax.numpy as jnp
+    import lineax
+
+    jax.config.update("jax_enable_x64", True)
+    initial, batch, key = jnp.array(INITIAL), BATCH["diffrax"], jax.random.key(1)
+    inverse, noise_inverse = (1.0 / jnp.array(i) for i in (MODEL.inertia, MODEL.noise_inertia))
+
+    class Increments(dfx.AbstractPath):
+        dW: jax.Array
+        t0, t1 = 0.0, 1.0
+
+        def evaluate(self, t0, t1=None, left=True):
+            return self.dW[jnp.rint(t0 * len(self.dW)).astype(int)]
+
+    def cross(a, b):
+        return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+    def drift(t, y, args):
+        return cross(y, (inverse * y.T).T)  # y is one state, or has states as columns
+
+    def noise_operator(t, y, args):
+        like = jax.ShapeDtypeStruct(y.shape, y.dtype)
+        return lineax.FunctionLinearOperator(lambda dW: cross(y, (noise_inverse * y.T).T * dW), like)
+
+    def noise_matrix(t, y, args):
+        return jax.vmap(cross, (None, 1), 1)(y, jnp.diag(noise_inverse * y))
+
+    def solve(solver, noise, path, n, y):
+        terms = dfx.MultiTerm(dfx.ODETerm(drift), dfx.ControlTerm(noise, path))
+        last_only = {"saveat": dfx.SaveAt(t1=True), "max_steps": None, "adjoint": dfx.ForwardMode()}
+        return dfx.diffeqsolve(terms, getattr(dfx, solver)(), 0.0, 1.0, 1.0 / n, y, **last_only).ys[0]
+
+    @partial(jax.jit, static_argnums=0)
+    def draw(n, key):
+        return jax.random.normal(key, (n, 3, batch)) / n**0.5
+
+    @partial(jax.jit, static_argnums=0)
+    def tuned(solver, dW):
+        return solve(solver, noise_operator, Increments(dW), len(dW), jnp.tile(initial[:, None], dW.shape[-1]))
+
+    @partial(jax.jit, static_argnums=0)
+    def plain(n, keys):
+        path = partial(dfx.UnsafeBrownianPath, (3,))
+        return jax.vmap(lambda key: solve("EulerHeun", noise_matrix, path(key), n, initial))(keys)
+
+    def final(solver, dW):
+        return np.asarray(tuned(solver, jnp.asarray(dW))).T
+
+    def work(solver, n):
+        tuned(solver, draw(n, key)).block_until_ready()
+
+    def plain_work(n):
+        plain(n, jax.random.split(key, batch)).block_until_ready()
+
+    rows = [Row("diffrax", s, partial(final, s), partial(work, s)) for s in ("EulerHeun", "Heun", "Midpoint")]
+    return [*rows, Row("diffrax", "EulerHeun, plain", rows[0].final, plain_work)]
+
+
+def torchsde_rows():
+    """The rows of torchsde; ImportError if it is not installed."""
+    import torch
+    import torchsde
+
+    real, batch = {"dtype": torch.float64}, BATCH["torchsde"]
+
+    class Plain:
+        noise_type, sde_type = "general", "stratonovich"
+        inverse, noise_inverse = (1.0 / torch.tensor(i, **real) for i in (MODEL.inertia, MODEL.noise_inertia))
+
+        def f(self, t, y):
+            return torch.linalg.cross(y, y * self.inverse)
+
+        def g(self, t, y):
+            return torch.linalg.cross(y[:, :, None], torch.diag_embed(y * self.noise_inverse), dim=1)
+
+    class Tuned(Plain):
+        def g_prod(self, t, y, dW):
+            return torch.linalg.cross(y, y * self.noise_inverse * dW)
+
+    class Increments(torchsde.BaseBrownian):
+        dtype, device, levy_area_approximation, shape = torch.float64, torch.device("cpu"), "none", None
+
+        def __init__(self, paths, draw):
+            self.shape, self.draw = (paths, 3), draw
+
+        def __call__(self, ta, tb=None, return_U=False, return_A=False):
+            return self.draw()
+
+        def __repr__(self):
+            return "Increments()"
+
+    @torch.no_grad()
+    def solve(system, method, n, paths, draw=None):
+        increments = draw and Increments(paths, draw)
+        initial = torch.tensor([INITIAL], **real).repeat(paths, 1)
+        return torchsde.sdeint(system, initial, torch.tensor([0.0, 1.0], **real), increments, method, 1.0 / n)[-1]
+
+    def final(method, dW):
+        rows = iter(torch.from_numpy(dW.transpose(0, 2, 1).copy()))
+        return solve(Tuned(), method, len(dW), PATHS, rows.__next__).numpy()
+
+    def work(method, n):
+        solve(Tuned(), method, n, batch, lambda: torch.randn(batch, 3, **real).mul_(n**-0.5))
+
+    def plain_work(n):
+        solve(Plain(), "euler_heun", n, batch)
+
+    rows = [Row("torchsde", s, partial(final, s), partial(work, s)) for s in ("euler_heun", "heun", "midpoint")]
+    return [*rows, Row("torchsde", "euler_heun, plain", rows[0].final, plain_work)]
+
+
+def all_rows():
+    """The rows of spi and of each peer that is installed, and the reference's last states."""
+    rows, reference = our_rows()
+    print(f"spi {version('spi')}: {BATCH['spi']} paths at once when timed")
+    for name, below, make in ("diffrax", "jax", diffrax_rows), ("torchsde", "torch", torchsde_rows):
+        try:
+            rows += make()
+        except ImportError:
+            print(f"{name} is not installed: skipped (pip install {name})")
+        else:
+            print(f"{name} {version(name)} on {below} {version(below)}: {BATCH[name]} paths at once when timed")
+    return rows, reference
+
+
+def strong_errors(row, increments, reference):
+    """Root mean square distances at the final time and their standard errors, (2, step sizes)."""
+    squares = np.array([((row.final(increments[k]) - reference) ** 2).sum(axis=1) for k in EXPONENTS])
+    error = np.sqrt(squares.mean(axis=1))
+    return np.stack([error, squares.std(axis=1) / math.sqrt(PATHS) / (2.0 * error)])
+
+
+def limit_threads(threads, cpus):
+    """Confine all programs to so many threads; a running jax has no setting for it but keeps to its processors."""
+    use_threads(threads)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(threads)
+    for task in os.listdir("/proc/self/task") if cpus else ():
+        with suppress(ProcessLookupError):  # a thread may have ended meanwhile
+            os.sched_setaffinity(int(task), cpus[:threads])
+
+
+def best_times(rows, threads, cpus):
+    """Microseconds per path (rows, step sizes), the best of interleaved repetitions."""
+    limit_threads(threads, cpus)
+    clock = time.process_time if threads == 1 and cpus else time.perf_counter
+    best = np.full((len(rows), len(EXPONENTS)), np.inf)
+    repeats, until = 0, time.perf_counter() + SECONDS
+    while (repeats := repeats + 1) <= REPEATS or time.perf_counter() < until:
+        for i, row in enumerate(rows):
+            for j, k in enumerate(EXPONENTS):
+                began = clock()
+                row.work(2**k)
+                best[i, j] = min(best[i, j], 1e6 * (clock() - began) / BATCH[row.program])
+    return best
+
+
+def print_table(rows, errors, times):
+    print(f"\n{'program':10}{'scheme':20}{'h':>5}{'error':>10}{'+-':>9}   us per path,", end="")
+    print(" ".join(f"{f'threads: {n}':>12}" for n in times))
+    for i, row in enumerate(rows):
+        for j, k in enumerate(EXPONENTS):
+            error, stderr = errors[i][:, j]
+            print(f"{row.program:10}{row.scheme:20}{f'2^-{k}':>5}{error:10.5f}{stderr:9.5f}{'':14}", end="")
+            print("".join(f"{t[i, j]:13.3f}" for t in times.values()))
+
+
+def at_error(target, errors, values):
+    """The value where the error is `target`, linear in logarithms between step sizes; NaN outside."""
+    x, y = np.log(errors[0, ::-1]), np.log(values[::-1])
+    return math.exp(np.interp(math.log(target), x, y, left=np.nan, right=np.nan))
+
+
+def print_ratios(target, rows, errors, times):
+    """Times at one error, and their ratios to those of our splitting and of our cheapest scheme there."""
+    print(f"\n{f'at error {target:g}':30}{'h':>9}", end="")
+    print("".join(f"{f'us, threads: {n}':>17}{'/ splitting':>13}{'/ cheapest':>12}" for n in times))
+    all_h = [at_error(target, e, 2.0 ** -np.array(EXPONENTS)) for e in errors]
+    values = [[at_error(target, e, t) for e, t in zip(errors, ts, strict=True)] for ts in times.values()]
+    cheapest = [np.fmin.reduce([v for v, row in zip(vs, rows, strict=True) if row.program == "spi"]) for vs in values]
+    for i, (row, h) in enumerate(zip(rows, all_h, strict=True)):
+        print(f"{row.program:10}{row.scheme:20}{h:9.5f}", end="")
+        ratios = ((vs[i], vs[i] / vs[0], vs[i] / best) for vs, best in zip(values, cheapest, strict=True))
+        print("".join(f"{us:17.3f}{first:13.2f}{best:12.2f}" for us, first, best in ratios))
+
+
+def main():
+    cpus = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else []
+    print(f"rigid body, three noises, to time 1; errors over {PATHS} paths, the same for all programs, against our")
+    print(f"splitting at h = 2^-{REFERENCE}; times are the best of {REPEATS} or more, on one thread", end=" ")
+    print("time of the processor" if cpus else "wall clock, and jax always has all threads")
+    rows, reference = all_rows()
+    increments = our_increments()
+    errors = [strong_errors(row, increments, reference) for row in rows]
+    for row in rows:
+        for k in EXPONENTS:
+            row.work(2**k)  # compile
+    times = {n: best_times(rows, n, cpus) for n in sorted({1, numba.config.NUMBA_NUM_THREADS})}
+    print_table(rows, errors, times)
+    for target in map(float, sys.argv[1:] or ERRORS):
+        print_ratios(target, rows, errors, times)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""Rows for what the studies ask of a kernel beyond its plain form, timed together in one process."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+from examples import STEP, example
+from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
+
+from spi.ensemble import Noise, empty_report, grid, integrate, use_threads
+from spi.estimators import GROUPS
+from spi.expressions import parse_expression
+from spi.protocol import casimirs
+from spi.rng import BROWNIAN, LANES
+from spi.schemes import SCHEMES
+from spi.studies.strong import StrongSums
+from spi.studies.weak.sums import add_powers, values_of_blocks
+
+STEPS = 2048
+NOISE = Noise(np.uint64(1), np.uint64(BROWNIAN))
+SPLITTING = SCHEMES["splitting"].record
+
+
+def strong_work(model, initial, doublings):
+    """The pass of the strong study, with several step sizes; per step of the smallest."""
+    levels, counts = len(doublings), STEPS >> np.array(doublings)
+    sums = StrongSums(
+        np.zeros((BLOCKS, max(int(counts[1:].sum()), 1), 8)),
+        np.zeros((BLOCKS, levels, type(model).conserved, LANES)),
+        np.zeros((BLOCKS, levels), np.int64),
+        np.concatenate(([0, 0], np.cumsum(counts[1:-1])))[:levels].astype(np.int64),
+        counts,
+        casimirs(model, initial),
+    )
+    times, report = grid(STEP, STEPS, doublings, True), empty_report(BLOCKS, levels)
+    return lambda: integrate(SPLITTING, model, initial, times, NOISE, sums, report, 0, BLOCKS, BLOCKS * LANES)
+
+
+def weak_work(model, initial, blocks, steps):
+    """The pass of the weak study: the paper's test function and sums over paths."""
+    functions = (parse_expression("sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)", type(model).dimension),)
+    plan = SimpleNamespace(scheme=SPLITTING, model=model, initial=initial, functions=functions)
+    times = grid(STEP, steps)
+
+    def work():
+        values, _ = values_of_blocks(plan, times, NOISE, 0, blocks, blocks * LANES)
+        add_powers(values.reshape(blocks, -1, LANES), 0, blocks * LANES, np.zeros((2, 1, GROUPS)))
+
+    return work
+
+
+def jobs():
+    """{name: (steps of paths, work)}."""
+    body, top = example("rigid_body")
+    usual, many, few = BLOCKS * LANES * STEPS, 64, 256
+    short = many * LANES * few
+    result = {
+        "rigid_body splitting": (usual, our_work(SPLITTING, body, top, STEPS)),
+        "  every angle reduced": (usual, our_work(SPLITTING, body, top, STEPS, h=16.0)),
+        "  truncated noise": (usual, our_work(SPLITTING, body, top, STEPS, truncate=True)),
+        "  strong study, 9 coarser steps": (usual, strong_work(body, top, (0, *range(3, 12)))),
+        "  paths of 256 steps": (short, our_work(SPLITTING, body, top, few, blocks=many)),
+        "  the same with the weak study": (short, weak_work(body, top, many, few)),
+    }
+    for name in ("rigid_body", "maxwell_bloch", "sine_euler"):
+        model, initial = example(name)
+        one_noise = model._replace(sigma=(1.0, *[None] * (len(model.sigma) - 1)))
+        result[f"{name} splitting, one noise"] = usual, our_work(SPLITTING, one_noise, initial, STEPS)
+    return result
+
+
+def table():
+    """Print the rows."""
+    rows = jobs()
+    for _, work in rows.values():
+        work()  # compile
+    best = {name: [math.inf, math.inf] for name in rows}
+    for _ in range(REPEATS):
+        for i, threads in enumerate((1, THREADS)):
+            use_threads(threads)
+            for name, (path_steps, work) in rows.items():
+                best[name][i] = min(best[name][i], 1e9 * seconds(work) / path_steps)
+    print("ns per step and path; per step of the smallest size where there are several")
+    print(f"{'':36}{'1 thread':>10}{f'{THREADS} threads':>11}{'ratio':>8}")
+    for name, (one, more) in best.items():
+        print(f"{name:36}{one:10.2f}{more:11.2f}{one / more:8.2f}")

@@ -1,0 +1,247 @@
+"""What several kinds of experiment have in common: keys, and conditions between them."""
+
+import math
+from typing import ClassVar, Literal
+
+import pydantic
+from pydantic import model_validator
+
+from ..expressions import canonical, is_constant, parse_expression
+from ..models import MODELS
+from ..numbers import NumberError
+from ..protocol import Positive
+from ..schemes import SCHEMES
+from ..schemes.splitting import Splitting
+from .keys import (
+    ESTIMATORS,
+    Eps,
+    Estimators,
+    Functions,
+    Keys,
+    Model,
+    Samples,
+    Schemes,
+    Seed,
+    State,
+    Steps,
+    entries_in,
+    key_of,
+    name_of,
+    quantity,
+    shown,
+    wrong,
+)
+
+CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
+_MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
+_ROUNDING = 1e-12  # relative: ratios of steps written as decimals are not exact
+
+
+class Case(Keys):
+    """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
+
+    name: str
+    title: str
+    model: Model
+    initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
+    seed: key_of(Seed, "seed of the random numbers") = 1
+    eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
+
+    @property
+    def runs(self):
+        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
+        return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
+
+    @property
+    def model_name(self):
+        return name_of(self.model)
+
+    @model_validator(mode="after")
+    def _check_initial(self):
+        d, found = type(self.model).dimension, len(self.initial)
+        if found != d:
+            raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
+        return self
+
+    @model_validator(mode="after")
+    def _check_spheres(self):
+        for name in self.schemes:
+            if SCHEMES[name].needs_sphere and not getattr(type(self.model), "sphere", False):
+                able = " and ".join(n for n, cls in MODELS.items() if getattr(cls, "sphere", False))
+                raise wrong(f"has '{name}', which is for {able}", "use another", "schemes")
+        return self
+
+    @model_validator(mode="after")
+    def _check_eps(self):
+        multiscale = [s for s in self.schemes if SCHEMES[s].multiscale]
+        if multiscale and self.eps is None:
+            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+        if self.eps is not None:
+            if not multiscale:
+                known = [name for name, row in SCHEMES.items() if row.multiscale]
+                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+            check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
+            for name in multiscale:
+                if SCHEMES[name].needs_eps and 0 in self.eps:
+                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        return self
+
+
+class ErrorCase(Case):
+    """What the cases of errors against step sizes have."""
+
+    final_time: key_of(Positive, "final time T, a multiple of every step")
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13")
+    reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large")
+    schemes: key_of(Schemes, "a list of schemes")
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+    reference_scheme: key_of(Literal[tuple(SCHEMES)] | None, "scheme of the reference; default: each its own") = None
+
+    bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
+
+    def _schemes_used(self):
+        return self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
+
+    @model_validator(mode="after")
+    def _check_steps(self):
+        """The case with its steps from large to small."""
+        check_count(self.final_time, self.reference_step, "reference_step")
+        steps = [self._dyadic(h) for h in self.steps]
+        if len(set(steps)) < len(steps):
+            raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
+        used = self._schemes_used() if self.bounded_increments else ()
+        check_schemes(self.schemes, used, max(steps), self.truncate_noise, "steps")
+        return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
+
+    @model_validator(mode="after")
+    def _check_reference_scheme(self):
+        name = self.reference_scheme
+        if name and SCHEMES[name].needs_eps and not all(eps for _, eps in self.runs):
+            raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
+        return self
+
+    def _dyadic(self, h):
+        """h as exactly the reference step times a power of two that divides the final time."""
+        end, reference = self.final_time, self.reference_step
+        if h > end * (1 + _ROUNDING):
+            raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
+        doublings = math.log2(h) - math.log2(reference)
+        exact = reference * 2.0 ** round(doublings)
+        if round(doublings) < 1 or abs(h - exact) > _ROUNDING * h:
+            lower = reference * 2.0 ** max(1, math.floor(doublings))
+            what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
+            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
+        check_multiple(end, h, "steps", "has")
+        return exact
+
+
+class FunctionsCase(ErrorCase):
+    """What the cases with test functions have."""
+
+    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi") = (
+        pydantic.Field(default_factory=dict)
+    )
+
+    @property
+    def expressions(self):
+        """The trees of the test functions, in the order of their names."""
+        return tuple(parse_expression(text, type(self.model).dimension) for text in self.functions.values())
+
+    @pydantic.field_serializer("functions")
+    def _canonical(self, functions):
+        # pairs, because their order decides that of the results, and in the least text that decides the values
+        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
+
+    @model_validator(mode="after")
+    def _check_functions(self):
+        d = type(self.model).dimension
+        right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
+        for name, text in self.functions.items():
+            try:
+                if is_constant(parse_expression(text, d)):
+                    raise NumberError("constant")
+            except NumberError as error:
+                raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+        return self
+
+
+class SampledCase(FunctionsCase):
+    """What the cases have in which expectations are estimated."""
+
+    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
+    samples: key_of(Samples | None, "number of Brownian paths") = None
+    standard_error: key_of(Positive | None, "what multilevel aims at for the weak error at the largest step") = None
+    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed") = None
+    accuracy: key_of(Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs") = (
+        None
+    )
+
+    @model_validator(mode="after")
+    def _check_estimators(self):
+        check_once(self.estimators, "estimators")
+        for name in self.estimators:
+            getattr(self, f"_check_{name}")()
+        return self
+
+    def _check_plain(self):
+        self._need("plain", "samples")
+
+    def _check_multilevel(self):
+        self._need("multilevel", "standard_error", "seconds")
+        if self.reference_scheme:
+            what = "has 'multilevel', which compares each scheme with itself, and reference_scheme is set"
+            raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+
+    def _check_kolmogorov(self):
+        """What the solvers without sampling can do."""
+        if getattr(type(self.model), "surface", None) is None:
+            able = [name for name, cls in MODELS.items() if getattr(cls, "surface", None)]
+            what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
+        elif not any(isinstance(SCHEMES[s].record, Splitting) for s in self.schemes):
+            what = f"is for splitting schemes, which '{self.schemes[0]}' is not"
+        elif self.truncate_noise:
+            what = "has no truncate_noise"
+        elif self.reference_scheme:
+            what = "has no reference_scheme"
+        else:
+            return
+        rest = [name for name in ESTIMATORS if name != "kolmogorov"]
+        raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
+
+    def _need(self, estimator, *keys):
+        """One of these keys must be given."""
+        if all(getattr(self, key) is None for key in keys):
+            add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
+            raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
+
+
+def check_count(end, step, key):
+    if end / step > _MOST_STEPS:
+        what = "gives more than 2^34 steps until final_time"
+        raise wrong(what, f"must be at least {quantity(end / _MOST_STEPS)}", key)
+
+
+def check_multiple(end, h, key, has):
+    """The final time must be a multiple of h."""
+    if h > end * (1 + _ROUNDING) or abs(round(end / h) * h - end) > _ROUNDING * end:
+        lower = max(math.floor(end / h), 1) * h
+        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
+        raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
+
+
+def check_once(listed, key):
+    if len(set(listed)) < len(listed):
+        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
+def check_schemes(listed, used, largest_step, truncated, key):
+    """No scheme twice; and what the truncation of increments asks for."""
+    check_once(listed, "schemes")
+    if truncated and largest_step >= 1:
+        has = "has" if key == "steps" else "is"
+        right = "must be below 1 with truncate_noise, whose bound is 0 there"
+        raise wrong(f"{has} {quantity(largest_step)}", right, key)
+    for name in used:
+        if SCHEMES[name].needs_truncation and not truncated:
+            key = "schemes" if name in listed else "reference_scheme"
+            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)

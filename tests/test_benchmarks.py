@@ -1,0 +1,93 @@
+"""The benchmarks compare the same things: naive twins make the package's steps, and flops are those counted by hand.
+
+Nothing is timed here.
+"""
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import take_step
+
+from spi.models import MODELS
+from spi.protocol import noises
+from spi.rng import LANES
+from spi.schemes import SCHEMES
+
+FOLDER = Path(__file__).parents[1] / "benchmarks"
+sys.path.insert(0, str(FOLDER))  # no package: programs, and what they share
+examples, generic, machine, naive = map(importlib.import_module, ("examples", "generic", "machine", "naive"))
+
+
+def states_and_steps(name):
+    """A model, 64 states near its initial one, and increments."""
+    model, initial = examples.example(name)
+    generator = np.random.default_rng(1)
+    y = np.array(initial)[:, np.newaxis] + 0.3 * generator.random((len(initial), LANES))
+    return model, y, 0.1 * generator.standard_normal((noises(model), LANES))
+
+
+def test_every_model_has_an_example():
+    for name, cls in MODELS.items():
+        model, initial = examples.example(name)
+        assert isinstance(model, cls) and len(initial) == cls.dimension
+
+
+@pytest.mark.parametrize("name, scheme", naive.STEPS)
+def test_twin_by_hand_makes_the_same_step(name, scheme):
+    model, y, dW = states_and_steps(name)
+    model = model._replace(sigma=tuple(0.5 + 0.25 * k for k in range(noises(model))))
+    ours, _ = take_step(SCHEMES[scheme].record, model, 0.05, dW, y)
+    step = naive.STEPS[name, scheme]
+    for lane in range(LANES):
+        parameters, start = naive.arguments(name, model, y[:, lane])
+        twin = naive.real(step(parameters, 0.05, start, dW[:, lane]))
+        assert np.allclose(twin, ours[:, lane], rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_generic_twin_makes_the_same_step(scheme):
+    model, y, dW = states_and_steps("rigid_body")
+    record, coins = examples.row(scheme).record, np.where(np.arange(LANES) % 3, 1.0, -1.0)
+    ours, _ = take_step(record, model, 0.01, dW, y, coins)
+    step = generic.twin(record, model)
+    for lane in range(LANES):
+        increments = np.zeros(noises(model) * LANES)
+        increments[::LANES] = dW[:, lane]
+        twin = step(record, model, 0.01, tuple(y[:, lane]), increments, np.zeros(noises(model)), bool(coins[lane] > 0))
+        assert np.allclose(twin, ours[:, lane], rtol=1e-12, atol=1e-12)
+
+
+def test_a_scheme_without_a_twin_is_no_error():
+    model, _ = examples.example("rigid_body")
+    assert generic.twin(("no scheme",), model) is None
+
+
+def test_operations_counted_by_hand():
+    """The rigid body with three noises, tiny angles; see spi/models/rigid_body.py.
+
+    A flow: the angle of the check 2, of the flow 2, sine and versine 16, two components of 4 operations each; where
+    the angle is that of a noise, 1 more for sigma dW; where it is that of the drift, t / I is computed once for all
+    paths, 2 less.  A pair of normals: uniform number 2, its logarithm 28, radius 3, angle 2, sine and versine 36, and
+    the two products 3.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    program = [sys.executable, str(FOLDER / "flops.py"), "rigid_body"]
+    counted = json.loads(subprocess.run(program, env=environment, check=True, stdout=subprocess.PIPE).stdout)
+    assert sum(counted["rigid_body splitting"].values()) == 3 * (28 + 1) + 3 * (28 - 2)
+    assert sum(counted["normal"].values()) == 74 / 2
+    # one composition of order 2 has two half steps of the drift less one flow, and all noises but one twice
+    assert sum(counted["rigid_body splitting_order2"].values()) == pytest.approx(10 * 26 + 5 * 29, abs=5)
+
+
+def test_width_of_vectors_in_assembly():
+    lines = ["vfmadd213pd\t%zmm0, %zmm1, %zmm2", "vmulpd\t(%rax), %zmm1, %zmm2", "vaddpd\t%ymm0, %ymm1, %ymm2"]
+    lines += ["vmulsd\t%xmm0, %xmm1, %xmm2", "vmovupd\t%xmm0, (%rax)", "vpmuludq\t%ymm0, %ymm1, %ymm1"]
+    assert machine.vector_width("\n".join(f"\t{line}" for line in lines)) == (512, 2 / 3)
+    assert machine.vector_width("\tmulpd\t%xmm0, %xmm1\n") == (128, 1.0)
+    assert machine.vector_width("\tfmla\tv0.2d, v1.2d, v2.2d\n") is None

@@ -1,0 +1,93 @@
+"""Made-up results of work and precision: five schemes, two strong cases with Casimirs and a weak one without."""
+
+import math
+
+import numpy as np
+
+from spi.records import Group, Results
+
+H = 2.0 ** -np.arange(3, 12)
+
+#: scheme -> (label, nanoseconds per step, constant and order of the strong error, the same of the weak error)
+MADE_UP = {
+    "euler_maruyama": ("Euler-Maruyama", 6.0, 0.9, 0.5, 0.3, 1.0),
+    "midpoint": ("midpoint", 61.0, 0.35, 0.5, 0.08, 1.0),
+    "splitting": ("splitting", 8.5, 0.55, 0.5, 0.12, 1.0),
+    "splitting_drift_first": ("splitting, drift first", 8.6, 0.56, 0.5, 0.15, 1.0),
+    "splitting_order2": ("splitting, weak order 2", 14.0, 0.5, 0.5, 0.06, 2.0),
+}
+
+
+def work_group(case, scheme, measure="strong", seed=0, noisy=True, casimirs=True):
+    """One scheme; times and errors scatter a little if `noisy`, and Euler-Maruyama loses paths in the case ``lost``."""
+    label, ns, *constants = MADE_UP[scheme]
+    constant, order = constants[:2] if measure == "strong" else constants[2:]
+    rng = np.random.default_rng([seed, *scheme.encode()])
+    exact = measure == "weak"
+    error = constant * H**order * (1 + (0.0 if exact or not noisy else 0.01) * rng.standard_normal(9))
+    stderr = np.full(9, 1e-8) if exact else 0.012 * error
+    seconds = ns * 1e-9 / H * (1 + 0.02 * rng.random(9) * noisy)
+    lost = np.zeros(9, int)
+    if case == "lost" and scheme == "euler_maruyama":
+        error[:3], stderr[:3], lost[:2] = (math.inf, math.inf, 3e7), (math.nan, math.nan, 3e7), (512, 31)
+    variables = {
+        "error": (("h",), error),
+        "error_stderr": (("h",), stderr),
+        "resolved": (("h",), np.isfinite(error) & (error >= 4 * stderr)),
+        "nonfinite": (("h",), lost),
+        "ns_per_step": (("h",), 1e9 * seconds * H),
+        "seconds_per_path": (("h",), seconds),
+        "seconds_per_path_low": (("h",), 0.99 * seconds),
+        "seconds_per_path_high": (("h",), 1.02 * seconds),
+    }
+    coordinates = {"h": H}
+    if casimirs and not exact:
+        coordinates["casimir"] = np.arange(2)
+        variables["casimir_drift"] = ("h", "casimir"), _drifts(scheme, error, rng)
+    return Group(case, scheme, coordinates, variables, _attributes(case, label, order, measure))
+
+
+def _drifts(scheme, error, rng):
+    if scheme == "euler_maruyama":
+        with np.errstate(over="ignore"):
+            return np.column_stack([error, 0.5 * error**2])
+    rounding = 2e-16 / np.sqrt(H)
+    drift = np.column_stack([rounding, rounding * (1 + rng.random(9))])
+    if scheme == "midpoint":
+        drift[:, 1] = 0.1 * H
+    if scheme == "splitting":
+        drift[0] = 0.0
+    return drift
+
+
+def _attributes(case, label, order, measure):
+    found = {
+        "scheme_label": label,
+        "case_title": {"lost": "strong noise"}.get(case, f"case {case}"),
+        "seed": 1,
+        "final_time": 1.0,
+        "initial": (math.cos(1.1), 0.0, math.sin(1.1)),
+        "truncate_noise": True,
+        "model": "rigid_body",
+        "model_inertia": (2.0, 1.0, 2 / 3),
+        "model_sigma": (3.0, 3.0, 3.0) if case == "lost" else (1.0, 1.0, 1.0),
+        "measure": measure,
+        "order": order + 0.01,
+        "order_ci": (order - 0.01, order + 0.03),
+        "expected_order": order,
+        "targets": (0.1, 0.01, 1e-3) if measure == "strong" else (1e-2, 1e-4, 1e-6),
+        "repeats": 7,
+        "threads": 1,
+        "exact": measure == "weak",
+        "note": "",
+    }
+    if measure == "weak":
+        return found | {"functions": ("sin(6.283185307179586*y1)",), "estimator": "kolmogorov"}
+    return found | {"samples": 500, "reference_step": 2.0**-16}
+
+
+def work_results(cases=("one", "lost", "weak"), schemes=tuple(MADE_UP), **how):
+    """Results with these cases; the one called ``weak`` holds weak errors."""
+    measures = {case: "weak" if case == "weak" else "strong" for case in cases}
+    groups = [work_group(case, scheme, measures[case], **how) for case in cases for scheme in schemes]
+    return Results({"kind": "work_precision", "title": "Work and precision, stochastic rigid body"}, tuple(groups))
