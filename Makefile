@@ -11,7 +11,7 @@ PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --co
 
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-uncompiled lint check figures bench clean $(EXPERIMENTS)
+.PHONY: help install demo test test-uncompiled lint check figures bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -55,8 +55,11 @@ $(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
 	$(SPI) run $<
 	$(SPI) plot $<
 
-bench: $(INSTALLED) ## time the kernels against a naive loop
+bench: $(INSTALLED) ## the table of kernels: every model and scheme against a naive loop (5 minutes)
 	$(VENV)/bin/python benchmarks/kernels.py
+
+bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, where they are installed
+	$(VENV)/bin/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
 	rm -rf results .venv build *.egg-info .pytest_cache .ruff_cache .hypothesis

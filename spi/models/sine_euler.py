@@ -15,9 +15,13 @@ The 3-point Fourier transform diagonalises it, with the purely imaginary eigenva
 import math
 from typing import Annotated, NamedTuple
 
-from ..dispatch import inlined, means, tuplewise
+from ..dispatch import inlined, means, tuplewise, word
 from ..protocol import (
+    AnyAngles,
     NonNegative,
+    ReducedAngles,
+    SmallAngles,
+    TinyAngles,
     casimirs,
     drift_angle,
     drift_flow,
@@ -110,6 +114,24 @@ def _turn(angles, theta, z):
     return -(s * z[1] + v * z[0]), s * z[0] - v * z[1]
 
 
+@word
+def _adding_to_zero(angles, p0, p1, p2):
+    """The three angles, whose sum is 0 but for roundings; what is left of it changes C_2."""
+
+
+@means(_adding_to_zero, TinyAngles, SmallAngles)
+def _(angles, p0, p1, p2):
+    return p0, p1, p2
+
+
+@means(_adding_to_zero, ReducedAngles, AnyAngles)
+def _(angles, p0, p1, p2):
+    """As multiples of one small number, so that additions are exact: of large angles the sum must be 0 indeed."""
+    size = 4.0 * (abs(p0) + abs(p1) + abs(p2))
+    p0, p1 = (p0 + size) - size, (p1 + size) - size
+    return p0, p1, -(p0 + p1)
+
+
 @inlined
 def _flow(k, t, y, angles):
     w, c, z0, z1, z2 = _line(k, y)
@@ -117,7 +139,7 @@ def _flow(k, t, y, angles):
     f = -2.0 * c * t
     p0 = f * w[1]
     half, side = -0.5 * p0, f * _S * w[0]
-    p1, p2 = half - side, half + side
+    p0, p1, p2 = _adding_to_zero(angles, p0, half - side, half + side)
     # Fourier components, 3 times too large: q = 1 and 2 are (z0 - sum/2) -+ i sqrt(3)/2 (z1 - z2) of the line
     sum_re, sum_im = z1[0] + z2[0], z1[1] + z2[1]
     dif_re, dif_im = _side(z1[0] - z2[0]), _side(z1[1] - z2[1])

@@ -21,6 +21,7 @@ from ..ensemble import (
     integrate,
     report_columns,
     thread_count,
+    use_threads,
 )
 from ..estimators import fit_order
 from ..protocol import REPORT, casimirs, memory_size, noise_indices
@@ -188,13 +189,18 @@ def _counted(p, state, states):
 
 def batches(p, state):
     """Run all that is left; yields the state after each batch of about half a second."""
-    until = time.perf_counter() + BATCH_SECONDS
-    while state.level < len(p.h):
-        state = advance_state(p, state)
-        if time.perf_counter() > until:
-            yield state
-            until = time.perf_counter() + BATCH_SECONDS
-    yield state
+    threads = thread_count()
+    use_threads(min(threads, p.blocks))  # a thread without a block would wait in a busy loop
+    try:
+        until = time.perf_counter() + BATCH_SECONDS
+        while state.level < len(p.h):
+            state = advance_state(p, state)
+            if time.perf_counter() > until:
+                yield state
+                until = time.perf_counter() + BATCH_SECONDS
+        yield state
+    finally:
+        use_threads(threads)
 
 
 def progress(p, state):

@@ -23,6 +23,8 @@ from .paths import start as start
 
 #: Numerical error that the true expectations may have.
 _ACCURACY = 1e-3
+#: What they take for one value, on one thread.
+_TRUTH_SECONDS = 3.0
 
 
 def parts(case):
@@ -34,7 +36,7 @@ def plan(case, part):
     """The plan for one scheme of a case."""
     doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
     total = round(case.final_time / case.reference_step)
-    points = tuple((c.model, c.initial, _eps(c, part)) for c in case.sweep.cases)
+    points = tuple((c.model, c.initial, _eps(c)) for c in case.sweep.cases)
     reference = scheme_row(case.reference_scheme, 0.0).record if case.reference_scheme else None
     return Plan(
         scheme_row(part.scheme, points[0][2]).record,
@@ -47,15 +49,22 @@ def plan(case, part):
     )
 
 
-def _eps(case, part):
-    return case.eps[0] if case.eps is not None else None
+def _eps(case):
+    return case.eps[0] if case.eps else None
 
 
 def cost(case, part):
     """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
     p = plan(case, part)
     steps = int(p.steps.sum()) * p.samples * len(p.points)
-    return steps, steps * 1e-9 * typical_ns(part.scheme, case.model), sum(v.nbytes for v in arrays_of(p))
+    seconds = steps * 1e-9 * typical_ns(part.scheme, case.model)
+    if case.functions and _has_truth(case.model) and part.scheme == case.schemes[0]:
+        seconds += _TRUTH_SECONDS * len(p.points)
+    return steps, seconds, sum(v.nbytes for v in arrays_of(p))
+
+
+def _has_truth(model):
+    return getattr(type(model), "surface", None) == "sphere"
 
 
 def progress(p, state):
@@ -74,7 +83,7 @@ def _law(case, p, state):
     mean, stderr = state.expectation, state.expectation_stderr
     truth, bound = np.full((2, len(mean), mean.shape[2]), np.nan)
     for i, (model, initial, _) in enumerate(p.points):
-        if getattr(type(model), "surface", None) == "sphere":
+        if _has_truth(model):
             truth[i], bound[i] = _truth(model, initial, case.final_time, p.functions)
     with np.errstate(invalid="ignore"):
         away = np.abs(mean - truth[:, None])
@@ -139,5 +148,5 @@ def group(case, part, state):
 
 def _fixed(case, row):
     """What describes the case whatever the value of the swept word."""
-    each = [describe(c, row, c.eps[0] if c.eps else None) for c in case.sweep.cases]
+    each = [describe(c, row, _eps(c)) for c in case.sweep.cases]
     return {name: value for name, value in each[0].items() if all(other[name] == value for other in each)}
