@@ -19,6 +19,7 @@ from spi.lanes import load, store
 from spi.models import RigidBody
 from spi.protocol import (
     ANY_ANGLES,
+    REPORT,
     advance,
     dimension,
     drift_flow,
@@ -176,7 +177,7 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     `coins` [step, lane] are all 1 unless given.
     """
     y = np.array(y, float)
-    block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(4)
+    block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
     dW = np.ascontiguousarray(dW, float).reshape(-1, type(model).noises * LANES)
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)

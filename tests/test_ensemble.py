@@ -30,8 +30,10 @@ from helpers import (
 )
 
 from spi.dispatch import kernel
+from spi.ensemble import add_reports, report_columns
 from spi.protocol import REPORT
 from spi.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
+from spi.schemes.splitting import Splitting
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -291,6 +293,7 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
 # --- the slow twin ---------------------------------------------------------------------------------------------------
 
 TWIN = {"h": 2.0**-5, "steps": 12, "doublings": (0, 2), "snapshots": 3, "truncate": True, "first_block": 2}
+TWIN |= {"initial": (1.2, -0.6, 1.5)}  # so that angles at h = 1/8 exceed pi/4
 REVERSED_TWIN = TWIN | {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
 PROGRAM = """
 import json, sys
@@ -324,6 +327,8 @@ def test_compiled_equals_uncompiled():
         slow_states, slow_report = (np.array(part) for part in slow[name])
         lengths = np.linalg.norm(slow_states, axis=2)
         assert np.all(np.linalg.norm(fast - slow_states, axis=2) <= 1e-13 * lengths)
+        np.testing.assert_allclose(report[..., 4], slow_report[..., 4], rtol=1e-12)
+        assert report[..., 4].any() == isinstance(row.record, Splitting)
         if name == "midpoint":
             assert np.array_equal(report[..., :3], slow_report[..., :3])
             assert np.all(np.abs(report[..., 3] - slow_report[..., 3]) < 1e-14)
@@ -403,10 +408,17 @@ def test_a_scheme_for_another_equation_is_caught(at_time_one, name):
 
 
 @compiled_only
-@pytest.mark.parametrize(("model", "expected"), [(ONE_NOISE, 1.0), (RIGID_BODY, 0.5)], ids=["one", "three"])
-def test_strong_order_of_splitting(model, expected):
-    """Against its own reference 16 times finer than the finest step: order 1 with one noise, 1/2 with three."""
-    row = SCHEMES["splitting"]
+@pytest.mark.parametrize(
+    ("name", "model", "expected"),
+    [
+        ("splitting", ONE_NOISE, 1.0),
+        ("splitting", RIGID_BODY, 0.5),
+        ("euler_maruyama_renormalised", RIGID_BODY, 0.5),
+    ],
+)
+def test_strong_orders(name, model, expected):
+    """Against its own reference 16 times finer than the finest step: splitting has order 1 with one noise."""
+    row = SCHEMES[name]
     assert expected == (row.strong_order_commuting if model is ONE_NOISE else row.strong_order)
     states, _ = simulate(
         row.record, model, h=2.0**-13, steps=2**13, doublings=(0, 4, 5, 6, 7, 8), blocks=PATHS // LANES
@@ -444,4 +456,19 @@ def test_reports_have_one_row_per_block_and_level():
     assert np.all(report[..., 2] == 0)
     assert np.all((report[..., 3] > 0) & (report[..., 3] < 1e-13))
     _, report = simulate(SCHEMES["splitting"].record, doublings=DOUBLINGS, blocks=2, **SMALL)
-    assert not np.any(report)
+    assert not np.any(report[..., :4])  # nothing to solve
+
+
+def test_reports_are_added_up():
+    """Numbers are summed, largest values are not; and what there is of them has names."""
+    total, one, two = (np.random.default_rng(n).uniform(1.0, 2.0, (2, len(REPORT))) for n in range(3))
+    added = add_reports(total, np.array([one, two]))
+    np.testing.assert_allclose(added[:, :3], (total + one + two)[:, :3], rtol=1e-15)
+    assert np.array_equal(added[:, 3:], np.max([total, one, two], axis=0)[:, 3:])
+    assert np.array_equal(add_reports(total, np.empty((0, 2, len(REPORT)))), total)
+    columns = report_columns(added)
+    assert tuple(columns) == REPORT
+    assert all(np.array_equal(columns[name], added[:, i]) for i, name in enumerate(REPORT))
+    assert tuple(report_columns(added * [0, 0, 0, 0, 1])) == ("largest_angle",)
+    assert tuple(report_columns(added * [1, 1, 1, 1, 0])) == REPORT[:4]
+    assert report_columns(0 * added) == {}

@@ -29,6 +29,8 @@ from spi.protocol import (
     noise_gradient,
     noise_hessian,
     noise_indices,
+    noise_structure,
+    noise_structure_derivative,
     noises,
     pieces,
     strengths,
@@ -254,6 +256,23 @@ def test_structure_is_skew_and_satisfies_jacobi(case):
         for a, b, c in ((u, v, w), (v, w, u), (w, u, v))
     ]
     assert abs(sum(terms)) <= 1e-14 * sum(np.abs(terms))
+
+
+def test_structure_for_gradients_of_noise(case):
+    """B(y) v may leave out only what vanishes for every v that is 0 where grad Ĥ_k is 0 wherever it is taken."""
+    model, y = case
+    generator, somewhere = np.random.default_rng(13), [tuple(np.abs(v)) for v in vectors(model, 5, seed=12)]
+    (u,) = vectors(model, 1)
+    for k in range(noises(model)):
+        gradients = np.array([noise_gradient(model, k, z) for z in somewhere])
+        assert gradients.any()
+        v = tuple((generator.standard_normal(dimension(model)) * gradients.any(axis=0)).tolist())
+        assert close(noise_structure(model, k, y, v), structure(model, y, v), 1e-15)
+        assert close(noise_structure_derivative(model, k, y, u, v), structure_derivative(model, y, u, v), 1e-15)
+        for z in somewhere:  # and grad Ĥ_k is among these v, as is its derivative
+            assert np.array_equal(np.array(noise_hessian(model, k, z, u)) * ~gradients.any(axis=0), np.zeros(len(y)))
+    if isinstance(model, SineEuler):  # negative control: for other v it is something else
+        assert not close(noise_structure(model, 0, y, u), structure(model, y, u), 1e-2)
 
 
 def test_casimirs_are_in_the_kernel_of_the_structure(case):

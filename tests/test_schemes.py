@@ -23,13 +23,19 @@ from helpers import (
 
 from spi import protocol
 from spi.dispatch import kernel
+from spi.elementary import REDUCIBLE, SMALL
 from spi.models import LotkaVolterra, MaxwellBloch, RigidBody, SineEuler
 from spi.protocol import (
     ANY_ANGLES,
+    REDUCED_ANGLES,
     REPORT,
+    SMALL_ANGLES,
+    TINY_ANGLES,
     casimirs,
     dimension,
+    drift_angle,
     drift_flow,
+    noise_angle,
     noise_flow,
     noise_indices,
     noises,
@@ -47,7 +53,8 @@ MODELS = {
 }
 SPLITTINGS = tuple(BY_HAND)
 IMPLICIT = "midpoint"
-SOLVES, ITERATIONS, FAILURES, RESIDUAL = range(len(REPORT))
+RENORMALISED = SCHEMES["euler_maruyama_renormalised"].record
+SOLVES, ITERATIONS, FAILURES, RESIDUAL, ANGLE = range(len(REPORT))
 
 
 @pytest.fixture
@@ -122,6 +129,17 @@ def test_euler_maruyama_is_the_ito_formula(model, h, generator):
     assert relative(new, y + field(model, h, dW, y) + h * ito_correction(model, y)) < 1e-14
     if h == 0.3:  # negative control
         assert relative(new, y + field(model, h, dW, y)) > 1e-2
+
+
+@pytest.mark.parametrize("h", [0.0, 1e-3, 0.3])
+def test_renormalised_euler_maruyama_is_a_step_put_back_on_the_sphere(model, h, generator):
+    y, dW = random_states(generator), increments(generator, h + 0.1)
+    explicit, _ = take_step(SCHEMES["euler_maruyama"].record, model, h, dW, y)
+    new, _ = take_step(RENORMALISED, model, h, dW, y)
+    length = np.linalg.norm(y, axis=0)
+    assert relative(new, explicit * (length / np.linalg.norm(explicit, axis=0))) < 1e-15
+    assert np.max(np.abs(np.linalg.norm(new, axis=0) / length - 1)) < 1e-15
+    assert relative(new, explicit) > 1e-2  # negative control: there was something to be put right
 
 
 # --- splitting -------------------------------------------------------------------------------------------------------
@@ -210,6 +228,33 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
         assert relative(new[others], expected[others]) < 1e-15
 
 
+ROADS = {
+    "tiny": (TINY_ANGLES, [1e-9, 0.02, 2.0**-5]),
+    "small": (SMALL_ANGLES, [2.0**-5, 0.3, SMALL]),
+    "reduced": (REDUCED_ANGLES, [SMALL, 1.0, 22.0, 1e3, 355.0 / 113.0 * 1e5, 1e6, REDUCIBLE]),
+    "any": (ANY_ANGLES, [1e-9, 1.0, 1e6, REDUCIBLE, 1e8, 1e12, 1e15]),
+}
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_flows_are_accurate_to_the_ends_of_each_road(road, generator):
+    """No accuracy is lost, up to the very ends of the ranges and beyond: 2 units in the last place of the length."""
+    angles, sizes = ROADS[road]
+    for size in sizes:
+        for angle in (np.nextafter(size, 0.0), size, -size):
+            axis = int(generator.integers(3))
+            unlocked = tuple(1.0 if k == axis else LOCKED for k in range(3))
+            model = RigidBody(unlocked, unlocked)
+            y = generator.uniform(0.3, 1.0, 3)
+            y[axis] = 1.0  # so that the angle is the time, to the last bit
+            expected = np.array(turned_exactly(axis, angle, y))
+            turning = np.delete(y, axis)
+            for flow in (drift_flow, noise_flow):
+                new = np.array(flow(model, axis, float(angle), tuple(y.tolist()), angles))
+                assert new[axis] == 1.0
+                assert np.linalg.norm(new - expected) <= 2 * np.spacing(np.linalg.norm(turning))
+
+
 # --- splitting, for every model --------------------------------------------------------------------------------------
 
 SYSTEMS = {
@@ -259,6 +304,63 @@ def system(request, generator):
     if isinstance(model, LotkaVolterra):
         y = np.exp(0.5 * y)
     return model, y, 0.5 * generator.standard_normal((noises(model), LANES))
+
+
+def largest_angle(scheme, model, h, dW, y, coins):
+    """The largest |angle| of all flows of one step of a block, by one lane and one flow after the other."""
+    found, as_data = [0.0], compositions(scheme, model)
+    for lane in range(LANES):
+        state = tuple(y[:, lane].tolist())
+        _, flows = as_data[0 if coins[lane] > 0 else -1]
+        for kind, k, fraction in flows:
+            angle, flow, t = (
+                (drift_angle, drift_flow, fraction * h)
+                if kind == "drift"
+                else (noise_angle, noise_flow, fraction * model.sigma[k] * dW[k, lane])
+            )
+            found.append(angle(model, k, t, state))
+            state = flow(model, k, t, state, ANY_ANGLES)
+    return max(found)
+
+
+def test_largest_angle_is_reported(system, generator):
+    """The largest of a step, if it is above pi/4; the largest of all steps."""
+    model, y, dW = system
+    coins, largest = tosses(generator), []
+    for h, strength in ((0.3, 1.0), (2.0, 1.0), (1e-3, 1e-3), (0.3, 0.1)):
+        _, report = take_step(ORDER_2, model, h, strength * dW, y, coins)
+        expected = largest_angle(ORDER_2, model, h, strength * dW, y, coins)
+        largest.append(expected if expected > SMALL else 0.0)
+        assert report[ANGLE] == pytest.approx(largest[-1], rel=1e-12, abs=0.0)
+        assert not report[:ANGLE].any()
+    assert largest[2] == 0.0
+    assert (largest[1] > 1.0) == (not isinstance(model, LotkaVolterra))  # which has no angles
+
+
+@pytest.mark.parametrize("scheme", [LIE_TROTTER, LIE_TROTTER_EXCHANGED], ids=["noise first", "drift first"])
+def test_largest_angle_of_many_steps(scheme, model, generator):
+    y, h, coins = random_states(generator), 0.5, np.ones(LANES)
+    dW = increments(generator, h, steps=3)
+    _, report = take_steps(scheme, model, h, dW, y)
+    largest = []
+    for step in dW:
+        largest.append(largest_angle(scheme, model, h, step, y, coins))
+        y, _ = take_step(scheme, model, h, step, y)
+    assert report[ANGLE] == pytest.approx(max(largest), rel=1e-12)
+    assert len(set(largest)) == 3 and min(largest) > SMALL
+
+
+@pytest.mark.parametrize("angle", [0.1, np.nextafter(SMALL, 0.0), SMALL, np.nextafter(SMALL, 1.0), 1e7, np.inf, np.nan])
+def test_one_angle_is_reported_from_a_quarter_of_pi_on(angle):
+    """To the last bit; what is not finite counts as infinite, so that it is not forgotten."""
+    model = RigidBody((1.0, LOCKED, LOCKED), (LOCKED, LOCKED, LOCKED))
+    y = np.zeros((3, LANES))
+    y[0, 40] = -1.0 if np.isfinite(angle) else angle
+    with np.errstate(invalid="ignore"):
+        _, report = take_steps(LIE_TROTTER, model, angle if np.isfinite(angle) else 1.0, np.zeros((2, 3, LANES)), y)
+    assert report[ANGLE] == (0.0 if angle <= SMALL else angle if np.isfinite(angle) else np.inf)
+    _, report = take_step(SCHEMES["euler_maruyama"].record, model, 1.0, np.zeros((3, LANES)), y)
+    assert report[ANGLE] == 0.0  # it turns nothing
 
 
 def by_lanes(step, y, dW, coins):
@@ -463,9 +565,23 @@ def test_casimirs_are_kept(name, h):
     assert report[FAILURES] == 0
 
 
-def test_euler_maruyama_does_not_keep_them():
+def test_euler_maruyama_does_not_keep_them_unless_renormalised():
     errors, _ = casimir_errors(SCHEMES["euler_maruyama"].record, 1e-2, STEPS)
     assert np.median(errors) > 1e-3
+    for h in (1e-2, 1.0):
+        errors, _ = casimir_errors(RENORMALISED, h, STEPS)
+        assert errors.max() < 1e-13
+
+
+@pytest.mark.parametrize("h", [1e-12, 1e-3, 1.0])  # angles of 1e-4, 1e5 and 1e8: all but one of the roads to a sine
+@pytest.mark.parametrize("scheme", [LIE_TROTTER, ORDER_2], ids=["lie_trotter", "order2"])
+def test_casimir_of_one_step_far_from_the_origin(scheme, h, generator):
+    """It is kept to rounding whatever the angles: 6 rotations, or 13, each by a few roundings of 1e-16."""
+    y = 1e8 * on_the_sphere(generator)
+    new, _ = take_step(scheme, RIGID_BODY, h, increments(generator, h), y, tosses(generator))
+    before, after = (y**2).sum(axis=0), (new**2).sum(axis=0)
+    assert np.max(np.abs(after - before) / before) < 2e-15
+    assert relative(new, y) > 1e-5
 
 
 @pytest.mark.skipif(not COMPILED, reason="64 million steps")

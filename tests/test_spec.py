@@ -199,8 +199,8 @@ def test_hash_of_a_profile_is_that_of_its_content(spec):
 NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
 WHOLE = "must be a whole number such as 500 or 10^6"
 SCHEMES = (
-    "splitting, splitting_drift_first, splitting_order2, euler_maruyama, midpoint, ap_splitting, "
-    "ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
+    "splitting, splitting_drift_first, splitting_order2, euler_maruyama, euler_maruyama_renormalised, midpoint, "
+    "ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
 )
 
 
@@ -230,7 +230,11 @@ SCHEMES = (
         ("samples", "[a]: 3\nsamples", "1: has a list or mapping as a key; keys must be words"),
         # names
         ("kind: strong", "kind: strnog", "2: kind: is 'strnog'; did you mean 'strong'?"),
-        ("kind: strong", "kind: weather", "2: kind: is 'weather'; known: strong, trajectory, weak"),
+        (
+            "kind: strong",
+            "kind: weather",
+            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time",
+        ),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
         (", splitting", ", 7", f"11: schemes: entry 2 is '7'; known: {SCHEMES}"),
@@ -634,8 +638,7 @@ def test_bad_expression_elsewhere(spec):
         (
             "samples: 10^6\n",
             "",
-            "1: samples: missing key 'samples', needed by the estimator 'plain'; "
-            "add samples: number of Brownian paths of plain",
+            "1: samples: missing key 'samples', needed by the estimator 'plain'; add samples: number of Brownian paths",
         ),
         ("samples: 10^6", "samples: 0", "12: samples: is '0'; must be at least 1"),
         ("[10, 1000]", "[10, 10]", "13: prefixes: has 10 after 10; must increase"),
@@ -667,6 +670,18 @@ def test_bad_expression_elsewhere(spec):
 def test_bad_weak(spec, old, new, message):
     assert WEAK.count(old) == 1
     assert error(spec, WEAK.replace(old, new)) == f"s.yaml:{message}"
+
+
+SPHERES = "schemes: has 'euler_maruyama_renormalised', which is for rigid_body and rigid_body_shared_noise"
+
+
+def test_renormalised_schemes_need_a_sphere(spec):
+    text = GOOD.replace("[euler_maruyama,", "[euler_maruyama_renormalised,")
+    assert spec(text).cases[0].schemes[0] == "euler_maruyama_renormalised"
+    for model in ("{name: maxwell_bloch}", "{name: lotka_volterra}"):
+        initial = "[1, 2, 3]" if "maxwell" in model else "[1, 2]"
+        found = error(spec, text, overrides=[f"model={model}", f"initial={initial}"])
+        assert found.startswith(f"s.yaml:11: {SPHERES}") and found.endswith("; use another")
 
 
 SURFACES = "is for maxwell_bloch and rigid_body, whose Casimir surfaces are two-dimensional"

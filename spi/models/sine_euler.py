@@ -127,7 +127,7 @@ def _(angles, p0, p1, p2):
 @means(_adding_to_zero, ReducedAngles, AnyAngles)
 def _(angles, p0, p1, p2):
     """As multiples of one small number, so that additions are exact: of large angles the sum must be 0 indeed."""
-    size = 4.0 * (abs(p0) + abs(p1) + abs(p2))
+    size = abs(p0) + abs(p1) + abs(p2)  # twice the largest, so that all are rounded to the same multiples
     p0, p1 = (p0 + size) - size, (p1 + size) - size
     return p0, p1, -(p0 + p1)
 

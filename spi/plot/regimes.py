@@ -69,7 +69,7 @@ def _map(ax, group, first):
     h, values = group.coordinates["h"], group.coordinates["value"]
     label = style.label(group)
     ax.set_title("\n".join(style.wrapped(label.split(), " ", 9, SIZE[0] - 0.1)))
-    places, is_log = value_places(values)
+    places, is_log = cell_places(values)
     x, y = edges(h, True), edges(places, is_log)
     found = regimes(group)
     for number in np.unique(found).tolist():
@@ -91,15 +91,19 @@ def _map(ax, group, first):
 
 
 def value_places(values):
-    """Where values stand on an axis, and whether it is logarithmic.
-
-    They stand by their rank if not all are positive, or if their gaps differ so much that cells could not be seen.
-    """
+    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
     if (values > 0).all():
-        gaps = np.diff(np.sort(np.log(values)))
-        if len(values) < 3 or gaps.max() <= _UNEVEN * gaps.min():
-            return values, True
+        return values, True
     return np.argsort(np.argsort(values)).astype(float), False
+
+
+def cell_places(values):
+    """The same for cells, also by rank if the gaps differ so much that some cells could not be seen."""
+    places, is_log = value_places(values)
+    gaps = np.diff(np.sort(np.log(values))) if is_log else np.ones(1)
+    if len(gaps) > 1 and gaps.max() > _UNEVEN * gaps.min():
+        return np.argsort(np.argsort(values)).astype(float), False
+    return places, is_log
 
 
 def sweep_label(group):

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import yaml
 from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
 
 from . import sweep
 from .cases import Case
@@ -240,14 +241,15 @@ def _cases(kind, file, owners, above):
 
 def _swept(kind, data, layers):
     """The record of a case in which a word is swept, with those of all values in it; None if there is none."""
-    found = [_valid(KINDS[kind].model_validate, version, layers) for version in sweep.versions(data)]
-    if not found:
+    if not isinstance(data.get("sweep"), dict):
         return None
+    document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
+    try:
+        sweep.check(data)
+    except PydanticCustomError as error:
+        document.fail((*top, "sweep"), error.message())
+    found = [_valid(KINDS[kind].model_validate, version, layers) for version in sweep.versions(data)]
     ((word, values),) = found[0].sweep.items()
-    if not sweep.uses(data, word):
-        document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
-        places = ", ".join(sweep.PLACES)
-        document.fail((*top, "sweep"), f"the word '{word}' stands nowhere; use it in one of {places}")
     return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
 
 

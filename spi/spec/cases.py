@@ -65,10 +65,12 @@ class Case(Keys):
 
     @model_validator(mode="after")
     def _check_spheres(self):
-        for name in self.schemes:
-            if SCHEMES[name].needs_sphere and not getattr(type(self.model), "sphere", False):
+        for name in (*self.schemes, getattr(self, "reference_scheme", None)):
+            if name and SCHEMES[name].needs_sphere and not getattr(type(self.model), "sphere", False):
                 able = " and ".join(n for n, cls in MODELS.items() if getattr(cls, "sphere", False))
-                raise wrong(f"has '{name}', which is for {able}", "use another", "schemes")
+                listed = name in self.schemes
+                what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
+                raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
         return self
 
     @model_validator(mode="after")

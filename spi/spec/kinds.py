@@ -47,7 +47,7 @@ from .keys import (
     quantity,
     wrong,
 )
-from .sweep import Sweep, check
+from .sweep import Sweep
 
 _MOST_STORED = 10**7  # states of a trajectory
 
@@ -100,7 +100,9 @@ class WorkPrecisionCase(SampledCase):
         if not self.functions:
             if self.estimators:
                 raise wrong("is for weak errors", "leave it out, or give functions", "estimators")
-            self._need("strong", "samples")
+            if self.samples is None:
+                add = f"add samples: {type(self).model_fields['samples'].description}"
+                raise wrong("missing key 'samples'", add, "samples")
         elif len(self.functions) > 1:
             raise wrong(f"has {len(self.functions)} functions", "must have one, for one error", "functions")
         elif not self.estimators:
@@ -121,7 +123,16 @@ class StabilityCase(FunctionsCase):
     @pydantic.field_validator("sweep")
     @classmethod
     def _check_sweep(cls, sweep):
-        return check(sweep)
+        for word, values in sweep.items():
+            if len(set(values)) < len(values):
+                raise wrong("has a value twice", "remove one", word)
+        return sweep
+
+    @model_validator(mode="after")
+    def _check_not_zero(self):
+        if not any(self.initial):
+            raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
+        return self
 
     @model_validator(mode="after")
     def _check_one_eps(self):

@@ -7,7 +7,7 @@ The word may stand in the model, in ``initial`` and in ``eps``.
 """
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..numbers import Numbers
 from .keys import shown, wrong
@@ -31,37 +31,31 @@ class Sweep(NamedTuple):
         }
 
 
-def check(sweep):
-    """Raise the error about a mapping {word: values} that cannot be swept."""
+def check(data):
+    """Raise the error about what is to be swept in `data`, if anything is wrong with it."""
+    sweep = data["sweep"]
     if len(sweep) != 1:
         raise wrong(f"has {len(sweep)} words", "must have one word and its values, as in sweep: {s: [0.1, 1, 10]}")
-    word = next(iter(sweep))
+    ((word, values),) = sweep.items()
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
-        raise wrong(f"{shown(word)} cannot be swept", "must be a word of letters that is no function or constant", word)
-    if len(set(sweep[word])) < len(sweep[word]):
-        raise wrong("has a value twice", "remove one", word)
-    return sweep
+        raise wrong(f"{shown(word)} cannot be swept", "must be a word of letters that is no function or constant")
+    if not values:
+        raise wrong(f"has no value of {shown(word)}", "must have at least one")
+    if all(_replaced(data[key], word, "") == data[key] for key in PLACES if key in data):
+        raise wrong(f"the word {shown(word)} stands nowhere", f"use it in one of {', '.join(PLACES)}")
 
 
-def versions(data: dict[str, Any]):
-    """`data` with each of the values, which are texts, in the place of the word; empty if nothing is swept."""
-    sweep = data.get("sweep")
-    if not isinstance(sweep, dict):
-        return []
-    word, values = next(iter(sweep.items()))
+def versions(data):
+    """`data` with each of the values, which are texts, in the place of the word."""
+    ((word, values),) = data["sweep"].items()
     return [
         {key: _replaced(part, word, value) if key in PLACES else part for key, part in data.items()} for value in values
     ]
 
 
-def uses(data, word):
-    """Whether the word stands anywhere where it may."""
-    return any(_replaced(data[key], word, "") != data[key] for key in PLACES if key in data)
-
-
 def _replaced(part, word, value):
     if isinstance(part, dict):
-        return {key: _replaced(inner, word, value) for key, inner in part.items()}
+        return {key: inner if key == "name" else _replaced(inner, word, value) for key, inner in part.items()}
     if isinstance(part, list):
         return [_replaced(inner, word, value) for inner in part]
     if isinstance(part, str):

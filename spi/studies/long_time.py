@@ -87,7 +87,8 @@ def parts(case):
 def plan(case, part):
     """The plan for one scheme of a case."""
     model = case.model
-    known = getattr(type(model), "surface", None) == "sphere" and noise_indices(model)
+    moving = noise_indices(model) and np.count_nonzero(case.initial) > 1  # on an axis nothing does
+    known = getattr(type(model), "surface", None) == "sphere" and moving
     return Plan(
         scheme_row(part.scheme).record,
         model,
@@ -247,7 +248,7 @@ def _growth(p, state):
             for c in range(conserved):
                 growth[:, i, c] = _exponent(n, casimir[i, :, c])
                 end = casimir[i, -1, c] / p.count
-                bias[:, i, c] = end.mean(), end.std() / np.sqrt(max(p.samples - 1, 1))
+                bias[:, i, c] = end.mean(), _stderr(end)
         variables = {
             "casimir_mean": (axes, casimir.mean(axis=3)),
             "casimir_rms": (axes, np.sqrt((casimir**2).mean(axis=3))),
@@ -268,8 +269,9 @@ def _exponent(n, error):
     if paths < 2 or use.sum() < 3:
         return np.nan, np.nan, np.nan
     without = np.sqrt(np.maximum(squares.sum(axis=0) - squares, 0.0) / (paths - 1))
-    found = fit_order(n.astype(float), value, without, np.ones(paths), use)
-    return found.order, found.low, found.high
+    # in 1/n, because where the points bend, those of the largest steps are left out: here those of early times
+    found = fit_order(1.0 / n, value, without, np.ones(paths), use)
+    return -found.order, -found.high, -found.low
 
 
 def _law(p, state):

@@ -123,7 +123,7 @@ def group(case, part, state):
         **_order_of_one(found),
         "measure": "weak" if case.functions else "strong",
         "exact": exact,
-        "targets": case.targets or _targets(variables["error"][1]),
+        "targets": case.targets or _targets(variables["error"][1][variables["resolved"][1]]),
         "repeats": case.repeats,
     }
     coordinates = {name: values for name, values in found.coordinates.items() if name in kept}
@@ -139,9 +139,9 @@ def _order_of_one(found):
 
 
 def _targets(error):
-    """Powers of ten within the errors found, the largest included."""
-    good = error[np.isfinite(error) & (error > 0)]
-    if not len(good):
+    """Powers of ten within the errors that are resolved, or the next below if there is none."""
+    error = error[error > 0.0]
+    if not len(error):
         return (0.1,)
-    low, high = np.ceil(np.log10(good.min())), np.floor(np.log10(good.max()))
+    low, high = np.ceil(np.log10(error.min())), np.floor(np.log10(error.max()))
     return tuple(10.0**e for e in np.arange(high, min(low, high) - 1, -1))

@@ -16,7 +16,7 @@ from ...kolmogorov import limits
 from ...protocol import REPORT
 from ...records import Group, Part, describe
 from ...rng import BROWNIAN, LANES
-from ...schemes import scheme_row, typical_ns
+from ...schemes import SCHEMES, scheme_row, typical_ns
 from .paths import Plan, arrays_of
 from .paths import batches as batches
 from .paths import start as start
@@ -36,7 +36,7 @@ def plan(case, part):
     """The plan for one scheme of a case."""
     doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
     total = round(case.final_time / case.reference_step)
-    points = tuple((c.model, c.initial, _eps(c)) for c in case.sweep.cases)
+    points = tuple((c.model, c.initial, _eps(c, part)) for c in case.sweep.cases)
     reference = scheme_row(case.reference_scheme, 0.0).record if case.reference_scheme else None
     return Plan(
         scheme_row(part.scheme, points[0][2]).record,
@@ -49,8 +49,8 @@ def plan(case, part):
     )
 
 
-def _eps(case):
-    return case.eps[0] if case.eps else None
+def _eps(case, part):
+    return case.eps[0] if SCHEMES[part.scheme].multiscale else None
 
 
 def cost(case, part):
@@ -132,7 +132,7 @@ def group(case, part, state):
         coordinates,
         variables,
         {
-            **_fixed(case, row._replace(label=label)),
+            **_fixed(case, part, row._replace(label=label)),
             "sweep": case.sweep.word,
             "samples": case.samples,
             "reference_step": case.reference_step,
@@ -146,7 +146,7 @@ def group(case, part, state):
     )
 
 
-def _fixed(case, row):
+def _fixed(case, part, row):
     """What describes the case whatever the value of the swept word."""
-    each = [describe(c, row, _eps(c)) for c in case.sweep.cases]
+    each = [describe(c, row, _eps(c, part)) for c in case.sweep.cases]
     return {name: value for name, value in each[0].items() if all(other[name] == value for other in each)}

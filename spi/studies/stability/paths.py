@@ -138,7 +138,7 @@ def advance_state(p, state, blocks):
     """The state after the next `blocks` blocks of the value at hand."""
     began = time.perf_counter()
     model, initial, eps = p.points[state.done]
-    scheme = p.scheme if eps is None or not hasattr(p.scheme, "eps") else p.scheme._replace(eps=eps)
+    scheme, times = _with_eps(p.scheme, eps), p.grid._replace(reference_scheme=_with_eps(p.grid.reference_scheme, eps))
     levels, d = len(p.steps), len(initial)
     known = casimirs(model, initial)
     found = Extremes(
@@ -151,7 +151,7 @@ def advance_state(p, state, blocks):
         1.0 / math.hypot(*initial),
     )
     report = empty_report(blocks, levels)
-    integrate(scheme, model, initial, p.grid, p.noise, found, report, state.blocks, blocks, p.samples)
+    integrate(scheme, model, initial, times, p.noise, found, report, state.blocks, blocks, p.samples)
     at = slice(state.blocks * LANES, (state.blocks + blocks) * LANES)
     state = state._replace(
         blocks=state.blocks + blocks,
@@ -164,6 +164,11 @@ def advance_state(p, state, blocks):
     if state.blocks == p.blocks:
         state = _summed_up(p, state)
     return state._replace(seconds=state.seconds + time.perf_counter() - began)
+
+
+def _with_eps(scheme, eps):
+    """The scheme, for the multiscale system with this eps."""
+    return scheme._replace(eps=eps) if eps is not None and hasattr(scheme, "eps") else scheme
 
 
 def _put(kept, at, found):
@@ -186,27 +191,34 @@ def _summed_up(p, state):
     size = math.hypot(*initial)
     known = np.abs(casimirs(model, initial))
     scale = np.where(known > 0, known, 1.0).reshape(1, -1, 1) if len(known) else 1.0
-    worse = np.nan_to_num(state.casimir[1:, :, :n] / scale, nan=np.inf)
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        worse = np.nan_to_num(state.casimir[1:, :, :n] / scale, nan=np.inf, posinf=np.inf)
+        median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
         norm = np.nan_to_num(np.sqrt(state.square[1:, :n]), nan=np.inf, posinf=np.inf)
         y, reference = state.y[1:, :, :n], state.y[:1, :, :n]
         squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
         mean = squares.mean(axis=1)
         error = np.sqrt(mean)
-        stderr = squares.std(axis=1, ddof=1 if n > 1 else 0) / np.sqrt(n) / (2 * error)
+        stderr = _stderr_of_mean(squares) / (2 * error)
     new = {
         "finite": np.isfinite(y).all(axis=1).mean(axis=1),
         "casimir_worst": worse.max(axis=2, initial=0.0),
-        "casimir_median": np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0),
+        "casimir_median": median,
         "largest_norm": norm.max(axis=1),
         "positive": (state.least[1:, :n] > 0.0).mean(axis=1),
         "error": error,
-        "error_stderr": np.where(error == 0.0, 0.0, stderr),
+        "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
     }
     new["expectation"], new["expectation_stderr"] = _expectations(p.functions, y)
     fresh = dict(zip(State._fields[3:7], arrays_of(p), strict=False))
     done = {name: _set(getattr(state, name), i, value) for name, value in new.items()}
     return state._replace(done=i + 1, blocks=0, **fresh, **done)
+
+
+def _stderr_of_mean(values):
+    """Standard error of the mean over the last axis, paths; NaN for one path."""
+    paths = values.shape[-1]
+    return values.std(axis=-1, ddof=1) / np.sqrt(paths) if paths > 1 else np.full(values.shape[:-1], np.nan)
 
 
 def _expectations(functions, y):
@@ -215,7 +227,7 @@ def _expectations(functions, y):
     for f, tree in enumerate(functions):
         with np.errstate(all="ignore"):
             values = np.broadcast_to(as_numpy(tree)(np.moveaxis(y, 1, 0)), y[:, 0].shape)
-            found[:, :, f] = values.mean(axis=1), values.std(axis=1) / np.sqrt(max(values.shape[1] - 1, 1))
+            found[:, :, f] = values.mean(axis=1), _stderr_of_mean(values)
     return found
 
 
