@@ -363,3 +363,16 @@ def test_counts_and_strengths():
     assert (dimension(model), pieces(model), noises(model)) == (3, 3, 3)
     assert noise_indices(model) == (0, 2)
     assert strengths(model) == (0.5, 0.0, 2.0)
+
+
+@pytest.mark.parametrize("size", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("angles", [REDUCED_ANGLES, ANY_ANGLES])
+def test_sine_euler_keeps_both_casimirs_at_large_angles(size, angles):
+    """C_2 is kept only if the three angles of a flow add to 0: roundings of their size changed it by 5e-10 at 1e6."""
+    model, generator = SineEuler(), np.random.default_rng(5)
+    y = tuple(size * x for x in (0.1, 0.3, 0.2, 0.3, 0.3, 0.2, 0.4, 0.1))
+    before = np.array(casimirs(model, y))
+    for _ in range(50):
+        for k in range(4):
+            y = drift_flow(model, k, 0.25 * generator.standard_normal(), y, angles)
+    np.testing.assert_allclose(np.array(casimirs(model, y)) / before, 1.0, rtol=0, atol=1e-13)
