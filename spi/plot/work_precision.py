@@ -28,11 +28,18 @@ _LOOK = {"markerfacecolor": "none", "elinewidth": 0.7, "capsize": 0, "markeredge
 _SMALL = {"markerfacecolor": "none", "markeredgewidth": 1.0, "markersize": 4.5}
 
 
+def _facts_of_all(groups):
+    """The groups of a case, the estimator of their weak errors left out if it differs from scheme to scheme."""
+    if len({group.attributes.get("estimator") for group in groups}) == 1:
+        return groups
+    return [group._replace(attributes={**group.attributes, "estimator": None}) for group in groups]
+
+
 def draw(results):
     """The figure of a study of kind work_precision: a column per case, under the errors those of the Casimirs."""
     cases = style.cases(results)
     styles = style.styles(results)
-    shared, own = style.split_facts(cases)
+    shared, own = style.split_facts([_facts_of_all(groups) for groups in cases])
     measured = [_has_casimirs(groups) for groups in cases]
     fig = Figure()
     grid = _grid(fig, results.attributes.get("title", ""), shared, cases, any(measured))
