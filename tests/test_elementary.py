@@ -316,8 +316,8 @@ def test_sine_and_versine_belong_to_one_angle():
 
     def defect(x, terms):
         z = x * x
-        s = x + x * z * mpmath.polyval([mpmath.mpf(c) for c in sines[terms - 1 :: -1]], z)
-        v = z / 2 - z * z * mpmath.polyval([mpmath.mpf(c) for c in versines[terms - 1 :: -1]], z)
+        s = x + x * z * sum(c * z**i for i, c in enumerate(sines[:terms]))
+        v = z / 2 - z * z * sum(c * z**i for i, c in enumerate(versines[:terms]))
         return s * s + v * v - 2 * v
 
     with mpmath.workdps(50):
