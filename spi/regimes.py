@@ -11,24 +11,24 @@ REGIMES = (
 FAILING = 1e-3  #: of the solves: more failures than that, and what is integrated is another scheme
 CASIMIR_LOST = 1e-2  #: relative error of a Casimir
 CASIMIR_KEPT = 1e-8  #: the same, of what is kept but for rounding and the solver's tolerance
-GROWTH = 2.0  #: of the largest |y|, compared with the step size at which it is smallest
+GROWTH = 2.0  #: of the largest |y|, compared with that at the smallest step size
 
 
 def regimes(group):
     """Number of the regime in :data:`REGIMES` of each value and step size, shape (value, h).
 
-    A scheme is not bounded where |y| becomes more than GROWTH times as large as at the best step size: the true
-    solution may grow as well, but stays smaller by that factor.  NaN is never good.
+    A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since the true
+    solution may grow as well.  NaN is never good.
     """
     v = values_of(group)
     norm = np.where(np.isnan(v["largest_norm"]), np.inf, v["largest_norm"])
-    best = np.maximum(norm.min(axis=1, keepdims=True, initial=np.inf), 1.0)
+    finest = norm[:, [np.argmin(group.coordinates["h"])]]
     casimir = largest_casimir(v["casimir_worst"])
     never = np.zeros(norm.shape, bool)
     worst_first = [
         ~(v["finite"] >= 1.0),
         failing_fraction(v) > FAILING if "failures" in v else never,
-        ~(norm <= GROWTH * best) | np.isinf(norm),
+        ~(norm <= GROWTH * finest) | np.isinf(norm),
         never if casimir is None else ~(casimir <= CASIMIR_LOST),
         ~(v["positive"] >= 1.0) if "positive" in v else never,
         ~(v["error"] <= group.attributes["accurate"]),
