@@ -17,8 +17,8 @@ GROWTH = 2.0  #: of the largest |y|, compared with that at the smallest step siz
 def regimes(group):
     """Number of the regime in :data:`REGIMES` of each value and step size, shape (value, h).
 
-    A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since the true
-    solution may grow as well.  NaN is never good.
+    A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since the
+    true solution may grow as well.  NaN is never good.
     """
     v = values_of(group)
     norm = np.where(np.isnan(v["largest_norm"]), np.inf, v["largest_norm"])
