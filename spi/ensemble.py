@@ -5,6 +5,7 @@ over 2^s h_ref is the sum of its two halves, in this order, first half plus seco
 to the last bit by (seed, stream, path, h_ref), whatever else is computed.
 """
 
+import contextlib
 import time
 from typing import NamedTuple
 
@@ -13,9 +14,22 @@ from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
 from .dispatch import INLINED, inlined, kernel, means, number, parallel_kernel, unrolled
-from .lanes import store
-from .protocol import REPORT, SUMMED, advance, dimension, memory_size, noise_indices, noises, observe, tosses, work_size
-from .rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
+from .lanes import load, store
+from .protocol import (
+    REPORT,
+    SUMMED,
+    advance,
+    casimir_indices,
+    casimirs,
+    dimension,
+    memory_size,
+    noise_indices,
+    noises,
+    observe,
+    tosses,
+    work_size,
+)
+from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
 
 #: How often a study that runs in batches can report, and be interrupted.
 BATCH_SECONDS = 0.5
@@ -57,11 +71,23 @@ def grid(
     return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme, first_step)
 
 
+def nested_grid(final_time, reference_step, steps, truncate, reference_scheme):
+    """The grid of a study of errors until `final_time`: the reference and `steps`, which go from large to small."""
+    doublings = [0, *(round(np.log2(h / reference_step)) for h in reversed(steps))]
+    total = round(final_time / reference_step)
+    return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme)
+
+
 class Noise(NamedTuple):
     """Which random numbers: the 64-bit seed and one of the streams of ``spi.rng``, as uint64."""
 
     seed: np.uint64
     stream: np.uint64
+
+
+def brownian(seed):
+    """The increments of the paths of a seed."""
+    return Noise(np.uint64(seed), np.uint64(BROWNIAN))
 
 
 @inlined
@@ -281,6 +307,17 @@ def integrate(scheme, model, initial, grid, noise, observer, report, first_block
         integrate_block(scheme, model, initial, grid, noise, observer, report[row], block, row, paths)
 
 
+@unrolled(casimir_indices)
+def watch_casimirs(index, model, worst, initial, y):
+    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers."""
+    c = number(index)
+    for lane in range(LANES):
+        change = abs(casimirs(model, load(model, y, lane))[c] - initial[c])
+        if not change <= worst[c, lane]:  # true for NaN
+            worst[c, lane] = change
+    return worst
+
+
 class FinalStates(NamedTuple):
     """An observer that keeps the last states of each block."""
 
@@ -318,6 +355,17 @@ def thread_count():
 def use_threads(threads):
     """Let :func:`integrate` use this many threads; ValueError if there are not that many."""
     set_num_threads(threads)
+
+
+@contextlib.contextmanager
+def limited_threads(most):
+    """Within it :func:`integrate` uses at most so many threads."""
+    before = thread_count()
+    use_threads(min(before, most))
+    try:
+        yield
+    finally:
+        use_threads(before)
 
 
 def empty_report(blocks, levels):

@@ -55,6 +55,13 @@ def root_mean_square(sums, counts):
         return np.sqrt(total / n), without
 
 
+def stderr_of_mean(values):
+    """Standard error of the mean over the last axis, independent paths; NaN for one path."""
+    paths = values.shape[-1]
+    with np.errstate(all="ignore"):
+        return values.std(axis=-1, ddof=1) / np.sqrt(paths) if paths > 1 else np.full(values.shape[:-1], np.nan)
+
+
 def jackknife_stderr(value, without, counts):
     """Standard error of `value` (...) from its leave-one-out values (groups, ...), for groups of unequal size.
 

@@ -10,9 +10,8 @@ A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per 
 neither drawn nor applied) and four class attributes: ``dimension`` d, ``pieces`` p, ``noises`` m, and ``conserved``,
 the number of Casimir functions; where it applies also ``exact_flows = False``, ``sphere = True`` (the first Casimir
 function is |y|^2), ``populations = True`` (components are to stay positive) and ``surface``, the Casimir surface on
-which ``spi.kolmogorov`` works.  A **scheme** is a NamedTuple of
-options; its orders and what it preserves stand in ``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into
-which a study collects what it needs.
+which ``spi.kolmogorov`` works.  A **scheme** is a NamedTuple of options; its orders and what it preserves stand in
+``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into which a study collects what it needs.
 
 A state y is a tuple of d floats.  In kernels LANES paths travel together: their states are one array of d * LANES
 floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).

@@ -32,6 +32,11 @@ class Group(NamedTuple):
     attributes: dict[str, Any]  #: numbers, strings and tuples of them that describe the whole group
     estimator: str = ""
 
+    @property
+    def arrays(self):
+        """name -> array, without the names of its axes."""
+        return {name: values for name, (_, values) in self.variables.items()}
+
 
 class Results(NamedTuple):
     """One results file."""

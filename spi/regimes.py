@@ -20,7 +20,7 @@ def regimes(group):
     A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since the
     true solution may grow as well.  NaN is never good.
     """
-    v = values_of(group)
+    v = group.arrays
     norm = np.where(np.isnan(v["largest_norm"]), np.inf, v["largest_norm"])
     finest = norm[:, [np.argmin(group.coordinates["h"])]]
     casimir = largest_casimir(v["casimir_worst"])
@@ -35,11 +35,6 @@ def regimes(group):
         ~never,
     ]
     return np.select(worst_first, range(len(REGIMES))[::-1])
-
-
-def values_of(group):
-    """The arrays of a group by name."""
-    return {name: values for name, (_, values) in group.variables.items()}
 
 
 def largest_casimir(values):

@@ -4,6 +4,8 @@ import hashlib
 import os
 from pathlib import Path
 
+import pytest
+
 import spi
 
 # The package names its cache by its own sources, and compiled kernels also contain what tests/helpers.py says: without
@@ -17,3 +19,20 @@ spi._point_cache_at_sources()
 # Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import.
 _paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
 os.environ["PYTHONPATH"] = os.pathsep.join(_paths)
+
+
+@pytest.fixture
+def spec(tmp_path, monkeypatch):
+    """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
+    from spi.spec import load
+
+    monkeypatch.chdir(tmp_path)
+
+    def write_and_load(text, *replaced, **options):
+        for old, new in zip(replaced[::2], replaced[1::2], strict=True):
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        Path("s.yaml").write_text(text, encoding="utf-8")
+        return load("s.yaml", **options)
+
+    return write_and_load

@@ -1,8 +1,7 @@
 """Results of the kinds ``stability`` and ``long_time`` made by hand, with the features that views must not hide."""
 
-import math
-
 import numpy as np
+from helpers import DESCRIBED
 
 from spi.records import Group, Results
 
@@ -15,21 +14,17 @@ MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")
 
 
 def attributes_of(case, scheme, **more):
-    return {
+    own = {
         "scheme_label": LABELS[scheme],
         "case_title": f"case {case}, $5",
-        "seed": 1,
-        "final_time": 1.0,
-        "initial": (math.cos(1.1), 0.0, math.sin(1.1)),
         "truncate_noise": False,
-        "model": "rigid_body",
-        "model_inertia": (2.0, 1.0, 2 / 3),
         "eps": None,
         "samples": 512,
         "note": "",
         "threads": 4,
         "wall_seconds": 12.5,
-    } | more
+    }
+    return DESCRIBED | own | more
 
 
 def stability_group(scheme, case="free", casimirs=1, panels="regimes", values=VALUES, h=H, law=False, **more):

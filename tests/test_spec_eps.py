@@ -1,12 +1,11 @@
 """The keys eps and reference_scheme and the panel eps of spec files: what they mean, and the line each mistake gets."""
 
 import json
-from pathlib import Path
 
 import pytest
 
 from spi.schemes import SCHEMES, scheme_row
-from spi.spec import SpecError, json_schema, load
+from spi.spec import SpecError, json_schema
 from spi.studies import STUDIES
 
 WEAK = """\
@@ -35,21 +34,6 @@ EPS, SPLITTING = "eps: [1e-2, 1e-5]\n", "schemes: [splitting]\n"
 BOTH, PANEL = "schemes: [ap_splitting, splitting]\n", "panels: [eps]\n"
 MULTISCALE = "ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
 NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
-
-
-@pytest.fixture
-def spec(tmp_path, monkeypatch):
-    """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    monkeypatch.chdir(tmp_path)
-
-    def write_and_load(text, *replaced, **options):
-        for old, new in zip(replaced[::2], replaced[1::2], strict=True):
-            assert text.count(old) == 1
-            text = text.replace(old, new)
-        Path("s.yaml").write_text(text)
-        return load("s.yaml", **options)
-
-    return write_and_load
 
 
 @pytest.fixture

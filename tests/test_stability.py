@@ -527,21 +527,6 @@ def test_truth_where_it_is_elementary():
 # --- the swept word --------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def spec(tmp_path, monkeypatch):
-    """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    monkeypatch.chdir(tmp_path)
-
-    def write_and_load(text, *replaced, **options):
-        for old, new in zip(replaced[::2], replaced[1::2], strict=True):
-            assert text.count(old) == 1
-            text = text.replace(old, new)
-        Path("s.yaml").write_text(text, encoding="utf-8")
-        return load("s.yaml", **options)
-
-    return write_and_load
-
-
 WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
 
 

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from helpers import DESCRIBED
 
 from spi.records import Group, Results
 
@@ -61,15 +62,10 @@ def _drifts(scheme, error, rng):
 
 
 def _attributes(case, label, order, measure):
-    found = {
+    found = DESCRIBED | {
         "scheme_label": label,
         "case_title": {"lost": "strong noise"}.get(case, f"case {case}"),
-        "seed": 1,
-        "final_time": 1.0,
-        "initial": (math.cos(1.1), 0.0, math.sin(1.1)),
         "truncate_noise": True,
-        "model": "rigid_body",
-        "model_inertia": (2.0, 1.0, 2 / 3),
         "model_sigma": (3.0, 3.0, 3.0) if case == "lost" else (1.0, 1.0, 1.0),
         "measure": measure,
         "order": order + 0.01,

@@ -58,13 +58,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
         if len(weak) >= 3 and np.all(weak_error_error <= np.maximum(goal, 2 * rounding[:, None])):
             break
     goal = goal.min(axis=1) if accuracy is None else accuracy / 2
-    for L in LEVELS[len(weak) :]:
-        if np.all(_settled(limits, rounding)[1] <= np.maximum(goal, 2 * rounding)):
-            break
-        if problem.cost_of_limit(L) > LONGEST_LIMIT:
-            break
-        limits[L], _ = problem.solve(L, schemes=False)
-    limit, limit_error = _settled(limits, rounding)
+    limit, limit_error = _refined_limit(problem, limits, goal, rounding)
     extrapolated, doubt = extrapolate(problem.steps, weak_error)
     # two roads to the limit: where they differ by more than the extrapolation can be blamed for, the limit is blamed
     limit_error = limit_error + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_error.max(axis=1), 0.0)
@@ -86,15 +80,17 @@ def limits(model, initial, final_time, functions, accuracy):
     problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
     if np.count_nonzero(initial) <= 1:
         return _at_rest(problem, initial)[3:5]
-    rounding, found = ROUNDING * problem.size()[0], {}
-    for L in LEVELS:
-        if len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT:
+    return _refined_limit(problem, {}, accuracy, ROUNDING * problem.size()[0])
+
+
+def _refined_limit(problem, found, goal, rounding):
+    """The limit and its error, from `found` {degree: limit} and as many higher degrees as the goal asks for."""
+    for L in LEVELS[len(found) :]:
+        settled = len(found) >= 3 and np.all(_settled(found, rounding)[1] <= np.maximum(goal, 2 * rounding))
+        if settled or (len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
             break
         found[L], _ = problem.solve(L, schemes=False)
-        limit, error = _settled(found, rounding)
-        if len(found) >= 3 and np.all(error <= accuracy):
-            break
-    return limit, error
+    return _settled(found, rounding)
 
 
 def _at_rest(problem, initial):

@@ -128,7 +128,7 @@ def _series(members, f, h, look, label, several_estimators):
     """Errors of one scheme at one step size, over eps."""
     values = []
     for group in members:
-        v = {name: values for name, (_, values) in group.variables.items()}
+        v = group.arrays
         half = v["error_bound"] if "error_bound" in v else INTERVAL * v["error_stderr"]
         at = int(np.flatnonzero(group.coordinates["h"] == h)[0])
         point = abs(v["error"][f, at]), half[f, at], v["resolved"][f, at]

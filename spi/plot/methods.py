@@ -45,7 +45,7 @@ def panels(groups, f, title):
 
 
 def _run(group, f, i):
-    v, a = {name: values for name, (_, values) in group.variables.items()}, group.attributes
+    v, a = group.arrays, group.attributes
     last = v["error_bound" if group.estimator == "kolmogorov" else "error_stderr"][f, i]
     points = [(a.get("cpu_seconds", math.nan), v["error"][f, i], last)]
     before = {"plain": "prefix", "multilevel": "history"}.get(group.estimator)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..records import Group
-from ..regimes import failing_fraction, iterations_per_solve, largest_casimir, values_of
+from ..regimes import failing_fraction, iterations_per_solve, largest_casimir
 from .errors import INTERVAL
 
 CAP = 1e4  # relative errors and growths beyond that are only marked
@@ -76,7 +76,7 @@ def read(groups, word):
     """The quantity of each group that has it and where anything of it is known."""
     quantity, found = QUANTITIES[word], []
     for group in groups:
-        v = values_of(group)
+        v = group.arrays
         pair = quantity.read(v)
         if pair is None:
             continue

@@ -39,7 +39,7 @@ def series_of(group, f, look, several_schemes, several_estimators, joined, besid
 
     Its label names what there are several of.
     """
-    v, a = {name: values for name, (_, values) in group.variables.items()}, group.attributes
+    v, a = group.arrays, group.attributes
     exact = "error_bound" in v
     half = v["error_bound"][f] if exact else INTERVAL * v["error_stderr"][f]
     name = style.ESTIMATORS.get(group.estimator, group.estimator)
@@ -112,7 +112,7 @@ def prefixes_panel(ax, group, f, exact, title):
 
 def _stages(group, f):
     """A series for each number of first paths, and for all of them."""
-    v, h, a = {name: values for name, (_, values) in group.variables.items()}, group.coordinates["h"], group.attributes
+    v, h, a = group.arrays, group.coordinates["h"], group.attributes
     several = zip(group.coordinates["samples"].tolist(), v["prefix_error"], v["prefix_error_stderr"], strict=True)
     found = [(n, error[f], stderr[f]) for n, error, stderr in several]
     if a.get("samples", 0) > found[-1][0]:

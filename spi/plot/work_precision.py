@@ -142,7 +142,7 @@ def _frame(groups):
 
 def _found(group, resolved):
     """The points (h, seconds, error, half of the 95 % interval) that are resolved, or those that are not."""
-    v = {name: values for name, (_, values) in group.variables.items()}
+    v = group.arrays
     stderr = np.where(np.isfinite(v["error_stderr"]), v["error_stderr"], 0.0)
     half = stderr * (1.0 if group.attributes.get("exact") else INTERVAL)
     chosen = (v["error"] > 0) & (v["error"] < HUGE) & np.isfinite(v["seconds_per_path"])

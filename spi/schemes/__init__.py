@@ -73,6 +73,11 @@ def scheme_row(name, eps=None):
     return row._replace(record=row.record._replace(eps=eps), label=f"{row.label}, eps = {eps:g}")
 
 
+def reference_record(name, eps):
+    """The record of the scheme that makes a reference, with the eps of the scheme it is for; None without a name."""
+    return scheme_row(name, eps or 0.0).record if name else None
+
+
 _DRAW_NS = 0.85  # an increment
 _FLOW_NS = 0.5  # a flow of a model that does not say
 

@@ -16,17 +16,18 @@ from ..ensemble import (
     FinalStates,
     Noise,
     add_reports,
+    brownian,
     empty_report,
     grid,
     integrate,
+    limited_threads,
     report_columns,
     thread_count,
-    use_threads,
 )
-from ..estimators import fit_order
+from ..estimators import fit_order, stderr_of_mean
 from ..protocol import REPORT, casimirs, memory_size, noise_indices
 from ..records import Group, Part, describe
-from ..rng import BROWNIAN, LANES, STEPS_PER_TOSS
+from ..rng import LANES, STEPS_PER_TOSS
 from ..schemes import scheme_row, typical_ns
 from ..sphere_law import BINS, SphereLaw
 
@@ -93,7 +94,7 @@ def plan(case, part):
         scheme_row(part.scheme).record,
         model,
         case.initial,
-        Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
+        brownian(case.seed),
         case.truncate_noise,
         case.steps,
         case.step_count,
@@ -190,9 +191,7 @@ def _counted(p, state, states):
 
 def batches(p, state):
     """Run all that is left; yields the state after each batch of about half a second."""
-    threads = thread_count()
-    use_threads(min(threads, p.blocks))  # a thread without a block would wait in a busy loop
-    try:
+    with limited_threads(p.blocks):  # a thread without a block would wait in a busy loop
         until = time.perf_counter() + BATCH_SECONDS
         while state.level < len(p.h):
             state = advance_state(p, state)
@@ -200,8 +199,6 @@ def batches(p, state):
                 yield state
                 until = time.perf_counter() + BATCH_SECONDS
         yield state
-    finally:
-        use_threads(threads)
 
 
 def progress(p, state):
@@ -248,7 +245,7 @@ def _growth(p, state):
             for c in range(conserved):
                 growth[:, i, c] = _exponent(n, casimir[i, :, c])
                 end = casimir[i, -1, c] / p.count
-                bias[:, i, c] = end.mean(), _stderr(end)
+                bias[:, i, c] = end.mean(), stderr_of_mean(end)
         variables = {
             "casimir_mean": (axes, casimir.mean(axis=3)),
             "casimir_rms": (axes, np.sqrt((casimir**2).mean(axis=3))),
@@ -289,17 +286,10 @@ def _law(p, state):
     }
     return coordinates, {
         "mean": (("h", "moment"), moments.mean(axis=2)),
-        "mean_stderr": (("h", "moment"), _stderr(moments)),
+        "mean_stderr": (("h", "moment"), stderr_of_mean(moments)),
         "mean_exact": (("moment",), np.array(list(p.law.moments.values()))),
         "fraction": (("h", "variable", "bin"), fractions.mean(axis=3)),
-        "fraction_stderr": (("h", "variable", "bin"), _stderr(fractions)),
+        "fraction_stderr": (("h", "variable", "bin"), stderr_of_mean(fractions)),
         "law_distance": (("h", "variable"), np.take_along_axis(away, farthest, 2)[..., 0]),
-        "law_distance_stderr": (("h", "variable"), np.take_along_axis(_stderr(below), farthest, 2)[..., 0]),
+        "law_distance_stderr": (("h", "variable"), np.take_along_axis(stderr_of_mean(below), farthest, 2)[..., 0]),
     }
-
-
-def _stderr(values):
-    """Standard error of the mean over the last axis, paths; NaN for one path."""
-    paths = values.shape[-1]
-    with np.errstate(all="ignore"):
-        return values.std(axis=-1, ddof=1) / np.sqrt(paths) if paths > 1 else np.full(values.shape[:-1], np.nan)

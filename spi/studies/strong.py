@@ -11,18 +11,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import means, number, tuplewise, unrolled
+from ..dispatch import means, tuplewise
 from ..ensemble import (
     Grid,
     Noise,
     add_reports,
+    brownian,
     empty_report,
     grid,
     in_batches,
     integrate,
+    limited_threads,
+    nested_grid,
     report_columns,
     thread_count,
-    use_threads,
+    watch_casimirs,
 )
 from ..estimators import (
     GROUPS,
@@ -37,10 +40,10 @@ from ..estimators import (
 )
 from ..fields import noise_field, noise_field_derivative, squared_distance
 from ..lanes import load
-from ..protocol import REPORT, casimir_indices, casimirs, noise_indices, observe
+from ..protocol import REPORT, casimirs, noise_indices, observe
 from ..records import Group, Part, describe
-from ..rng import BROWNIAN, LANES
-from ..schemes import has_theory, scheme_row, typical_ns
+from ..rng import LANES
+from ..schemes import has_theory, reference_record, scheme_row, typical_ns
 
 _BLOCKS_PER_ROUND = GROUPS // PARTS
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
@@ -68,17 +71,6 @@ def _zero_if_finite(a):
     """0, or NaN if a component is not finite."""
 
 
-@unrolled(casimir_indices)
-def _watch_casimir(index, model, drift, initial, y):
-    """The largest |C_c(y) - C_c(y_0)| so far, for each lane."""
-    c = number(index)
-    for lane in range(LANES):
-        change = abs(casimirs(model, load(model, y, lane))[c] - initial[c])
-        if not change <= drift[c, lane]:  # true for NaN
-            drift[c, lane] = change
-    return drift
-
-
 @means(observe, StrongSums)
 def _(observer, model, row, paths, level, n, y, reference):
     if level > 0:
@@ -90,7 +82,7 @@ def _(observer, model, row, paths, level, n, y, reference):
                 squares[part] += square if lane < paths else 0.0
     last = n == observer.steps[level]
     if level > 0 or last:
-        _watch_casimir(model, observer.drift[row, level], observer.initial_casimirs, y)
+        watch_casimirs(model, observer.drift[row, level], observer.initial_casimirs, y)
     if last:
         for lane in range(paths):
             observer.nonfinite[row, level] += 0 if _zero_if_finite(load(model, y, lane)) == 0.0 else 1
@@ -133,23 +125,17 @@ def parts(case):
     return [Part(scheme, eps=eps) for scheme, eps in case.runs]
 
 
-def noise_of(case):
-    """The random numbers of a case."""
-    return Noise(np.uint64(case.seed), np.uint64(BROWNIAN))
-
-
 def plan(case, part):
     """The plan for one scheme of a case."""
-    doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
-    total = round(case.final_time / case.reference_step)
-    reference = scheme_row(case.reference_scheme, part.eps or 0.0).record if case.reference_scheme else None
+    reference = reference_record(case.reference_scheme, part.eps)
+    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
     return Plan(
         scheme_row(part.scheme, part.eps).record,
         case.model,
         case.initial,
-        grid(case.reference_step, total, doublings, case.truncate_noise, reference_scheme=reference),
-        noise_of(case),
-        total >> doublings,
+        times,
+        brownian(case.seed),
+        times.reference_steps >> times.doublings,
         case.samples,
     )
 
@@ -259,21 +245,26 @@ def nanoseconds_per_step(p, h):
     """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
     steps = 2048
     times = grid(h, steps, truncate=p.grid.truncate, reference_scheme=p.grid.reference_scheme, by_reference=(0,))
-    best, threads = np.inf, thread_count()
-    use_threads(1)
-    try:
+    best = np.inf
+    with limited_threads(1):
         for _ in range(3):
             sums, report = sums_of(p.model, p.initial, np.array([steps]), 1), empty_report(1, 1)
             began = time.perf_counter()
             integrate(p.scheme, p.model, p.initial, times, p.noise, sums, report, 0, 1, LANES)
             best = min(best, time.perf_counter() - began)
-    finally:
-        use_threads(threads)
     return 1e9 * best / (steps * LANES)
 
 
 def group(case, part, state):
-    """The results of one scheme of a case, from its final state."""
+    """The results of one scheme of a case, from its final state, and how long its steps take."""
+    p, found = plan(case, part), untimed_group(case, part, state)
+    ns = np.array([nanoseconds_per_step(p, step) for step in case.steps])
+    seconds = ns * 1e-9 * p.steps[:0:-1] * case.samples
+    return found._replace(variables=found.variables | {"seconds": (("h",), seconds), "ns_per_step": (("h",), ns)})
+
+
+def untimed_group(case, part, state):
+    """The results without the times of steps."""
     p = plan(case, part)
     row = scheme_row(part.scheme, part.eps)
     h = np.array(case.steps)
@@ -284,7 +275,6 @@ def group(case, part, state):
     together = error <= _LOST * np.linalg.norm(case.initial)
     own_reference = 0.0 if case.reference_scheme else case.reference_step
     order = fit_order(h, error, without, counts, resolved & together, own_reference)
-    ns = np.array([nanoseconds_per_step(p, step) for step in case.steps])
     down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
     variables = {
         "error": error,
@@ -294,8 +284,6 @@ def group(case, part, state):
         "error_final_stderr": jackknife_stderr(final, final_without, counts),
         "nonfinite": state.nonfinite[down],
         "resolved": resolved,
-        "seconds": ns * 1e-9 * p.steps[down] * case.samples,
-        "ns_per_step": ns,
     }
     variables |= report_columns(state.report[down])
     return Group(

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dispatch import kernel, means, number, unrolled
-from ..ensemble import Grid, Noise, empty_report, grid, integrate, report_columns, thread_count
+from ..ensemble import Grid, Noise, brownian, empty_report, grid, integrate, report_columns, thread_count
 from ..lanes import load
 from ..protocol import REPORT, casimir_indices, casimirs, hamiltonian, observe
 from ..records import Group, Part, describe
-from ..rng import BROWNIAN, LANES
+from ..rng import LANES
 from ..schemes import scheme_row, typical_ns
 
 
@@ -55,7 +55,7 @@ def parts(case):
 def plan(case, part):
     """The plan for one scheme of a case."""
     steps = round(case.final_time / case.step)
-    noise = Noise(np.uint64(case.seed), np.uint64(BROWNIAN))
+    noise = brownian(case.seed)
     times = grid(case.step, steps, truncate=case.truncate_noise)
     return Plan(scheme_row(part.scheme, part.eps).record, case.model, case.initial, times, noise, case.path)
 

@@ -9,10 +9,10 @@ import time
 
 import numpy as np
 
-from ..ensemble import FinalStates, empty_report, grid, integrate, thread_count, use_threads
+from ..ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads
 from ..records import Group
 from ..rng import LANES
-from ..schemes import scheme_row
+from ..schemes import reference_record, scheme_row
 from . import strong, weak
 
 #: Steps of paths that one repetition takes: some milliseconds.
@@ -66,9 +66,7 @@ def seconds_per_path(case, part):
     """Processor seconds of one path at each step size, (repeats, step sizes), on one thread."""
     jobs = [_job(case, part, h) for h in case.steps]
     found = np.empty((case.repeats, len(jobs)))
-    threads = thread_count()
-    use_threads(1)
-    try:
+    with limited_threads(1):
         for _, run in jobs:
             run()  # compile, and touch the memory
         for repeat in range(case.repeats):
@@ -76,8 +74,6 @@ def seconds_per_path(case, part):
                 began = time.process_time()
                 run()
                 found[repeat, i] = (time.process_time() - began) / paths
-    finally:
-        use_threads(threads)
     return found
 
 
@@ -86,20 +82,20 @@ def _job(case, part, h):
     steps = round(case.final_time / h)
     blocks = max(1, _PATH_STEPS // (LANES * steps))
     scheme = scheme_row(part.scheme, part.eps).record
-    reference = scheme_row(case.reference_scheme, part.eps or 0.0).record if case.reference_scheme else None
+    reference = reference_record(case.reference_scheme, part.eps)
     times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, by_reference=(0,))
     if case.functions:
         observer = FinalStates(np.empty((blocks, 1, len(case.initial) * LANES)), np.array([steps]))
     else:
         observer = strong.sums_of(case.model, case.initial, np.array([steps]), blocks)
-    noise, report = strong.noise_of(case), empty_report(blocks, 1)
+    noise, report = brownian(case.seed), empty_report(blocks, 1)
     arguments = scheme, case.model, case.initial, times, noise, observer, report, 0, blocks, blocks * LANES
     return blocks * LANES, lambda: integrate(*arguments)
 
 
 def group(case, part, state):
     """The results of one scheme of a case: errors, and the quartiles of the times."""
-    found = _of_case(case).group(case, part, state)
+    found = weak.group(case, part, state) if case.functions else strong.untimed_group(case, part, state)
     variables = dict(found.variables)
     exact = "error_bound" in variables
     if exact:

@@ -14,7 +14,7 @@ def agreement(group, groups):
 
     NaN where nothing is known; None if nothing deterministic stands beside the group.
     """
-    v = {name: values for name, (_, values) in group.variables.items()}
+    v = group.arrays
     exact = next((other for other in groups if _is_exact(other) and _is_beside(other, group)), None)
     if "error_stderr" not in v or exact is None:
         return None

@@ -12,7 +12,7 @@ def level_table(group, f, title):
     """The levels of one test function, from large to small steps."""
     from rich.text import Text
 
-    v = {name: values for name, (_, values) in group.variables.items()}
+    v = group.arrays
     lost = bool("level_nonfinite" in v and v["level_nonfinite"].any())
     headings = ["steps", "mean of the\ndifference (95 %)", "variance", "kurtosis", "consis-\ntency"]
     headings += ["samples", "µs per\nsample", *["non-\nfinite"] * lost]
@@ -39,7 +39,7 @@ def level_table(group, f, title):
 
 def level_warnings(group, f):
     """The rates by which mean, variance and cost of the levels change, and what speaks against them."""
-    v, a = {name: values for name, (_, values) in group.variables.items()}, group.attributes
+    v, a = group.arrays, group.attributes
     rates = {"mean": "level_mean_rate", "variance": "level_variance_rate"}
     told = [f"{what} {_rate(v, name, f)}" for what, name in rates.items() if name in v]
     if math.isfinite(a.get("level_cost_rate", math.nan)):

@@ -5,7 +5,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from .text import INTERVAL, LABEL, lines_of, new_table, power_of_two, print_whole, short, with_interval
+from .text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
 
 #: Of several variables the table shows the distances of these.
 SHOWN = ("y3", "H")
@@ -24,7 +24,7 @@ def rows(groups):
 
 
 def _rows(group):
-    v, n = {name: values for name, (_, values) in group.variables.items()}, group.coordinates["n"].tolist()
+    v, n = group.arrays, group.coordinates["n"].tolist()
     numbers = _numbers(group)
     whole = {"case": group.case, "scheme": group.scheme, "samples": group.attributes.get("samples")}
     for i, h in enumerate(group.coordinates["h"].tolist()):
@@ -69,27 +69,19 @@ def show(console, heading, groups):
     console.print()
 
 
-def _new_table(heading, headings):
-    table = new_table(heading, headings, left=2)
-    table.columns[0].no_wrap, table.columns[0].max_width = False, LABEL
-    return table
-
-
 def _casimirs(heading, groups):
     """Per scheme, step size and Casimir its errors after all steps and how they grew."""
     from rich.text import Text
 
     several = any(len(group.coordinates["casimir"]) > 1 for group in groups)
     names = ["scheme", "h", "non-\nfinite", *["Cas-\nimir"] * several]
-    table = _new_table(
-        heading,
-        [*names, "rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"],
-    )
+    columns = ["rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"]
+    table = new_table(heading, [*names, *columns], left=2, labels=0)
     for group in groups:
-        v, label = {name: values for name, (_, values) in group.variables.items()}, _label(group)
+        v, label = group.arrays, _label(group)
         for i, h in enumerate(group.coordinates["h"].tolist()):
             lost = int(v["nonfinite"][i])
-            start = [Text(label), power_of_two(h), Text(str(lost), style="bold red" if lost else "")]
+            start = [Text(label), power_of_two(h), lost_paths(lost)]
             for c in range(max(len(group.coordinates["casimir"]), 1)):
                 cells = _casimir_cells(v, i, c) if v["casimir_rms"].shape[-1] else ["-"] * 5
                 table.add_row(*start, *[f"C{c + 1}"] * several, *cells)
@@ -115,9 +107,11 @@ def _laws(groups):
     variables = list(dict.fromkeys(name for group in groups for name in group.coordinates["variable"].tolist()))
     chosen = [name for name in variables if name in SHOWN] or variables
     distances = [f"distance of the\nlaw of {name} (95 %)" for name in chosen]
-    table = _new_table("stationary law", ["scheme", "h", *distances, "largest |z|\nof the means", "of"])
+    table = new_table(
+        "stationary law", ["scheme", "h", *distances, "largest |z|\nof the means", "of"], left=2, labels=0
+    )
     for group in groups:
-        v, label = {name: values for name, (_, values) in group.variables.items()}, _label(group)
+        v, label = group.arrays, _label(group)
         names = group.coordinates["variable"].tolist()
         for i, h in enumerate(group.coordinates["h"].tolist()):
             pairs = ((v["law_distance"][i, m], v["law_distance_stderr"][i, m]) for m in map(names.index, chosen))

@@ -12,9 +12,8 @@ from ..regimes import (
     largest_casimir,
     largest_step,
     regimes,
-    values_of,
 )
-from .text import LABEL, lines_of, new_table, power_of_two, print_whole, short
+from .text import lines_of, new_table, power_of_two, print_whole, short
 
 #: The columns of a stability study, in this order; of what a group lacks there is none.
 STABILITY = (
@@ -31,7 +30,7 @@ def rows(groups):
 
 
 def _rows(group):
-    v, found = values_of(group), regimes(group)
+    v, found = group.arrays, regimes(group)
     for name in ("casimir_worst", "casimir_median"):
         v[name] = largest_casimir(v[name])
     points = [name for name in STABILITY if v.get(name) is not None]
@@ -51,8 +50,7 @@ def show(console, heading, groups):
     told = [list(_summary(group)) for group in groups]
     shown = [name for name in _HEADINGS if any(name in line for lines in told for line in lines)]
     headings = ["scheme", groups[0].attributes.get("sweep", "value"), *(_HEADINGS[name] for name in shown)]
-    table = new_table(heading, headings, left=1)
-    table.columns[0].no_wrap, table.columns[0].max_width = False, LABEL
+    table = new_table(heading, headings, left=1, labels=0)
     for group, lines in zip(groups, told, strict=True):
         label = lines_of(group.attributes.get("scheme_label", group.scheme))
         for value, line in zip(group.coordinates["value"].tolist(), lines, strict=True):
@@ -81,7 +79,7 @@ _HEADINGS = {
 
 def _summary(group):
     """What the table says of each value: the text of each of its columns."""
-    v, h = values_of(group), group.coordinates["h"]
+    v, h = group.arrays, group.coordinates["h"]
     casimir = largest_casimir(v["casimir_worst"])
     for i in range(len(group.coordinates["value"])):
         line = {

@@ -4,16 +4,15 @@ import math
 
 from .text import (
     INTERVAL,
-    LABEL,
     angle_note,
-    is_odd,
+    error_and_remark,
     lines_of,
+    lost_paths,
     new_table,
     order_found,
     power_of_two,
     print_whole,
     short,
-    with_interval,
 )
 
 #: The columns of a strong study, in this order; those of an implicit solver follow where there are any.
@@ -27,19 +26,22 @@ STRONG = (
 def rows(groups):
     """A record per step size."""
     for group in groups:
-        yield from _rows(group)
+        yield from error_rows(group, STRONG)
 
 
-def _rows(group):
+def error_rows(group, columns):
+    """A record per step size of a group with the axis h, of those of the columns that it has, in their order."""
     attributes = group.attributes
     low, high = attributes.get("order_ci", (None, None))
     whole = {"case": group.case, "scheme": group.scheme, "order_low": low, "order_high": high}
-    whole |= {name: attributes.get(name) for name in ("samples", "order", "expected_order")}
+    whole |= {name: attributes.get(name) for name in ("measure", "samples", "order", "expected_order")}
     for i, h in enumerate(group.coordinates["h"].tolist()):
         # Several Casimirs make one column: the largest drift.
         points = {n: v[i].max() for n, (axes, v) in group.variables.items() if axes[:1] == ("h",) and v[i].size}
         record = {**whole, "h": h, **{name: value.item() for name, value in points.items()}}
-        yield {key: record[key] for key in STRONG if record.get(key) is not None}
+        if attributes.get("exact"):
+            record["error_bound"] = record.pop("error_stderr")
+        yield {key: record[key] for key in columns if record.get(key) is not None}
 
 
 def show(console, heading, groups):
@@ -47,23 +49,20 @@ def show(console, heading, groups):
     from rich.text import Text
 
     headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "non-\nfinite", "ns per\nstep", ""]
-    table = new_table(heading, headings, left=3)
-    table.columns[0].no_wrap, table.columns[0].max_width = False, LABEL
+    table = new_table(heading, headings, left=3, labels=0)
     table.columns[-1].justify = "left"
     for group in groups:
         label = lines_of(group.attributes.get("scheme_label", group.scheme))
-        for record in _rows(group):
-            resolved, lost = record.get("resolved", True), record.get("nonfinite", 0)
-            remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
-            error = with_interval(record["error"], INTERVAL * record["error_stderr"])
+        for record in error_rows(group, STRONG):
+            error, remark = error_and_remark(record, INTERVAL * record["error_stderr"])
             table.add_row(
                 Text(label),
                 power_of_two(record["h"]),
-                Text(error if resolved else f"({error})", style="" if resolved else "dim"),
+                error,
                 short(record.get("casimir_drift")),
-                Text(str(lost), style="bold red" if lost else ""),
+                lost_paths(record.get("nonfinite", 0)),
                 short(record.get("ns_per_step"), ".1f"),
-                Text(remark, style="dim"),
+                remark,
             )
             label = ""
         table.add_section()

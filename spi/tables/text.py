@@ -23,8 +23,8 @@ def new_console(file):
     return console if console.is_terminal else Console(file=file, highlight=False, width=_WIDTH)
 
 
-def new_table(title, headings, left=0):
-    """A table without rows, its first ``left`` columns left-justified."""
+def new_table(title, headings, left=0, labels=None):
+    """A table without rows, its first ``left`` columns left-justified; labels of schemes wrap in column ``labels``."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -33,7 +33,25 @@ def new_table(title, headings, left=0):
     table = Table(title=Text(title) if title else None, title_justify="left", **style)
     for i, heading in enumerate(headings):
         table.add_column(Text(heading), justify="left" if i < left else "right", no_wrap=True)
+    if labels is not None:
+        table.columns[labels].no_wrap, table.columns[labels].max_width = False, LABEL
     return table
+
+
+def error_and_remark(record, half):
+    """The cells of an error with half its interval, in brackets if it is not resolved, and of what is to be said."""
+    from rich.text import Text
+
+    resolved, error = record.get("resolved", True), with_interval(record["error"], half)
+    remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
+    return Text(error if resolved else f"({error})", style="" if resolved else "dim"), Text(remark, style="dim")
+
+
+def lost_paths(count):
+    """The cell of how many paths left the finite numbers."""
+    from rich.text import Text
+
+    return Text(str(count), style="bold red" if count else "")
 
 
 def lines_of(label):

@@ -10,7 +10,6 @@ from .eps import limits_shown, over_eps
 from .levels import level_table, level_warnings
 from .text import (
     INTERVAL,
-    LABEL,
     fraction,
     is_odd,
     lines_of,
@@ -50,7 +49,7 @@ def rows(groups):
 
 def _point_rows(group, groups=()):
     found = agreement(group, groups)
-    v, a = {name: values for name, (_, values) in group.variables.items()}, group.attributes
+    v, a = group.arrays, group.attributes
     whole = _whole(group) | {name: a.get(name) for name in ("samples", "cpu_seconds", "ns_per_step")}
     points = [f"{name}{what}" for name in _PER_POINT for what in ("", "_stderr", "_bound")] + ["resolved"]
     for f, function in enumerate(group.coordinates["function"].tolist()):
@@ -67,7 +66,7 @@ def _prefix_rows(group):
     """Of fewer paths than all; expectations and orders are known of all only."""
     from ..estimators import is_resolved  # takes a while
 
-    v = {name: values for name, (_, values) in group.variables.items()}
+    v = group.arrays
     resolved = is_resolved(np.abs(v["prefix_error"]), v["prefix_error_stderr"])
     for n, samples in enumerate(group.coordinates["samples"].tolist()):
         if samples == group.attributes.get("samples"):
@@ -120,8 +119,7 @@ def _errors(heading, groups):
     lost = any("nonfinite" in group.variables and bool(group.variables["nonfinite"][1].any()) for group in groups)
     names = ["scheme,\nestimator", *["function"] * several, "h"]
     headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["non-\nfinite"] * lost, ""]
-    table = new_table(heading, headings, left=len(names))
-    table.columns[0].no_wrap, table.columns[0].max_width = False, LABEL
+    table = new_table(heading, headings, left=len(names), labels=0)
     table.columns[-1].justify = "left"
     for group in groups:
         records = list(_point_rows(group))
@@ -168,7 +166,7 @@ def _functions(groups):
 def _summary(group):
     """What is to be said about all step sizes of one scheme with one estimator."""
     a = group.attributes
-    v = {name: values for name, (_, values) in group.variables.items()}
+    v = group.arrays
     points = group.coordinates["h"].size
     for f in range(len(group.coordinates["function"])):
         order = [v[name][f] if name in v else math.nan for name in ("order", "order_low", "order_high")]

@@ -6,18 +6,18 @@ import textwrap
 
 import numpy as np
 
+from .strong import error_rows
 from .text import (
     INTERVAL,
-    LABEL,
     duration,
-    is_odd,
+    error_and_remark,
     lines_of,
+    lost_paths,
     new_table,
     order_found,
     power_of_two,
     print_whole,
     short,
-    with_interval,
     with_pi,
 )
 
@@ -35,21 +35,7 @@ _HEADING = 10  # characters of the label of a scheme over a column of factors
 def rows(groups):
     """A record per step size; the times are the median and the quartiles of the repeats."""
     for group in groups:
-        yield from _rows(group)
-
-
-def _rows(group):
-    attributes = group.attributes
-    low, high = attributes.get("order_ci", (None, None))
-    whole = {"case": group.case, "scheme": group.scheme, "order_low": low, "order_high": high}
-    whole |= {name: attributes.get(name) for name in ("measure", "samples", "order", "expected_order")}
-    for i, h in enumerate(group.coordinates["h"].tolist()):
-        # Several Casimirs make one column: the largest drift.
-        points = {n: v[i].max() for n, (axes, v) in group.variables.items() if axes[:1] == ("h",) and v[i].size}
-        record = {**whole, "h": h, **{name: value.item() for name, value in points.items()}}
-        if attributes.get("exact"):
-            record["error_bound"] = record.pop("error_stderr")
-        yield {key: record[key] for key in WORK_PRECISION if record.get(key) is not None}
+        yield from error_rows(group, WORK_PRECISION)
 
 
 def show(console, heading, groups):
@@ -73,24 +59,23 @@ def _points(heading, groups):
     error = f"{groups[0].attributes.get('measure', '')} error ({' or '.join(trust)})".strip()
     drifts, losses = (any(name in group.variables for group in groups) for name in ("casimir_drift", "nonfinite"))
     optional = [*["Casimir\ndrift"] * drifts, *["non-\nfinite"] * losses]
-    table = new_table(heading, ["scheme", "h", error, "time per\npath", "ns per\nstep", *optional, ""], left=3)
-    table.columns[0].no_wrap, table.columns[0].max_width = False, LABEL
+    table = new_table(
+        heading, ["scheme", "h", error, "time per\npath", "ns per\nstep", *optional, ""], left=3, labels=0
+    )
     table.columns[-1].justify = "left"
     for group in groups:
         label = lines_of(group.attributes.get("scheme_label", group.scheme))
-        for record in _rows(group):
-            resolved, lost = record.get("resolved", True), record.get("nonfinite", 0)
-            remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
-            value = with_interval(record["error"], _half(record))
+        for record in error_rows(group, WORK_PRECISION):
+            value, remark = error_and_remark(record, _half(record))
             table.add_row(
                 Text(label),
                 power_of_two(record["h"]),
-                Text(value if resolved else f"({value})", style="" if resolved else "dim"),
+                value,
                 duration(record["seconds_per_path"]),
                 short(record.get("ns_per_step"), ".1f"),
                 *[short(record.get("casimir_drift"))] * drifts,
-                *[Text(str(lost), style="bold red" if lost else "")] * losses,
-                Text(remark, style="dim"),
+                *[lost_paths(record.get("nonfinite", 0))] * losses,
+                remark,
             )
             label = ""
         table.add_section()
@@ -130,10 +115,11 @@ def _requested(groups):
 
     labels = {group.scheme: group.attributes.get("scheme_label", group.scheme) for group in groups}
     headings = ["error", "cheapest", "h", "time", *map(_heading, labels.values())]
-    table = new_table("cheapest scheme for a requested error, times of the others as multiples", headings, left=3)
+    table = new_table(
+        "cheapest scheme for a requested error, times of the others as multiples", headings, left=3, labels=1
+    )
     if len(labels) > 4:
         table.padding = 0  # else it is too wide
-    table.columns[1].no_wrap, table.columns[1].max_width = False, LABEL
     marks = set()
     for target in sorted({t for group in groups for t in group.attributes.get("targets", ())}, reverse=True):
         best, point, cells = _fastest(target, groups)
@@ -165,7 +151,7 @@ def _fastest(target, groups):
 def _curve(group):
     from ..estimators import WorkCurve, interval_of_median
 
-    v, a = {name: values for name, (_, values) in group.variables.items()}, group.attributes
+    v, a = group.arrays, group.attributes
     half = v["error_stderr"] * (1.0 if a.get("exact") else INTERVAL)
     times = [v[f"seconds_per_path{name}"] for name in ("", "_low", "_high")]
     ends = interval_of_median(*times, a.get("repeats", 1))

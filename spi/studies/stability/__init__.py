@@ -10,13 +10,13 @@ import functools
 
 import numpy as np
 
-from ...ensemble import Noise, grid, report_columns, thread_count
+from ...ensemble import brownian, nested_grid, report_columns, thread_count
 from ...expressions import as_numpy, canonical
 from ...kolmogorov import limits
 from ...protocol import REPORT
 from ...records import Group, Part, describe
-from ...rng import BROWNIAN, LANES
-from ...schemes import SCHEMES, scheme_row, typical_ns
+from ...rng import LANES
+from ...schemes import SCHEMES, reference_record, scheme_row, typical_ns
 from .paths import Plan, arrays_of
 from .paths import batches as batches
 from .paths import start as start
@@ -34,16 +34,16 @@ def parts(case):
 
 def plan(case, part):
     """The plan for one scheme of a case."""
-    doublings = np.array([0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))])
-    total = round(case.final_time / case.reference_step)
     points = tuple((c.model, c.initial, _eps(c, part)) for c in case.sweep.cases)
-    reference = scheme_row(case.reference_scheme, 0.0).record if case.reference_scheme else None
+    eps = points[0][2]
+    reference = reference_record(case.reference_scheme, eps)
+    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
     return Plan(
-        scheme_row(part.scheme, points[0][2]).record,
+        scheme_row(part.scheme, eps).record,
         points,
-        grid(case.reference_step, total, doublings, case.truncate_noise, reference_scheme=reference),
-        Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
-        total >> doublings,
+        times,
+        brownian(case.seed),
+        times.reference_steps >> times.doublings,
         case.samples,
         case.expressions,
     )

@@ -7,19 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...dispatch import constant, means, number, record_class, unrolled
-from ...ensemble import (
-    Grid,
-    Noise,
-    add_reports,
-    empty_report,
-    in_batches,
-    integrate,
-)
+from ...dispatch import constant, means, record_class
+from ...ensemble import FinalStates, Grid, Noise, add_reports, empty_report, in_batches, integrate, watch_casimirs
+from ...estimators import stderr_of_mean
 from ...expressions import as_numpy
 from ...fields import dot, scaled
 from ...lanes import load
-from ...protocol import REPORT, casimir_indices, casimirs, observe
+from ...protocol import REPORT, casimirs, observe
 from ...rng import LANES
 
 _MOST_BLOCKS = 64
@@ -31,8 +25,7 @@ class Extremes(NamedTuple):
     casimir: np.ndarray  #: (blocks, levels, C, LANES), the largest |C_c(y) - C_c(y_0)|
     square: np.ndarray  #: (blocks, levels, LANES), the largest |y|^2 / |y_0|^2
     least: np.ndarray  #: (blocks, levels, LANES), of populations the smallest component
-    y: np.ndarray  #: (blocks, levels, d * LANES), the last states
-    steps: np.ndarray  #: (levels,) int64, how many steps each level takes
+    last: FinalStates
     initial_casimirs: tuple
     inverse: float  #: 1 / |y_0|
 
@@ -43,20 +36,10 @@ def _populations(model):
     return int(getattr(cls, "populations", False))
 
 
-@unrolled(casimir_indices)
-def _watch(index, model, worst, initial, y):
-    c = number(index)
-    for lane in range(LANES):
-        change = abs(casimirs(model, load(model, y, lane))[c] - initial[c])
-        if not change <= worst[c, lane]:  # true for NaN
-            worst[c, lane] = change
-    return worst
-
-
 @means(observe, Extremes)
 def _(observer, model, row, paths, level, n, y, reference):
     if level > 0:
-        _watch(model, observer.casimir[row, level], observer.initial_casimirs, y)
+        watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, y)
         square, least = observer.square[row, level], observer.least[row, level]
         for lane in range(LANES):
             state = scaled(load(model, y, lane), observer.inverse)
@@ -68,9 +51,7 @@ def _(observer, model, row, paths, level, n, y, reference):
                 smallest = min(load(model, y, lane))
                 if not smallest >= least[lane]:
                     least[lane] = smallest
-    if n == observer.steps[level]:
-        for i in range(observer.y.shape[2]):
-            observer.y[row, level, i] = y[i]
+    observe(observer.last, model, row, paths, level, n, y, reference)
 
 
 class Plan(NamedTuple):
@@ -114,18 +95,26 @@ class State(NamedTuple):
 def arrays_of(p):
     """All arrays of the state before anything is done, in the order of its fields."""
     model, initial, _ = p.points[0]
-    values, levels, d, conserved = len(p.points), len(p.steps), len(initial), len(casimirs(model, initial))
-    paths = p.blocks * LANES
+    values, levels = len(p.points), len(p.steps)
     found = np.zeros((values, levels - 1))
-    by_casimir = np.zeros((values, levels - 1, conserved))
+    by_casimir = np.zeros((values, levels - 1, len(casimirs(model, initial))))
     by_function = np.zeros((values, levels - 1, len(p.functions)))
     return (
-        np.zeros((levels, conserved, paths)),
-        np.zeros((levels, paths)),
-        np.full((levels, paths), np.inf),
-        np.zeros((levels, d, paths)),
+        *_of_paths(p),
         np.zeros((values, levels, len(REPORT))),
         *(found, by_casimir, by_casimir, found, found, found, found, by_function, by_function),
+    )
+
+
+def _of_paths(p):
+    """The arrays of the value at hand before its first block."""
+    model, initial, _ = p.points[0]
+    levels, paths = len(p.steps), p.blocks * LANES
+    return (
+        np.zeros((levels, len(casimirs(model, initial)), paths)),
+        np.zeros((levels, paths)),
+        np.full((levels, paths), np.inf),
+        np.zeros((levels, len(initial), paths)),
     )
 
 
@@ -145,8 +134,7 @@ def advance_state(p, state, blocks):
         np.zeros((blocks, levels, len(known), LANES)),
         np.zeros((blocks, levels, LANES)),
         np.full((blocks, levels, LANES), np.inf),
-        np.empty((blocks, levels, d * LANES)),
-        p.steps,
+        FinalStates(np.empty((blocks, levels, d * LANES)), p.steps),
         known,
         1.0 / math.hypot(*initial),
     )
@@ -158,7 +146,7 @@ def advance_state(p, state, blocks):
         casimir=_put(state.casimir, at, found.casimir),
         square=_put(state.square, at, found.square),
         least=_put(state.least, at, found.least),
-        y=_put(state.y, at, found.y.reshape(blocks, levels, d, LANES)),
+        y=_put(state.y, at, found.last.y.reshape(blocks, levels, d, LANES)),
         report=_set(state.report, state.done, add_reports(state.report[state.done], report)),
     )
     if state.blocks == p.blocks:
@@ -199,7 +187,7 @@ def _summed_up(p, state):
         squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
         mean = squares.mean(axis=1)
         error = np.sqrt(mean)
-        stderr = _stderr_of_mean(squares) / (2 * error)
+        stderr = stderr_of_mean(squares) / (2 * error)
     new = {
         "finite": np.isfinite(y).all(axis=1).mean(axis=1),
         "casimir_worst": worse.max(axis=2, initial=0.0),
@@ -210,15 +198,9 @@ def _summed_up(p, state):
         "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
     }
     new["expectation"], new["expectation_stderr"] = _expectations(p.functions, y)
-    fresh = dict(zip(State._fields[3:7], arrays_of(p), strict=False))
+    fresh = dict(zip(("casimir", "square", "least", "y"), _of_paths(p), strict=True))
     done = {name: _set(getattr(state, name), i, value) for name, value in new.items()}
     return state._replace(done=i + 1, blocks=0, **fresh, **done)
-
-
-def _stderr_of_mean(values):
-    """Standard error of the mean over the last axis, paths; NaN for one path."""
-    paths = values.shape[-1]
-    return values.std(axis=-1, ddof=1) / np.sqrt(paths) if paths > 1 else np.full(values.shape[:-1], np.nan)
 
 
 def _expectations(functions, y):
@@ -227,7 +209,7 @@ def _expectations(functions, y):
     for f, tree in enumerate(functions):
         with np.errstate(all="ignore"):
             values = np.broadcast_to(as_numpy(tree)(np.moveaxis(y, 1, 0)), y[:, 0].shape)
-            found[:, :, f] = values.mean(axis=1), _stderr_of_mean(values)
+            found[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
     return found
 
 

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble import Grid, Noise, add_reports, grid, in_batches
+from ...ensemble import Grid, Noise, add_reports, brownian, in_batches, nested_grid
 from ...estimators import GROUPS, group_counts, jackknife_stderr
 from ...protocol import REPORT
-from ...rng import BROWNIAN, LANES
-from ...schemes import scheme_row, typical_ns
+from ...rng import LANES
+from ...schemes import reference_record, scheme_row, typical_ns
 from .sums import (
     add_powers,
     compile_kernels,
@@ -62,15 +62,13 @@ class State(NamedTuple):
 
 def plan(case, scheme, eps=None):
     """The plan for one scheme of a case."""
-    doublings = [0, *(round(np.log2(h / case.reference_step)) for h in reversed(case.steps))]
-    steps = round(case.final_time / case.reference_step)
-    reference = scheme_row(case.reference_scheme, eps or 0.0).record if case.reference_scheme else None
+    reference = reference_record(case.reference_scheme, eps)
     return Plan(
         scheme_row(scheme, eps).record,
         case.model,
         case.initial,
-        grid(case.reference_step, steps, doublings, case.truncate_noise, reference_scheme=reference),
-        Noise(np.uint64(case.seed), np.uint64(BROWNIAN)),
+        nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference),
+        brownian(case.seed),
         case.expressions,
         case.samples,
         tuple(case.prefixes or ()),
