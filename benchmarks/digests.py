@@ -22,7 +22,9 @@ import numpy as np
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
 #: What is measured with a clock, and what is said in words only.
-TIMES = re.compile("seconds|ns_per_step|cost|per_sample|time_|memory|threads|label|title|panels|eps$|family|word|scheme$")
+TIMES = re.compile(
+    "seconds|ns_per_step|cost|per_sample|time_|memory|threads|label|title|panels|eps$|family|word|scheme$"
+)
 
 
 def digests(path):
