@@ -11,7 +11,11 @@ PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --co
 
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-uncompiled lint check figures bench bench-peers clean $(EXPERIMENTS)
+#: The tests of the inner loop: seconds each once the kernels are compiled.
+QUICK = arithmetic dispatch estimators expressions floors kinds models plot plot_trajectory plot_weak rng spec spec_eps stability_views \
+  storage tables tables_weak work_precision_views
+
+.PHONY: help install demo test test-quick test-uncompiled lint check figures bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -39,12 +43,16 @@ demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its fi
 test: $(INSTALLED_TEST) ## set up and run the tests
 	$(VENV)/bin/python -m pytest -n 2 --dist worksteal
 
+test-quick: $(INSTALLED_TEST) ## the tests of the inner loop (within a minute once the kernels are compiled)
+	$(VENV)/bin/python -m pytest -n 2 $(QUICK:%=tests/test_%.py)
+
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest
 
-lint: $(INSTALLED_TEST)
+lint: $(INSTALLED_TEST) ## linter, format and types
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/ruff format --check
+	$(VENV)/bin/mypy
 
 check: lint ## lint, and validate every experiment
 	$(SPI) check experiments/*.yaml

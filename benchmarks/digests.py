@@ -63,7 +63,8 @@ def main():
         out = chosen.keep or Path(scratch)
         for spec in chosen.experiments or sorted(EXPERIMENTS.glob("*.yaml")):
             program = [sys.executable, "-c", "from spi.cli import main; main()"]
-            subprocess.run([*program, "run", spec, "--profile", "quick", "--fresh", "--out", out], check=True)
+            command = [*program, "run", spec, "--profile", "quick", "--fresh", "--out", out]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             for group, digest in digests(out / f"{spec.stem}.h5"):
                 print(f"{spec.stem:32} {group:60} {digest}", flush=True)
 

@@ -32,6 +32,5 @@ def row(scheme):
 
 def why_not(scheme, model):
     """Why a scheme is not for a model, or None."""
-    if row(scheme).needs_sphere and not getattr(type(model), "sphere", False):
-        return "|y| is no Casimir function"
-    return None
+    needs = row(scheme).needs
+    return None if needs is None or needs(model) else f"{needs.__name__} is false"

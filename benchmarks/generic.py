@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
+from spi.angles import ANY_ANGLES
 from spi.dispatch import number, unrolled
 from spi.fields import (
     add_ito_correction,
@@ -20,12 +21,13 @@ from spi.fields import (
     squared_distance,
     step_field,
 )
-from spi.protocol import ANY_ANGLES, drift_flow, noise_flow, noise_indices
+from spi.protocol import drift_flow, noise_flow, noise_indices
 from spi.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
 from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from spi.schemes.midpoint import Midpoint
-from spi.schemes.splitting import Splitting, compositions
+from spi.schemes.rows import compositions
+from spi.schemes.splitting import Splitting
 
 # The package's fields find increment k of lane l at [k * LANES + l]; here there is lane 0 alone.
 
@@ -70,7 +72,7 @@ def twin(scheme, model):
 def flows_in_turn(scheme, model):
     """The flows of a composition, written out; of one of its two compositions, where a coin is tossed."""
     lines = ["def step(scheme, model, h, y, dW, z, heads):"]
-    several = compositions(scheme, model)
+    several = compositions(scheme.rows, model)
     for coin, (_, flows) in zip(("if heads:", "else:"), several, strict=False):
         lines.append(f" {coin if len(several) > 1 else 'if True:'}")
         for part, k, share in flows:

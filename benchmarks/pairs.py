@@ -14,7 +14,7 @@ import numpy as np
 from examples import STEP, example, row
 from machine import vector_width
 
-from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate, integrate_block, use_threads
+from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
 from spi.protocol import noises, tosses
 from spi.rng import BROWNIAN, LANES
 
@@ -36,7 +36,7 @@ class Times(NamedTuple):
 
 def our_work(scheme, model, initial, steps, *, h=STEP, truncate=False, blocks=BLOCKS):
     """A function that runs the bare ensemble at one step size."""
-    noise, report = Noise(np.uint64(1), np.uint64(BROWNIAN)), empty_report(blocks, 1)
+    noise, report = RandomStream(np.uint64(1), np.uint64(BROWNIAN)), empty_report(blocks, 1)
     states = FinalStates(np.zeros((blocks, 1, type(model).dimension * LANES)), np.array([steps]))
     times = grid(h, steps, truncate=truncate)
     return lambda: integrate(scheme, model, initial, times, noise, states, report, 0, blocks, blocks * LANES)
@@ -48,11 +48,11 @@ class Pair:
     def __init__(self, model_name, scheme_name):
         model, initial = example(model_name)
         entry = row(scheme_name)
-        known = set(integrate_block.signatures)
+        known = set(integrate.signatures)
         self.ours = lambda steps: our_work(entry.record, model, initial, steps, truncate=entry.needs_truncation)
         self.ours(4)()
-        (signature,) = set(integrate_block.signatures) - known
-        self.width = vector_width(integrate_block.inspect_asm(signature))
+        (signature,) = set(integrate.signatures) - known
+        self.width = vector_width(integrate.inspect_asm(signature))
         self.twin, self.naive = naive_work(model_name, scheme_name, entry.record, model, initial)
         if self.naive:
             self.naive(4)()

@@ -30,14 +30,14 @@ import numba
 import numpy as np
 
 from spi.dispatch import kernel
-from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate, use_threads
+from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
 from spi.models import RigidBody
 from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 from spi.schemes import SCHEMES
 
 MODEL = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
 INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
-NOISE = Noise(np.uint64(1), np.uint64(BROWNIAN))
+NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))
 EXPONENTS = range(3, 9)  # the step sizes are 2^-k
 REFERENCE = 16
 PATHS = 1024  # for the errors

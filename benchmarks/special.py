@@ -7,39 +7,31 @@ import numpy as np
 from examples import STEP, example
 from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
 
-from spi.ensemble import Noise, empty_report, grid, integrate, use_threads
+from spi.ensemble import RandomStream, empty_report, grid, integrate, use_threads
 from spi.estimators import GROUPS
 from spi.expressions import parse_expression
-from spi.protocol import casimirs
+from spi.kinds.strong.study.paths import sums_of
+from spi.kinds.weak.study.sums import add_powers, values_of_blocks
 from spi.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
-from spi.studies.strong import StrongSums
-from spi.studies.weak.sums import add_powers, values_of_blocks
 
 STEPS = 2048
-NOISE = Noise(np.uint64(1), np.uint64(BROWNIAN))
+NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))
 SPLITTING = SCHEMES["splitting"].record
 
 
 def strong_work(model, initial, doublings):
     """The pass of the strong study, with several step sizes; per step of the smallest."""
-    levels, counts = len(doublings), STEPS >> np.array(doublings)
-    sums = StrongSums(
-        np.zeros((BLOCKS, max(int(counts[1:].sum()), 1), 8)),
-        np.zeros((BLOCKS, levels, type(model).conserved, LANES)),
-        np.zeros((BLOCKS, levels), np.int64),
-        np.concatenate(([0, 0], np.cumsum(counts[1:-1])))[:levels].astype(np.int64),
-        counts,
-        casimirs(model, initial),
-    )
-    times, report = grid(STEP, STEPS, doublings, True), empty_report(BLOCKS, levels)
+    sums = sums_of(model, initial, STEPS >> np.array(doublings), BLOCKS)
+    times, report = grid(STEP, STEPS, doublings, True), empty_report(BLOCKS, len(doublings))
     return lambda: integrate(SPLITTING, model, initial, times, NOISE, sums, report, 0, BLOCKS, BLOCKS * LANES)
 
 
 def weak_work(model, initial, blocks, steps):
     """The pass of the weak study: the paper's test function and sums over paths."""
     functions = (parse_expression("sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)", type(model).dimension),)
-    plan = SimpleNamespace(scheme=SPLITTING, model=model, initial=initial, functions=functions)
+    case = SimpleNamespace(expressions=functions)
+    plan = SimpleNamespace(scheme=SPLITTING, model=model, initial=initial, case=case)
     times = grid(STEP, steps)
 
     def work():

@@ -1,18 +1,39 @@
 """spi: a laboratory for stochastic Poisson integrators."""
 
+import atexit
 import hashlib
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 __version__ = "0.1.0"
 
 
+#: What :func:`source_digest` leaves out because it reads, keeps or shows: modules, and those of a kind of experiment.
+_NOT_COMPUTING = {"spec", "storage", "drawing", "printing", "compiling", "run", "views", "cli"}
+_NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "table", "figure"}
+
+
+def computing_sources():
+    """The files of this package on which compiled code and the numbers of a study depend, sorted."""
+    package = Path(__file__).parent
+    return [source for source in sorted(package.rglob("*.py")) if _computes(source.relative_to(package))]
+
+
+def _computes(source):
+    """Whether a file, named as seen from the package, belongs to :func:`computing_sources`."""
+    names = source.with_suffix("").parts
+    if names[0] == "kinds":
+        return names[1] != "__init__" and not _NOT_COMPUTING_IN_A_KIND.intersection(names[2:3])
+    return names[0] not in _NOT_COMPUTING
+
+
 def source_digest():
-    """A hash of the sources of this package."""
+    """A hash of :func:`computing_sources`, which no edit of a legend or of a message changes."""
     digest = hashlib.sha256()
     package = Path(__file__).parent
-    for source in sorted(package.rglob("*.py")):
+    for source in computing_sources():
         digest.update(str(source.relative_to(package)).encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
@@ -23,17 +44,26 @@ def _point_cache_at_sources():
 
     Numba notices an edit in the file of a kernel, not in the files of the functions that the kernel calls; with a new
     folder after any edit nothing stale can be found.  Must run before any kernel is declared.
+
+    Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there after an
+    edit.  Then a temporary folder, gone when the program ends, takes its place; returns why, otherwise None.
     """
     parent = os.environ.get("SPI_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "spi")
-    folder = str(Path(parent, source_digest()))
-    os.environ["NUMBA_CACHE_DIR"] = folder
+    folder, problem = Path(parent, source_digest()), None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        problem = f"{folder}: {error.strerror}"
+        temporary = tempfile.TemporaryDirectory(prefix="spi-")
+        atexit.register(temporary.cleanup)
+        os.environ["SPI_CACHE_DIR"] = temporary.name  # also for programs that this one starts
+        folder = Path(temporary.name, folder.name)
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = folder
+        sys.modules["numba"].config.CACHE_DIR = str(folder)
+    return problem
 
 
-def kernels_are_cached():
-    """Whether kernels of these sources have been compiled on this machine before."""
-    return any(Path(os.environ["NUMBA_CACHE_DIR"]).glob("*/*.nbi"))
-
-
-_point_cache_at_sources()
+#: Why compiled kernels cannot be kept for the next run; None where they are.
+CACHE_PROBLEM = _point_cache_at_sources()

@@ -4,9 +4,16 @@ import signal
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+    from rich.progress import TaskID
+
+    from .run import Progress
+    from .spec import Experiment
 
 DONE, FAILED, INVALID, STOPPED = 0, 1, 2, 3
 
@@ -26,7 +33,7 @@ class Format(StrEnum):
     csv = "csv"
 
 
-def _version(wanted: bool):
+def _version(wanted: bool) -> None:
     if wanted:
         from . import __version__
 
@@ -35,7 +42,7 @@ def _version(wanted: bool):
 
 
 @app.callback()
-def _common(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False):
+def _common(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False) -> None:
     """A laboratory for stochastic Poisson integrators."""
 
 
@@ -57,11 +64,11 @@ def run(
     threads: Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)] = None,
     out: Out = Path("results"),
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")] = False,
-):
+) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table."""
     experiments = _load(specs, profile, overrides, samples, seed)
+    from . import CACHE_PROBLEM, storage, views
     from . import run as runner
-    from . import store, tables
     from .ensemble import use_threads
 
     if threads is not None:
@@ -69,11 +76,13 @@ def run(
             use_threads(threads)
         except ValueError as error:
             _end(INVALID, f"--threads: {error}")
+    if CACHE_PROBLEM:
+        typer.echo(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run", err=True)
     stop = _Stop()
     for experiment in experiments:
         with _ProgressLine(experiment.name, stop) as line:
-            path = runner.run(experiment, out, fresh, line.report)
-        tables.print_table(store.read(path))
+            path = runner.run(experiment, out, fresh, line.report, line.report_compiling)
+        views.print_tables(storage.read(path))
         typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
 
 
@@ -85,10 +94,10 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(help="Folder of results, and of figures (default: results; beside a FILE).")
     ] = None,
-):
+) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from . import plot as plotter
-    from . import store
+    from . import storage, views
+    from .drawing import save
     from .run import results_of
 
     folder = out or Path("results")
@@ -98,7 +107,7 @@ def plot(
     for source in stored:
         path = results_of(source, folder) if source.suffix in (".yaml", ".yml") else source
         try:
-            files = plotter.save(store.read(path), out or path.parent, path.stem)
+            files = save(views.figure(storage.read(path)), out or path.parent, path.stem)
         except ValueError as error:
             _end(FAILED, f"{path}: {error}")
         for written in files:
@@ -109,25 +118,28 @@ def plot(
 def show(
     file: Annotated[Path, typer.Argument(help="A results file.")],
     format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
-):
+) -> None:
     """Print stored results to standard output."""
-    from . import store, tables
+    from . import storage, views
+    from .printing import as_csv, as_json
 
-    results = store.read(file)
+    results = storage.read(file)
     if format is Format.table:
-        tables.print_table(results)
+        views.print_tables(results)
     else:
-        write = tables.as_json if format is Format.json else tables.as_csv
-        typer.echo(write(tables.rows(results)).rstrip("\n"))
+        write = as_json if format is Format.json else as_csv
+        typer.echo(write(views.rows(results)).rstrip("\n"))
 
 
 @app.command("list")
-def list_(folder: Annotated[Path, typer.Option("--experiments", help="Folder of experiments.")] = Path("experiments")):
+def list_(
+    folder: Annotated[Path, typer.Option("--experiments", help="Folder of experiments.")] = Path("experiments"),
+) -> None:
     """List models, schemes and experiments."""
     from .models import MODELS
+    from .printing import print_catalogue
+    from .run import load
     from .schemes import SCHEMES
-    from .spec import load
-    from .tables import print_catalogue
 
     print_catalogue(MODELS, SCHEMES, [load(path) for path in sorted(folder.glob("*.yaml"))])
 
@@ -135,29 +147,31 @@ def list_(folder: Annotated[Path, typer.Option("--experiments", help="Folder of 
 @app.command()
 def check(
     specs: Specs, profile: Profile = "laptop", overrides: Overrides = None, samples: Samples = None, seed: Seed = None
-):
+) -> None:
     """Validate experiments and say what they would cost."""
     experiments = _load(specs, profile, overrides, samples, seed)
-    from . import tables
+    from .printing import print_cost
     from .run import cost
 
     for experiment in experiments:
-        tables.print_cost(experiment, cost(experiment))
+        print_cost(experiment, cost(experiment))
 
 
 @app.command()
-def schema():
+def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from .spec import json_schema
+    from .run import layers
 
-    typer.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
+    typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=False))
 
 
-def _load(specs, profile, overrides, samples, seed):
+def _load(
+    specs: list[Path], profile: str, overrides: list[str] | None, samples: str | None, seed: str | None
+) -> list["Experiment"]:
     """All experiments, before anything runs."""
-    from .spec import load
+    from .run import load
 
     overrides = list(overrides or [])
     overrides += [f"samples={samples}"] if samples is not None else []
@@ -171,16 +185,16 @@ class _Stop:
     While Numba compiles, the exception that Python raises then can get lost; so it is also remembered.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.wanted = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._wanted)
 
-    def _wanted(self, *_):
+    def _wanted(self, *_: object) -> None:
         self.wanted = True
         raise KeyboardInterrupt
 
-    def check(self):
+    def check(self) -> None:
         if self.wanted:
             raise KeyboardInterrupt
 
@@ -188,13 +202,13 @@ class _Stop:
 class _ProgressLine:
     """One line on a terminal: paths done, rate, time left, current standard error."""
 
-    def __init__(self, name, stop):
+    def __init__(self, name: str, stop: _Stop) -> None:
         self.name = name
         self.stop = stop
-        self.bar = None
-        self.task = None
+        self.bar: Bar | None = None
+        self.task: TaskID | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> "_ProgressLine":
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -208,43 +222,44 @@ class _ProgressLine:
             ]
             self.bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self.bar.start()
-            self._tell_of_compilation()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         if self.bar:
             self.bar.stop()
 
-    def _tell_of_compilation(self):
-        from . import kernels_are_cached
+    def report_compiling(self, number: int, total: int, name: str) -> None:
+        self.stop.check()
+        if self.bar:
+            description = f"{self.name} compiling {number} of {total}: {name}"
+            self._show(self.bar, None, description, total, number - 1, "once, some seconds for each scheme")
 
-        if not kernels_are_cached():
-            self.bar.console.print("first run: compiling, once, about 10 s for each scheme")
-
-    def report(self, progress):
+    def report(self, progress: "Progress") -> None:
         self.stop.check()
         if not self.bar:
             return
-        description = f"{self.name} {progress.part + 1}/{progress.parts} {progress.case} {progress.scheme}"
+        description = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
             news = f"{rate}standard error {progress.stderr:.1e}"
-        if self.task is None or self.bar.tasks[-1].fields["part"] != progress.part:
+        self._show(self.bar, progress.number, description, progress.total, progress.done, news)
+
+    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float, news: str) -> None:
+        """Show how far a part is, None for the compilation before them."""
+        if self.task is None or bar.tasks[-1].fields["part"] != part:
             if self.task is not None:
-                self.bar.remove_task(self.task)
-            self.task = self.bar.add_task(
-                description, total=progress.total, completed=progress.done, news=news, part=progress.part
-            )
-        self.bar.update(self.task, total=progress.total, completed=progress.done, news=news)
+                bar.remove_task(self.task)
+            self.task = bar.add_task(description, part=part, total=total, completed=int(completed), news=news)
+        bar.update(self.task, description=description, total=total, completed=completed, news=news)
 
 
-def _end(code, message):
+def _end(code: int, message: str) -> NoReturn:
     typer.echo(f"spi: {message}", err=True)
     raise typer.Exit(code)
 
 
-def main():
+def main() -> NoReturn:
     """The entry point: turns the errors that a person can make into one line and an exit code."""
     try:
         code = app(standalone_mode=False, prog_name="spi")
@@ -260,16 +275,16 @@ def main():
     sys.exit(code or DONE)
 
 
-def _code(error):
+def _code(error: Exception) -> int | None:
     """The exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from .run import Stopped
     from .spec import SpecError
-    from .store import StoreError
+    from .storage import StorageError
 
     if isinstance(error, Stopped):
         return STOPPED
-    if isinstance(error, SpecError | StoreError):
+    if isinstance(error, SpecError | StorageError):
         return INVALID
     return FAILED if isinstance(error, OSError) else None

@@ -1,28 +1,82 @@
 """Functions chosen by the record type of their first argument, in Python and in compiled code alike.
 
 A *word* is declared once, with its documentation, by :func:`word`; each record type (a ``NamedTuple``) says what the
-word means for it by :func:`means`.  Called from Python, a word looks the meaning up in a dictionary; called from a
-kernel, Numba picks it by the type of the record while compiling, and inlines it.  Kernels built this way contain no
-closures and take no functions as arguments, so that Numba finds them in its disk cache.
+word means for it by a method of that name.  Called from Python, a word looks up the method of the record's class;
+called from a kernel, Numba picks it by the type of the record while compiling, and inlines it.  Kernels built this way
+contain no closures and take no functions as arguments, so that Numba finds them in its disk cache.
 """
 
 import functools
 import inspect
 from typing import NamedTuple
 
-from numba import njit, types
-from numba.extending import overload
+from numba import njit, typeof, types
+from numba.extending import lower_builtin, overload, type_callable
+
+from .inlining import InliningCompiler, KernelCompiler, keep_in_shared_cache
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
 #: infinities keep their meaning.  With ``error_model="numpy"`` a division has no branch that would stop vectorisation.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 #: A small function that a loop over lanes calls: one call left standing would stop vectorisation.
-INLINED = {**OPTIONS, "forceinline": True}
+INLINED = {**OPTIONS, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+INLINED["pipeline_class"] = InliningCompiler
 
-inlined = njit(**INLINED)
-kernel = njit(cache=True, **OPTIONS)
-parallel_kernel = njit(cache=True, parallel=True, **OPTIONS)
+_KERNEL = {**OPTIONS, "no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
+
+
+def kernel(function):
+    """Decorator for a function that Python calls with arguments of known types; it is kept in the cache on disk."""
+    return keep_in_shared_cache(njit(**_KERNEL)(function))
+
+
+def parallel_kernel(function):
+    """The same for a function with a parallel loop."""
+    return keep_in_shared_cache(njit(parallel=True, **_KERNEL)(function))
+
+
+#: A large function that only kernels call, and not within a loop over lanes.
+linked = njit(**{**INLINED, "forceinline": False})
+
+
+def inlined(function):
+    """Decorator: compiled code that calls this function contains a copy of it.
+
+    Called from Python it is compiled by itself, so that it rounds as in kernels; ``__wrapped__`` is the bare function.
+    """
+    by_itself = njit(**OPTIONS)(function)
+
+    @functools.wraps(function)
+    def called(*arguments, **named):
+        return by_itself(*arguments, **named)
+
+    # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
+    overload(called, jit_options=INLINED, strict=False, prefer_literal=True)(lambda *arguments, **named: function)
+    return called
+
+
+def instructions(function):
+    """Decorator: the decorated function says what `function` is in compiled code, in instructions of LLVM.
+
+    Given the Numba types of the arguments it returns a signature and a function that writes the instructions, as for
+    ``numba.extending.intrinsic``.  Unlike an overload this is no function that has to be compiled.
+    """
+
+    def decorate(write):
+        @type_callable(function)
+        def types_of_call(context):
+            types_of_arguments = functools.partial(lambda *arguments: write(*arguments)[0])
+            types_of_arguments.pysig = inspect.signature(function)
+            return types_of_arguments
+
+        @lower_builtin(function, types.VarArg(types.Any))
+        def code_of_call(context, builder, signature, arguments):
+            return write(*signature.args)[1](context, builder, signature, arguments)
+
+        return write
+
+    return decorate
 
 
 def record_class(numba_type):
@@ -32,72 +86,137 @@ def record_class(numba_type):
     return None
 
 
+def class_of(record):
+    """The class of a record, given the record, its class, or the Numba type of one."""
+    if isinstance(record, types.Type):
+        return record_class(record)
+    return record if isinstance(record, type) else type(record)
+
+
 def field_type(numba_type, name):
     """The Numba type of the field `name` of a record type."""
     return numba_type.types[numba_type.fields.index(name)]
 
 
-def word(declaration):
-    """Declare a word: a function chosen by the record type of its first argument.
+class Declared(NamedTuple):
+    """What is known of a word: see :func:`word`, :func:`word_with_default`, :func:`capability` and :func:`fact`."""
 
-    `declaration` carries only the documentation; every record that is asked must give a meaning, otherwise TypeError
-    names the word and the record.
+    asked: str  #: who answers it: the name of the first parameter of the declaration, "model" for example
+    parameters: int  #: of its meanings
+    required: bool
+    of: type | None = None  #: of a fact, the type of its values
+
+
+def word(declaration):
+    """Declare a word: a method chosen by the class of the record that is the first argument.
+
+    A class gives a word its meaning by a method of the word's name.  `declaration` carries the documentation and no
+    code; every record that is asked must give a meaning, otherwise TypeError names the word and the record.
     """
-    return _word(declaration, None)
+    return _word(declaration, required=True)
 
 
 def word_with_default(declaration):
-    """Declare a word whose body is what it means for every record that does not give its own meaning."""
-    return _word(declaration, declaration)
+    """Declare a word whose body is what it means for every class that does not give its own meaning."""
+    return _word(declaration, default=declaration)
 
 
-def _word(declaration, default):
-    table = {}
+def capability(declaration):
+    """Declare a word that only some classes answer; :func:`answers` says whether one does."""
+    return _word(declaration)
+
+
+def answers(asked, record):
+    """Whether a record, or a class of records, gives the word `asked` a meaning."""
+    return _meaning(asked.__name__, record if isinstance(record, type) else type(record)) is not None
+
+
+def _word(declaration, default=None, required=False):
+    name = declaration.__name__
+    asked, *others = inspect.signature(declaration).parameters
 
     @functools.wraps(declaration)
     def chosen(record, *arguments):
-        meaning = table.get(type(record), default)
+        meaning = _meaning(name, type(record)) or default
         if meaning is None:
-            raise TypeError(f"{declaration.__name__} has no meaning for {type(record).__name__}")
+            raise TypeError(f"{name} has no meaning for {type(record).__name__}")
         return meaning(record, *arguments)
 
     @overload(chosen, jit_options=INLINED, strict=False)
     def chosen_while_compiling(record, *arguments):
         cls = record_class(record)
-        return cls and table.get(cls, default)
+        return cls and (_meaning(name, cls) or default)
 
-    chosen.table = table
+    chosen.declared = Declared(asked, 1 + len(others), required)
     return chosen
 
 
+def _meaning(name, cls):
+    """The method `name` of a class; None if there is none (a field of that name is no method)."""
+    method = getattr(cls, name, None)
+    return method if inspect.isfunction(method) else None
+
+
 def means(declared, *record_classes):
-    """Decorator: this function is what the word `declared` means for records of these classes."""
+    """Decorator: make this function the method of these classes that answers the word `declared`.
+
+    Only for the observers of the studies, until they have methods of their own; then this function goes.
+    """
 
     def register(function):
         for cls in record_classes:
-            declared.table[cls] = function
+            setattr(cls, declared.__name__, function)
         return function
 
     return register
 
 
 def constant(declaration):
-    """Declare a word that depends on the type of a record only and is a constant in compiled code.
+    """Declare a function of a record that depends on the record's type only and is a constant in compiled code.
 
     `declaration` maps a Python record to the value (an int or a tuple of ints) and, given a Numba record type, does
-    the same by looking at the type; see :func:`record_class` and :func:`field_type`.
+    the same by looking at the type; see :func:`class_of` and :func:`field_type`.
     """
 
     @functools.wraps(declaration)
     def chosen(record):
         return declaration(record)
 
-    @overload(chosen, jit_options=INLINED)
+    @instructions(chosen)
     def chosen_while_compiling(record):
         value = declaration(record)
-        return lambda record: value
+        return typeof(value)(record), lambda context, builder, signature, arguments: context.get_constant_generic(
+            builder, signature.return_type, value
+        )
 
     return chosen
+
+
+def fact(of, **default):
+    """Decorator that declares a fact: a class attribute of type `of`, required unless there is a ``default=``.
+
+    The declaration carries only the documentation.  The fact is asked like a word, of a record or of its class, and is
+    a constant in compiled code.  In place of the value a class may have a method that finds it from the type of a
+    record; the method is given a record or the Numba type of one.
+    """
+
+    def decorate(declaration):
+        name = declaration.__name__
+
+        @constant
+        @functools.wraps(declaration)
+        def told(record):
+            value = getattr(class_of(record), name, default.get("default"))
+            if inspect.isfunction(value):
+                value = value(record)
+            if value is None:
+                raise TypeError(f"{name} has no meaning for {class_of(record).__name__}")
+            return value
+
+        told.declared = Declared(*inspect.signature(declaration).parameters, 0, not default, of)
+        return told
+
+    return decorate
 
 
 #: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types.
@@ -110,7 +229,7 @@ for _cls in INDICES:
 @constant
 def number(index):
     """The integer that one of :data:`INDICES` stands for."""
-    return INDICES.index(record_class(index) or type(index))
+    return INDICES.index(class_of(index))
 
 
 def unrolled(indices):

@@ -11,9 +11,8 @@ import struct
 
 import numpy as np
 from numba import types
-from numba.extending import intrinsic, overload
 
-from .dispatch import INLINED, inlined
+from .dispatch import inlined, instructions
 
 #: Beyond this angle the quotient by pi/2 has more than 20 bits and reduction in three exact products fails.
 REDUCIBLE = 1.6e6
@@ -57,22 +56,6 @@ _SQRT_HALF = np.int64(0x3FE6A09E667F3BCD)  # the bits of sqrt(1/2)
 _52 = np.int64(52)
 
 
-@intrinsic
-def _cast_to_bits(typing, x):
-    def code(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(types.int64))
-
-    return types.int64(types.float64), code
-
-
-@intrinsic
-def _cast_to_float(typing, i):
-    def code(context, builder, signature, arguments):
-        return builder.bitcast(arguments[0], context.get_value_type(types.float64))
-
-    return types.float64(types.int64), code
-
-
 def bits(x):
     """The 64 bits of a float64 as a signed integer."""
     return np.int64(struct.unpack("<q", struct.pack("<d", x))[0])
@@ -83,8 +66,18 @@ def from_bits(i):
     return np.float64(struct.unpack("<d", struct.pack("<q", i))[0])
 
 
-overload(bits, jit_options=INLINED)(lambda x: lambda x: _cast_to_bits(x))
-overload(from_bits, jit_options=INLINED)(lambda i: lambda i: _cast_to_float(i))
+@instructions(bits)
+def _(x):
+    return types.int64(types.float64), _cast
+
+
+@instructions(from_bits)
+def _(i):
+    return types.float64(types.int64), _cast
+
+
+def _cast(context, builder, signature, arguments):
+    return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
 
 
 @inlined

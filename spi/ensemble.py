@@ -13,41 +13,33 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
-from .dispatch import INLINED, inlined, kernel, means, number, parallel_kernel, unrolled
-from .lanes import load, store
-from .protocol import (
-    REPORT,
-    SUMMED,
-    advance,
-    casimir_indices,
-    casimirs,
-    dimension,
-    memory_size,
-    noise_indices,
-    noises,
-    observe,
-    tosses,
-    work_size,
-)
-from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
+from .dispatch import INLINED, linked, number, parallel_kernel, unrolled
+from .increments import add_first_half, clip, copy, draw_channels, flip, keep_first_half, truncation_bound
+from .lanes import load_lane, store_lane
+from .protocol import REPORT, SUMMED, casimir_indices, casimirs, dimension, noises, observe
+from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
+from .steppers import advance_path, largest_sizes, tosses_any
 
 #: How often a study that runs in batches can report, and be interrupted.
 BATCH_SECONDS = 0.5
+
+#: The values of ``Grid.reversals``: what a path does with the order of its flows.
+AS_TOSSED, COINS_TURNED, PAIRS_REVERSED = range(3)
 
 
 class Grid(NamedTuple):
     """The times of one run, and its paths: number 0 is the reference, number l has the step 2^doublings[l] h_ref.
 
-    Several may have the same step.  One with ``reversals[l]`` = 1 tosses every coin to the other side; one with 2 also
-    makes its steps in pairs, the second of a pair before the first, so that with a scheme that is symmetric up to its
-    coins all flows of a pair act in reversed order.
+    Several may have the same step.  One with ``reversals[l]`` = COINS_TURNED tosses every coin to the other side; one
+    with PAIRS_REVERSED also makes its steps in pairs, the second of a pair before the first, so that with a scheme that
+    is symmetric up to its coins all flows of a pair act in reversed order.
     """
 
     reference_step: float
     reference_steps: int
     doublings: np.ndarray  #: int64, increasing, doublings[0] = 0
     truncate: bool  #: whether increments are clipped as :func:`truncation_bound` says, per step size
-    reversals: np.ndarray  #: int64: 0, 1, or, below the largest step, 2
+    reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
     first_step: int = 0  #: number of the first reference step; a multiple of STEPS_PER_TOSS and of the largest step
@@ -66,7 +58,7 @@ def grid(
     """A :class:`Grid`, by default with one step size, and path number 0 made by the reference scheme."""
     doublings = np.array(doublings, np.int64)
     count = len(doublings)
-    reversals = np.array([0] * count if reversals is None else reversals, np.int64)
+    reversals = np.array([AS_TOSSED] * count if reversals is None else reversals, np.int64)
     by_reference = np.array([1] + [0] * (count - 1) if by_reference is None else by_reference, np.int64)
     return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme, first_step)
 
@@ -78,7 +70,12 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme):
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme)
 
 
-class Noise(NamedTuple):
+def shortest(times):
+    """The grid with so few steps that each step size takes at least one."""
+    return times._replace(reference_steps=1 << int(times.doublings[-1]))
+
+
+class RandomStream(NamedTuple):
     """Which random numbers: the 64-bit seed and one of the streams of ``spi.rng``, as uint64."""
 
     seed: np.uint64
@@ -87,115 +84,14 @@ class Noise(NamedTuple):
 
 def brownian(seed):
     """The increments of the paths of a seed."""
-    return Noise(np.uint64(seed), np.uint64(BROWNIAN))
-
-
-@inlined
-def truncation_bound(h):
-    """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
-    return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
-
-
-@unrolled(noise_indices)
-def draw_channels(index, model, increments, noise, draw, block, scale, words):
-    """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on."""
-    k = number(index)
-    stride, rows = noises(model) * LANES, increments.ravel()[k * LANES :]
-    draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows, stride)
-    return increments
-
-
-@unrolled(noise_indices)
-def keep_first_half(index, model, dW, first):
-    k = number(index)
-    for lane in range(k * LANES, (k + 1) * LANES):
-        first[lane] = dW[lane]
-    return dW
-
-
-@unrolled(noise_indices)
-def add_first_half(index, model, dW, first):
-    """dW = first half + second half, where dW holds the second."""
-    k = number(index)
-    for lane in range(k * LANES, (k + 1) * LANES):
-        dW[lane] = first[lane] + dW[lane]
-    return dW
-
-
-@unrolled(noise_indices)
-def clip(index, model, dW, clipped, bound):
-    k = number(index)
-    for lane in range(k * LANES, (k + 1) * LANES):
-        clipped[lane] = min(max(dW[lane], -bound), bound)
-    return dW
-
-
-def largest_sizes(reference_scheme, scheme, model):
-    """Scratch and memory for either scheme."""
-    used = [s for s in (reference_scheme, scheme) if s is not None]
-    return max(work_size(s, model) for s in used), max(memory_size(s, model) for s in used)
-
-
-@overload(largest_sizes, jit_options=INLINED)
-def _(reference_scheme, scheme, model):
-    if reference_scheme == types.none:
-        return lambda reference_scheme, scheme, model: (work_size(scheme, model), memory_size(scheme, model))
-    return lambda reference_scheme, scheme, model: (
-        max(work_size(reference_scheme, model), work_size(scheme, model)),
-        max(memory_size(reference_scheme, model), memory_size(scheme, model)),
-    )
-
-
-def tosses_any(reference_scheme, scheme):
-    """Whether either scheme needs coins."""
-    return any(tosses(s) for s in (reference_scheme, scheme) if s is not None)
-
-
-@overload(tosses_any, jit_options=INLINED)
-def _(reference_scheme, scheme):
-    either = tosses(scheme) or (reference_scheme != types.none and tosses(reference_scheme))
-    return lambda reference_scheme, scheme: either
-
-
-def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
-    """One step of the scheme, or by the reference scheme if there is one."""
-    stepper = reference_scheme if by_reference and reference_scheme is not None else scheme
-    advance(stepper, model, h, dW, coins, y, work, report)
-
-
-@overload(advance_path, jit_options=INLINED)
-def _(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
-    if reference_scheme == types.none:
-        return lambda reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report: advance(
-            scheme, model, h, dW, coins, y, work, report
-        )
-
-    def either(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
-        if by_reference:
-            advance(reference_scheme, model, h, dW, coins, y, work, report)
-        else:
-            advance(scheme, model, h, dW, coins, y, work, report)
-
-    return either
-
-
-@inlined
-def flip(coins, side, flipped):
-    for lane in range(LANES):
-        coins[flipped, lane] = -coins[side, lane]
-
-
-@inlined
-def copy(coins, source, target):
-    for lane in range(LANES):
-        coins[target, lane] = coins[source, lane]
+    return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
 def begin(model, initial, row, y):
     """Put the initial state, one for all lanes or the row of this block, into `y`."""
     if isinstance(initial, tuple):
         for lane in range(LANES):
-            store(y, lane, initial)
+            store_lane(y, lane, initial)
     else:
         y[:] = initial[row]
 
@@ -206,7 +102,7 @@ def _(model, initial, row, y):
 
         def one_for_all(model, initial, row, y):
             for lane in range(LANES):
-                store(y, lane, initial)
+                store_lane(y, lane, initial)
 
         return one_for_all
 
@@ -217,7 +113,7 @@ def _(model, initial, row, y):
     return row_of_block
 
 
-@kernel
+@linked
 def integrate_block(scheme, model, initial, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
     last = grid.doublings[-1]
@@ -254,12 +150,12 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
             second_half = (n >> s) & 1
             for level in range(first_level[s], first_level[s + 1]):
                 h = grid.reference_step * 2.0**s
-                window = grid.reversals[level]
-                if window == 2 and not second_half:
+                reversal = grid.reversals[level]
+                if reversal == PAIRS_REVERSED and not second_half:
                     continue
-                for turn in range(max(window, 1)):
+                for turn in range(2 if reversal == PAIRS_REVERSED else 1):
                     increments, side = (drawn, here) if turn == 0 else (first + s, s)
-                    if window > 0:
+                    if reversal != AS_TOSSED:
                         flip(coins, side, flipped)
                         side = flipped
                     if grid.truncate:
@@ -312,7 +208,7 @@ def watch_casimirs(index, model, worst, initial, y):
     """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers."""
     c = number(index)
     for lane in range(LANES):
-        change = abs(casimirs(model, load(model, y, lane))[c] - initial[c])
+        change = abs(casimirs(model, load_lane(model, y, lane))[c] - initial[c])
         if not change <= worst[c, lane]:  # true for NaN
             worst[c, lane] = change
     return worst
@@ -324,12 +220,10 @@ class FinalStates(NamedTuple):
     y: np.ndarray  #: (blocks, levels, dimension * LANES), or with room for the memory of a scheme
     steps: np.ndarray  #: (levels,) int64, the number of the last step of each level
 
-
-@means(observe, FinalStates)
-def _(observer, model, row, paths, level, n, y, reference):
-    if n == observer.steps[level]:
-        for i in range(observer.y.shape[2]):
-            observer.y[row, level, i] = y[i]
+    def observe(observer, model, row, paths, level, n, y, reference):
+        if n == observer.steps[level]:
+            for i in range(observer.y.shape[2]):
+                observer.y[row, level, i] = y[i]
 
 
 def in_batches(state, advance, left, most):

@@ -5,40 +5,39 @@ Loops over lanes that load a tuple, compute and store it become vector instructi
 
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
 
-from .dispatch import INLINED, record_class
+from .dispatch import instructions, record_class
 from .rng import LANES
 
 
-def load(model, y, lane):
+def load_lane(model, y, lane):
     """The state of one lane as a tuple of ``dimension(model)`` floats."""
     return tuple(float(y[i * LANES + lane]) for i in range(model.dimension))
 
 
-def store(y, lane, state):
+def store_lane(y, lane, state):
     """Put a tuple of floats into one lane."""
     for i, value in enumerate(state):
         y[i * LANES + lane] = value
 
 
-@intrinsic
-def _load(typing, y, lane, model):
+@instructions(load_lane)
+def _(model, y, lane):
     d = record_class(model).dimension
 
     def code(context, builder, signature, arguments):
-        data = cgutils.create_struct_proxy(signature.args[0])(context, builder, arguments[0]).data
-        lane = arguments[1]
+        data = cgutils.create_struct_proxy(signature.args[1])(context, builder, arguments[1]).data
+        lane = arguments[2]
         values = [
             builder.load(builder.gep(data, [builder.add(lane, lane.type(i * LANES))], inbounds=True)) for i in range(d)
         ]
         return context.make_tuple(builder, signature.return_type, values)
 
-    return types.UniTuple(types.float64, d)(y, types.int64, model), code
+    return types.UniTuple(types.float64, d)(model, y, types.int64), code
 
 
-@intrinsic
-def _store(typing, y, lane, state):
+@instructions(store_lane)
+def _(y, lane, state):
     def code(context, builder, signature, arguments):
         data = cgutils.create_struct_proxy(signature.args[0])(context, builder, arguments[0]).data
         lane = arguments[1]
@@ -47,7 +46,3 @@ def _store(typing, y, lane, state):
         return context.get_dummy_value()
 
     return types.void(y, types.int64, state), code
-
-
-overload(load, jit_options=INLINED)(lambda model, y, lane: lambda model, y, lane: _load(y, lane, model))
-overload(store, jit_options=INLINED)(lambda y, lane, state: lambda y, lane, state: _store(y, lane, state))

@@ -1,39 +1,45 @@
-"""What a study hands to storage, tables and plots: plain arrays with names."""
+"""What a study hands to storage, tables and figures: plain arrays with names."""
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
+
 
 class Part(NamedTuple):
-    """What of a case is run at a time: one scheme, with one estimator where a study has several."""
+    """What of a case is computed at a time: one scheme, with one estimator where a study has several."""
 
-    scheme: str
+    scheme: str  #: its name in ``spi.schemes.SCHEMES``
     estimator: str = ""
     eps: float | None = None  #: of a scheme for the multiscale system
 
     @property
-    def group(self):
-        """What the scheme is called in a file."""
+    def variant(self) -> str:
+        """What the scheme, at this eps if it has one, is called in a file."""
         return self.scheme if self.eps is None else f"{self.scheme}_eps_{self.eps:g}"
 
     @property
-    def name(self):
-        return f"{self.group}/{self.estimator}" if self.estimator else self.group
+    def name(self) -> str:
+        """What the part is called in progress and checkpoints."""
+        return f"{self.variant}/{self.estimator}" if self.estimator else self.variant
 
 
 class Group(NamedTuple):
-    """The results of one part of a case, in a file ``/<case>/<scheme>`` or ``/<case>/<scheme>/<estimator>``."""
+    """The results of one part, in a file ``/<case>/<variant>`` or ``/<case>/<variant>/<estimator>``."""
 
     case: str
-    scheme: str
+    variant: str
     coordinates: dict[str, np.ndarray]  #: name of an axis -> its values, a 1-D array (a dimension scale)
-    variables: dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
-    attributes: dict[str, Any]  #: numbers, strings and tuples of them that describe the whole group
+    variables: Variables
+    attributes: dict[str, Any]  #: numbers, texts and tuples of them that describe the whole group
     estimator: str = ""
 
     @property
-    def arrays(self):
+    def arrays(self) -> dict[str, np.ndarray]:
         """name -> array, without the names of its axes."""
         return {name: values for name, (_, values) in self.variables.items()}
 
@@ -41,32 +47,134 @@ class Group(NamedTuple):
 class Results(NamedTuple):
     """One results file."""
 
-    attributes: dict[str, Any]  #: see section 6 of the design: kind, title, figure, spec, spec_hash, profile, ...
+    attributes: dict[str, Any]  #: of the whole experiment: kind, title, figure, spec, spec_hash, profile, seed, ...
     groups: tuple[Group, ...]
 
 
-def family(group):
-    """The scheme of a group whatever its eps, the inverse of :attr:`Part.group`."""
-    eps = group.attributes.get("eps")
-    return group.scheme if eps is None else group.scheme.removesuffix(f"_eps_{eps:g}")
+class Order(NamedTuple):
+    """A fitted order of convergence with its 95 % interval; NaN where fewer than three points are resolved."""
+
+    order: float
+    low: float
+    high: float
+    points: int  #: in the fit
+
+    @classmethod
+    def of(cls, attributes: dict[str, Any]) -> "Order":
+        """What the attributes of a group tell; KeyError if they tell no order."""
+        low, high = attributes["order_ci"]
+        return cls(attributes["order"], low, high, attributes["points_in_fit"])
 
 
-def family_label(group):
-    """The same for the label, the inverse of what ``schemes.scheme_row`` does to it."""
-    label, eps = group.attributes.get("scheme_label", group.scheme), group.attributes.get("eps")
-    return label if eps is None else label.removesuffix(f", eps = {eps:g}")
+class Solver(NamedTuple):
+    """What an implicit scheme reports of its equations, per step size; arrays of one shape."""
+
+    solves: np.ndarray
+    iterations: np.ndarray
+    failures: np.ndarray
+    largest_residual: np.ndarray  #: relative
+
+    @classmethod
+    def of(cls, arrays: dict[str, np.ndarray]) -> "Solver | None":
+        """What the arrays of a group tell, name -> array; None if its scheme is explicit."""
+        return cls(**{name: arrays[name] for name in cls._fields}) if "solves" in arrays else None
+
+    @property
+    def failing_fraction(self) -> np.ndarray:
+        """Failures over solves, in the shape of the fields; 0 where nothing was solved."""
+        return _ratio(self.failures, self.solves, 0.0)
+
+    @property
+    def iterations_per_solve(self) -> np.ndarray:
+        """Iterations over solves, in the shape of the fields; NaN where nothing was solved."""
+        return _ratio(self.iterations, self.solves, np.nan)
 
 
-def describe(case, scheme, eps=None):
-    """The attributes of a group that say what was integrated: `case` of a spec and `scheme`, a row of the schemes."""
+def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
+    """`part` over `whole`, and `otherwise` where the whole is 0."""
+    whole = np.asarray(whole, float)
+    return np.divide(part, whole, out=np.full(whole.shape, otherwise), where=whole > 0)
+
+
+class Description(NamedTuple):
+    """What was integrated, as the attributes of every group tell it.
+
+    Of a sweep, what differs from value to value is None, or missing among the parameters.
+    """
+
+    case: str
+    case_title: str
+    variant: str  #: the scheme, at one eps if it has one: unique within a case
+    scheme: str  #: its name in ``spi.schemes.SCHEMES``
+    scheme_label: str  #: what the scheme is called in print, whatever its eps
+    eps: float | None
+    estimator: str  #: "" where a study has no estimators
+    seed: int
+    model: str  #: its name in a spec file
+    parameters: dict[str, Any]  #: of the model
+    initial: tuple[float, ...] | None
+    final_time: float | None
+    truncate_noise: bool
+
+    @property
+    def label(self) -> str:
+        """What the scheme is called in print, with its eps if it has one."""
+        return self.scheme_label if self.eps is None else f"{self.scheme_label}, eps = {self.eps:g}"
+
+    @classmethod
+    def of(cls, group: Group) -> "Description":
+        """What a group tells; KeyError if it is not of this layout."""
+        a = group.attributes
+        return cls(
+            case=group.case,
+            case_title=a["case_title"],
+            variant=group.variant,
+            scheme=a["scheme"],
+            scheme_label=a["scheme_label"],
+            eps=a.get("eps"),
+            estimator=group.estimator,
+            seed=a["seed"],
+            model=a["model"],
+            parameters={key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)},
+            initial=a.get("initial"),
+            final_time=a.get("final_time"),
+            truncate_noise=bool(a.get("truncate_noise")),
+        )
+
+
+_MODEL = "model_"  # what the attributes begin with that are parameters of the model
+
+
+def describe(case: Any, row: Any, part: Part) -> dict[str, Any]:
+    """The attributes that :meth:`Description.of` reads, of `part` of `case`; `row` is its scheme's row of SCHEMES."""
     return {
-        "scheme_label": scheme.label,
+        "scheme": part.scheme,
+        "scheme_label": row.label,
+        "eps": part.eps,
         "case_title": case.title,
         "seed": case.seed,
         "final_time": getattr(case, "final_time", None),
         "initial": case.initial,
         "truncate_noise": case.truncate_noise,
         "model": case.model_name,
-        "eps": eps,
-        **{f"model_{name}": value for name, value in case.model._asdict().items()},
+        **{f"{_MODEL}{name}": value for name, value in case.model._asdict().items()},
     }
+
+
+class Reading(Protocol):
+    """What a kind makes of a group: a record with named fields."""
+
+    @property
+    def about(self) -> Description:
+        """What was integrated."""
+
+
+R = TypeVar("R", bound=Reading)
+
+
+def by_case(readings: Iterable[R]) -> list[list[R]]:
+    """The readings of each case, in the order of the file."""
+    cases: dict[str, list[R]] = {}
+    for reading in readings:
+        cases.setdefault(reading.about.case, []).append(reading)
+    return list(cases.values())

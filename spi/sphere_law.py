@@ -1,14 +1,42 @@
-"""The uniform law on a sphere |y| = r, and that of the Hamiltonian of a rigid body under it."""
+"""The uniform law on a sphere |y| = r, and that of the Hamiltonian under it.
+
+For a model with ``axis_inertias`` and noises about at least two axes i and j it is the only stationary law that gives
+the axes no weight, whatever the drift:
+
+* All fields are tangent to the sphere and keep its area, so that the uniform law is stationary.  So do all their
+  flows, so that it is stationary for splitting schemes as well.
+* The fields of the noises are f_k = (y_k / Î_k) y x e_k.  Since (f_i x f_j) . y is a multiple of y_1 y_2 y_3, f_i and
+  f_j span the tangent plane off the three great circles y_k = 0.  On the circles f_i, f_j and [f_i, f_j] span it, and
+  f_i or f_j crosses them, except at the six points on the axes, where all fields vanish.
+* So from each point that is not on an axis every other such point is reached, and transition laws have densities.
+
+With one noise it depends on the drift (about an axis of symmetry y_k is conserved), and nothing is claimed here.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .protocol import hamiltonian
+from .dispatch import answers
+from .protocol import axis_inertias, hamiltonian, strengths
 
 #: Bins of equal probability.
 BINS = 20
 _NODES = 20_000  # of the quadrature over one axis; the distribution function of H is then good to 1e-6
+
+
+def obstacle(model, initial):
+    """Why the law of paths that start at `initial` is not known to tend to the uniform one; None if it does."""
+    name = type(model).__name__
+    if not answers(axis_inertias, model):
+        return f"no stationary law is known for {name}, which does not answer axis_inertias"
+    noise_inertias = axis_inertias(model)[1]
+    turning = [s for s, i in zip(strengths(model), noise_inertias, strict=True) if s and np.isfinite(i)]
+    if len(turning) < 2:
+        return f"the stationary law of {name} is known with noises about at least two axes, not with {len(turning)}"
+    if np.count_nonzero(initial) < 2:
+        return "on an axis nothing moves"
+    return None
 
 
 class SphereLaw(NamedTuple):
@@ -22,7 +50,9 @@ class SphereLaw(NamedTuple):
 
     @classmethod
     def of(cls, model, initial):
-        """The law on the sphere through the initial state."""
+        """The law on the sphere through the initial state; ValueError where it is not known to be stationary."""
+        if reason := obstacle(model, initial):
+            raise ValueError(reason)
         r = float(np.linalg.norm(initial))
         # H is quadratic and diagonal: a_k = H(r e_k), so that H = sum_k a_k (y_k / r)^2
         a = np.array([hamiltonian(model, tuple(r * (i == k) for i in range(3))) for k in range(3)])

@@ -8,9 +8,10 @@ import pytest
 
 import spi
 
-# The package names its cache by its own sources, and compiled kernels also contain what tests/helpers.py says: without
-# this an edit there would go unnoticed.  Programs that tests start inherit the folder.
-_digest = hashlib.sha256(Path(__file__).with_name("helpers.py").read_bytes()).hexdigest()[:16]
+# The package names its cache by its own sources, and compiled kernels also contain what helpers.py and extending.py
+# say: without this an edit there would go unnoticed.  Programs that tests start inherit the folder.
+_sources = [Path(__file__).with_name(name).read_bytes() for name in ("helpers.py", "extending.py")]
+_digest = hashlib.sha256(b"".join(_sources)).hexdigest()[:16]
 _folder = Path(os.environ["NUMBA_CACHE_DIR"]).parent
 if _folder.name != f"tests-{_digest}":  # one of several processes that share the tests inherits it
     _folder /= f"tests-{_digest}"
@@ -21,10 +22,18 @@ _paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH"
 os.environ["PYTHONPATH"] = os.pathsep.join(_paths)
 
 
+@pytest.fixture(autouse=True)
+def _one_process_compiles(monkeypatch):
+    """Two processes share the tests already; ``test_compiling`` starts programs of its own."""
+    from spi import compiling
+
+    monkeypatch.setattr(compiling, "processors", lambda: 1)
+
+
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    from spi.spec import load
+    from spi.run import load
 
     monkeypatch.chdir(tmp_path)
 

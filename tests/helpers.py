@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from spi import tables
-from spi.dispatch import kernel, means, number, unrolled
-from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate
+from spi import views
+from spi.angles import ANY_ANGLES
+from spi.dispatch import kernel, number, unrolled
+from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
-from spi.lanes import load, store
+from spi.lanes import load_lane, store_lane
 from spi.models import RigidBody
 from spi.protocol import (
-    ANY_ANGLES,
     REPORT,
     advance,
     dimension,
@@ -26,7 +26,6 @@ from spi.protocol import (
     memory_size,
     noise_flow,
     noise_indices,
-    observe,
     work_size,
 )
 from spi.rng import BROWNIAN, LANES
@@ -53,18 +52,12 @@ class Snapshots(NamedTuple):
     strides: np.ndarray
     states: np.ndarray  #: block, level, snapshot, component * LANES + lane
 
-
-@means(observe, Snapshots)
-def _(observer, model, row, paths, level, n, y, reference):
-    if n % observer.strides[level] == 0:
-        kept = observer.states[row, level, n // observer.strides[level] - 1]
-        for i in range(dimension(model)):
-            for lane in range(paths):
-                kept[i * LANES + lane] = y[i * LANES + lane]
-
-
-class Increments(NamedTuple):
-    """Not a scheme at all: the new state is the increment itself, so that an observer sees it to the last bit."""
+    def observe(observer, model, row, paths, level, n, y, reference):
+        if n % observer.strides[level] == 0:
+            kept = observer.states[row, level, n // observer.strides[level] - 1]
+            for i in range(dimension(model)):
+                for lane in range(paths):
+                    kept[i * LANES + lane] = y[i * LANES + lane]
 
 
 @unrolled(noise_indices)
@@ -75,34 +68,31 @@ def put_increments(index, model, y, dW):
     return y
 
 
-@means(advance, Increments)
-def _(scheme, model, h, dW, coins, y, work, report):
-    put_increments(model, y, dW)
+class Increments(NamedTuple):
+    """Not a scheme at all: the new state is the increment itself, so that an observer sees it to the last bit."""
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        put_increments(model, y, dW)
 
 
 class Coins(NamedTuple):
     """No scheme either: the first component of the new state is the coin."""
 
+    tosses = True
 
-Coins.tosses = staticmethod(lambda scheme: True)
-
-
-@means(advance, Coins)
-def _(scheme, model, h, dW, coins, y, work, report):
-    for lane in range(LANES):
-        y[lane] = coins[lane]
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            y[lane] = coins[lane]
 
 
 class WithoutCorrection(NamedTuple):
     """A wrong scheme: Euler-Maruyama that takes the Stratonovich equation for an Itô equation."""
 
-
-@means(advance, WithoutCorrection)
-def _(scheme, model, h, dW, coins, y, work, report):
-    for lane in range(LANES):
-        state = load(model, y, lane)
-        new = add_scaled(state, h, drift_field(model, state))
-        store(y, lane, add_noise_fields(model, new, dW, lane, state))
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            new = add_scaled(state, h, drift_field(model, state))
+            store_lane(y, lane, add_noise_fields(model, new, dW, lane, state))
 
 
 def simulate(
@@ -138,7 +128,7 @@ def simulate(
         model,
         initial,
         grid(h, steps, doublings, truncate, reversals),
-        Noise(np.uint64(seed), np.uint64(BROWNIAN)),
+        RandomStream(np.uint64(seed), np.uint64(BROWNIAN)),
         observer,
         report,
         first_block,
@@ -157,7 +147,11 @@ def final_states(
     times, d = grid(h, steps, **options), type(model).dimension
     levels = len(times.doublings)
     observer = FinalStates(np.zeros((blocks, levels, d * LANES)), times.reference_steps >> times.doublings)
-    noise, report, end = Noise(np.uint64(seed), np.uint64(stream)), empty_report(blocks, levels), first_block + blocks
+    noise, report, end = (
+        RandomStream(np.uint64(seed), np.uint64(stream)),
+        empty_report(blocks, levels),
+        first_block + blocks,
+    )
     integrate(scheme, model, initial, times, noise, observer, report, first_block, blocks, end * LANES)
     return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1)
 
@@ -190,7 +184,7 @@ def take_step(scheme, model, h, dW, y, coins=None):
 
 
 def composed(model, flows, h, y, dW):
-    """One step of one path, or of arrays of them, by the flows of ``schemes.splitting.compositions``, uncompiled."""
+    """One step of one path, or of arrays of them, by the flows of ``schemes.rows.compositions``, uncompiled."""
     for part, k, share in flows:
         if part == "drift":
             y = drift_flow(model, k, share * h, y, ANY_ANGLES)
@@ -265,7 +259,7 @@ BY_HAND = {
 def printed(results):
     """What ``spi show`` prints."""
     text = io.StringIO()
-    tables.print_table(results, text)
+    views.print_tables(results, text)
     return text.getvalue()
 
 

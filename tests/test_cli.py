@@ -19,7 +19,7 @@ import pytest
 from helpers import COMPILED
 
 from spi import cli
-from spi.studies import strong
+from spi.kinds.strong import study as strong
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
 SPI = Path(sys.executable).with_name("spi")

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from helpers import COMPILED, ONE_NOISE, RIGID_BODY
+from helpers import COMPILED, INITIAL, ONE_NOISE, RIGID_BODY
 from numba import TypingError, njit
 
 import spi
@@ -18,10 +18,12 @@ from spi import fields
 from spi.dispatch import (
     INDICES,
     OPTIONS,
+    answers,
+    capability,
+    class_of,
     constant,
-    means,
+    fact,
     number,
-    record_class,
     tuplewise,
     unrolled,
     word,
@@ -44,31 +46,9 @@ compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
 compiled = njit(**OPTIONS)
 
 
-class Circle(NamedTuple):
-    radius: float
-
-
-class Square(NamedTuple):
-    side: float
-
-
-class Line(NamedTuple):
-    length: float
-
-
 @word
 def area(shape, scale):
     """The area, scaled."""
-
-
-@means(area, Circle)
-def _(shape, scale):
-    return 3.0 * shape.radius * shape.radius * scale
-
-
-@means(area, Square)
-def _(shape, scale):
-    return shape.side * shape.side * scale
 
 
 @word_with_default
@@ -77,19 +57,57 @@ def corners(shape):
     return 0
 
 
-@means(corners, Square)
-def _(shape):
-    return 4
+@capability
+def diagonal(shape):
+    """The diagonal of a shape that has one."""
 
 
-@means(corners, Line)
-def _(shape):
-    return 2
+@fact(bool, default=False)
+def straight(shape):
+    """Whether no side is curved."""
+
+
+class Circle(NamedTuple):
+    radius: float
+
+    def area(shape, scale):
+        return 3.0 * shape.radius * shape.radius * scale
+
+
+class Square(NamedTuple):
+    side: float
+
+    straight = True
+
+    def area(shape, scale):
+        return shape.side * shape.side * scale
+
+    def corners(shape):
+        return 4
+
+    def diagonal(shape):
+        return shape.side * 2.0**0.5
+
+
+class Line(NamedTuple):
+    length: float
+    area: float = 0.0  # a field, which is no answer to the word
+
+    def corners(shape):
+        return 2
+
+    def straight(shape):
+        return True
 
 
 @compiled
 def areas(a, b, scale):
     return area(a, scale), area(b, scale), corners(a), corners(b)
+
+
+@compiled
+def straightness(a, b, c):
+    return straight(a), straight(b), straight(c)
 
 
 @compiled
@@ -131,6 +149,30 @@ def test_defaults():
     assert drift_angle(RIGID_BODY, 0, 3.0, (-2.0, 0.0, 0.0)) == 3.0
 
 
+def test_capabilities():
+    assert answers(diagonal, Square(1.0)) and answers(diagonal, Square)
+    assert not answers(diagonal, Circle(1.0)) and not answers(diagonal, Circle)
+    assert not answers(area, Line)
+    with pytest.raises(TypeError, match="diagonal has no meaning for Circle"):
+        diagonal(Circle(1.0))
+
+
+def test_facts():
+    """Of a record, of its class and in compiled code; with a default; and found by a method."""
+    expected = (False, True, True)
+    assert tuple(map(straight, (Circle, Square, Line))) == expected
+    shapes = Circle(1.0), Square(1.0), Line(1.0)
+    assert tuple(map(straight, shapes)) == straightness(*shapes) == expected
+    with pytest.raises(TypeError, match="dimension has no meaning for Circle"):
+        dimension(Circle(1.0))
+
+
+def test_a_method_is_named_in_a_traceback():
+    with pytest.raises(TypeError) as caught:
+        drift_flow(RIGID_BODY, 0, "long", INITIAL, None)
+    assert any(entry.frame.code.raw.co_qualname == "RigidBody.drift_flow" for entry in caught.traceback)
+
+
 def test_words_keep_their_documentation():
     assert area.__name__ == "area" and area.__doc__ == "The area, scaled."
     assert "exact flow" in drift_flow.__doc__
@@ -142,7 +184,7 @@ def test_words_keep_their_documentation():
 @constant
 def fields_of(record):
     """How many fields a record has."""
-    return len((record_class(record) or type(record))._fields)
+    return len(class_of(record)._fields)
 
 
 @compiled
@@ -316,7 +358,7 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
 
 
 def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
-    """Its name changes with a byte of any module, with the name of a module, and with nothing else."""
+    """Its name changes with a byte of any module that computes, with the name of a module, and with nothing else."""
     shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
     program = "import os, spi; print(os.environ['NUMBA_CACHE_DIR'])"
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 
-from spi import plot, store, tables
-from spi.run import run
-from spi.spec import load
-from spi.studies import STUDIES
+from spi import drawing, storage, views
+from spi.kinds import KINDS
+from spi.run import load, run
 
 FOLDER = Path(__file__).parent.parent / "experiments"
 FILES = sorted(FOLDER.glob("*.yaml"))
@@ -30,7 +29,7 @@ def check_weak(group, v):
 
 def check_trajectory(group, v):
     assert np.isfinite(v["y"][0]).all()
-    if group.scheme.startswith("splitting"):
+    if "Poisson structure" in group.attributes["preserves"]:
         assert np.all(np.array(group.attributes["casimir_drift"]) < 1e-12)
 
 
@@ -42,12 +41,12 @@ def check_work_precision(group, v):
 
 def check_stability(group, v):
     assert np.all((v["finite"] >= 0.0) & (v["finite"] <= 1.0))
-    if "splitting" in group.scheme and v["casimir_worst"].shape[2]:
+    if "splitting" in group.variant and v["casimir_worst"].shape[2]:
         assert np.all(v["finite"] == 1.0) and np.all(v["casimir_worst"] < 1e-12)
 
 
 def check_long_time(group, v):
-    if group.scheme == "splitting":
+    if group.variant == "splitting":
         assert np.all(v["nonfinite"] == 0) and np.all(v["casimir_worst"] < 1e-12)
 
 
@@ -63,15 +62,15 @@ def test_figures_of_the_paper_have_one_experiment_each():
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_experiment_runs(path, tmp_path, capsys):
     experiment = load(path, "quick")
-    results = store.read(run(experiment, tmp_path))
+    results = storage.read(run(experiment, tmp_path))
     assert results.attributes["complete"]
-    parts = [(c.name, p.group, p.estimator) for c in experiment.cases for p in STUDIES[experiment.kind].parts(c)]
+    parts = [(c.name, p.variant, p.estimator) for c in experiment.cases for p in KINDS[experiment.kind].study.parts(c)]
     if experiment.kind == "work_precision":  # which has one estimator for each scheme
         parts = [(case, scheme, "") for case, scheme, _ in parts]
-    assert [(g.case, g.scheme, g.estimator) for g in results.groups] == parts
+    assert [(g.case, g.variant, g.estimator) for g in results.groups] == parts
     for group in results.groups:
         CHECKS[experiment.kind](group, {name: values for name, (_, values) in group.variables.items()})
-    for written in plot.save(results, tmp_path, experiment.name):
+    for written in drawing.save(views.figure(results), tmp_path, experiment.name):
         assert written.stat().st_size > 10_000
-    tables.print_table(results)
+    views.print_tables(results)
     assert experiment.title in capsys.readouterr().out

@@ -9,24 +9,41 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
-    ["dispatch", "elementary", "rng", "numbers"],
-    ["lanes", "protocol", "fields"],
-    ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "records"] + ["regimes", "sphere_law"],
-    ["studies", "spec", "store", "tables", "plot", "workers"],
-    ["run"],
+    ["inlining", "dispatch", "elementary", "rng", "arithmetic", "records"],
+    ["angles", "lanes", "protocol", "registration", "fields", "increments", "steppers"],
+    ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
+    ["spec", "storage", "drawing", "printing", "compiling"],
+    ["kinds"],
+    ["run", "views"],
     ["cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
 ORDERED = FLOORS[0] + FLOORS[1]
 
-# Packages that are one module in several files; the members of the others (models, schemes, studies) are strangers.
-ONE_THING = ["expressions", "kolmogorov", "schemes", "spec", "plot", "tables", "studies.weak", "studies.stability"]
+# Packages that are one module in several files; the members of the others (models) are strangers.
+ONE_THING = ["expressions", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing"]
 
-#: A member that builds on others of its package.
-BUILDS_ON = {"studies.work_precision": ["studies.strong", "studies.weak"]}
+#: What each module of a kind of experiment may import of floor 3, and of its own kind.
+ROLES = {
+    "keys": (["spec"], []),
+    "study": ([], []),
+    "reading": ([], []),
+    "table": (["printing"], ["reading"]),
+    "figure": (["drawing"], ["reading"]),
+}
+#: A kind whose study and reading build on those of others.
+BUILDS_ON = {"work_precision": ["strong", "weak"]}
 
-ONLY_IN = {"typer": ["cli"], "yaml": ["spec"], "pydantic": ["spec"], "h5py": ["store"], "matplotlib": ["plot"]}
-ONLY_IN["numba"] = FLOORS[0] + FLOORS[1] + FLOORS[2]
+_LOWEST = [name for names in FLOORS[:3] for name in names]
+ONLY_IN = {
+    "typer": ["cli"],
+    "yaml": ["spec"],
+    "pydantic": ["spec", "keys"],
+    "h5py": ["storage"],
+    "matplotlib": ["drawing", "figure"],
+    "rich": ["printing", "table", "cli"],
+    "numba": _LOWEST,
+}
 
 
 def imports(source, module, is_package):
@@ -60,18 +77,19 @@ def violations(package):
     def one_thing(*names):
         return any(all(name.startswith(f"{root}.{thing}.") for name in names) for thing in ONE_THING)
 
-    def builds_on(name, other):
-        return other.removeprefix(f"{root}.") in BUILDS_ON.get(name.removeprefix(f"{root}."), [])
-
     for module, (file, is_package) in modules.items():
         own = [*module.split("."), None][1]  # the name that has a floor; None for the root, which lies below all
+        kind, role = [*module.split(".")[2:4], None, None][:2] if own == "kinds" else (None, None)
         if own is not None and own not in FLOOR:
             found.append(f"{module} has no floor")
+            continue
+        if role is not None and role not in ROLES:
+            found.append(f"{module} is none of {', '.join(ROLES)}")
             continue
         for line, name in imports(file.read_text(encoding="utf-8"), module, is_package):
             where = f"{file.relative_to(package)}:{line}: "
             top = name.split(".")[0]
-            if top in ONLY_IN and own not in ONLY_IN[top]:
+            if top in ONLY_IN and (role or own) not in ONLY_IN[top]:
                 found.append(f"{where}{top} is imported only in {', '.join(ONLY_IN[top])}")
             if top != root or known(name) == root:
                 continue
@@ -84,15 +102,29 @@ def violations(package):
             elif own in ORDERED and other in ORDERED:
                 if ORDERED.index(other) >= ORDERED.index(own):
                     found.append(f"{where}{own} must not import {other}, which comes after it")
-            elif (
-                own == other
-                and (is_package or one_thing(module, target) or builds_on(module, target))
-                and target != root + "." + own
-            ):
+            elif role is not None and FLOOR[other] >= FLOOR["spec"]:
+                found += [f"{where}{reason}" for reason in wrong_in_a_kind(kind, role, target.split(".")[1:])]
+            elif own == other and (is_package or one_thing(module, target)) and target != root + "." + own:
                 pass  # a package's __init__ gathers its members
             elif FLOOR[other] >= FLOOR[own]:
                 found.append(f"{where}{own} (floor {FLOOR[own]}) must not import {other} (floor {FLOOR[other]})")
     return found
+
+
+def wrong_in_a_kind(kind, role, target):
+    """What is wrong, if anything, with the import of `target`, on floor 3 or above, in one module of a kind."""
+    tools, siblings = ROLES[role]
+    if target[0] != "kinds":
+        if target[0] not in tools:
+            yield f"{role} of a kind must not import {target[0]}"
+    elif len(target) <= 2:  # what all kinds share
+        if target[1:] != ["plans"] or role != "study":
+            yield f"{role} of a kind must not import {'.'.join(target)}"
+    elif target[1] != kind:
+        if target[1] not in BUILDS_ON.get(kind, []) or role != target[2]:
+            yield f"{role} of kind {kind} must not import kind {target[1]}"
+    elif target[2] not in (role, *siblings):
+        yield f"{role} of a kind must not import its {target[2]}"
 
 
 def test_every_module_imports_from_lower_floors():
@@ -103,6 +135,7 @@ def test_every_module_imports_from_lower_floors():
 SOUND = {
     "__init__.py": "import os\n__version__ = '0'\n",
     "dispatch.py": "import numba\n",
+    "records.py": "import numpy\n",
     "elementary.py": "from .dispatch import inlined\n",
     "rng.py": "from . import dispatch, elementary\n",
     "protocol.py": "import numpy\nfrom .rng import LANES\n",
@@ -111,7 +144,21 @@ SOUND = {
     "models/rigid_body.py": "from ..protocol import load\nfrom .. import __version__\n",
     "ensemble.py": "from .protocol import load\n",
     "spec.py": "def read():\n    import yaml\n    from .models import RigidBody\n",
-    "plot.py": "from matplotlib import pyplot\n",
+    "storage/__init__.py": "from .results import read\n",
+    "storage/results.py": "import h5py\n",
+    "drawing.py": "from matplotlib import pyplot\n",
+    "printing.py": "import rich\n",
+    "kinds/__init__.py": "",
+    "kinds/plans.py": "from spi.ensemble import grid\n",
+    "kinds/strong/keys.py": "import pydantic\nfrom spi.spec import read\n",
+    "kinds/strong/study/__init__.py": "from spi.kinds.plans import Plan\nfrom .paths import advance\n",
+    "kinds/strong/study/paths.py": "from spi.ensemble import grid\n",
+    "kinds/strong/reading.py": "from spi.records import Group\n",
+    "kinds/strong/table.py": "import rich\nfrom spi.printing import text\nfrom .reading import read\n",
+    "kinds/strong/figure.py": "import matplotlib\nfrom spi.drawing import style\n",
+    "kinds/weak/reading.py": "",
+    "kinds/work_precision/study.py": "from spi.kinds.strong import study\n",
+    "run.py": "from . import storage, spec\nfrom .kinds import KINDS\n",
     "cli.py": "import typer\nfrom . import spec\nimport spi.models.rigid_body\n",
 }
 
@@ -140,13 +187,30 @@ def test_a_sound_package_passes(tmp_path):
         ("models/rigid_body.py", "from . import RigidBody\n", "must not import models"),
         ("models/other.py", "from .rigid_body import RigidBody\n", "must not import models"),
         ("models/__init__.py", "from ..cli import main\n", "must not import cli"),
-        ("spec.py", "from .plot import draw\n", "spec (floor 3) must not import plot (floor 3)"),
+        ("spec.py", "from .drawing import draw\n", "spec (floor 3) must not import drawing (floor 3)"),
+        ("spec.py", "from .kinds import KINDS\n", "spec (floor 3) must not import kinds (floor 4)"),
+        ("kinds/strong/study/paths.py", "from spi.run import run\n", "study of a kind must not import run"),
+        ("kinds/strong/study/paths.py", "from spi.storage import read\n", "study of a kind must not import storage"),
+        ("kinds/strong/study/paths.py", "from ..reading import read\n", "study of a kind must not import its reading"),
+        ("kinds/strong/reading.py", "from spi.drawing import x\n", "reading of a kind must not import drawing"),
+        ("kinds/strong/reading.py", "import rich\n", "rich is imported only in"),
+        ("kinds/strong/table.py", "from matplotlib import x\n", "matplotlib is imported only in"),
+        ("kinds/strong/figure.py", "from .table import rows\n", "figure of a kind must not import its table"),
+        ("kinds/strong/figure.py", "from spi.kinds import KINDS\n", "figure of a kind must not import kinds"),
+        ("kinds/strong/reading.py", "from spi.kinds.weak.reading import x\n", "must not import kind weak"),
+        (
+            "kinds/weak/study.py",
+            "from spi.kinds.strong import study\n",
+            "study of kind weak must not import kind strong",
+        ),
+        ("kinds/work_precision/study.py", "from spi.kinds.strong.table import x\n", "must not import kind strong"),
+        ("kinds/strong/new.py", "", "spi.kinds.strong.new is none of keys, study"),
         ("elementary.py", "from .rng import philox\n", "comes after it"),
         ("elementary.py", "from .protocol import load\n", "must not import protocol, which comes after it"),
         ("protocol.py", "from .fields import drift_field\n", "must not import fields, which comes after it"),
         ("fields.py", "from .models import RigidBody\n", "fields (floor 1) must not import models (floor 2)"),
         ("__init__.py", "from .cli import main\n", "the root imports none"),
-        ("models/rigid_body.py", "import h5py\n", "h5py is imported only in store"),
+        ("models/rigid_body.py", "import h5py\n", "h5py is imported only in storage"),
         ("spec.py", "import numba\n", "numba is imported only in"),
         ("cli.py", "from numba.core import types\n", "numba is imported only in"),
         ("__init__.py", "import numba\n", "numba is imported only in"),

@@ -62,15 +62,17 @@ def test_without_noise_it_is_an_ordinary_differential_equation(name):
 
     exact = np.array(solve_ivp(right_hand_side, (0, 1), INITIAL, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1:])
     limit = np.array([phi(exact)[0] for phi in (waves, slow_wave)])
-    assert np.all(abs(found.limit - limit) < found.limit_error + 1e-12) and np.all(found.limit_error < 1e-7)
+    assert np.all(abs(found.limit - limit) < found.limit_bound + 1e-12) and np.all(found.limit_bound < 1e-7)
     for s, h in enumerate(steps):
         y = INITIAL
         for _ in range(round(1 / h)):
             y = composed(model, SCHEMES[name][0][1], h, y, None)
         value = np.array([phi(np.array(y)[:, None])[0] for phi in (waves, slow_wave)])
-        assert np.all(abs(found.value[:, s] - value) < found.error[:, s] + 1e-12), h
-        assert np.all(abs(found.weak_error[:, s] - (value - limit)) < found.weak_error_error[:, s] + 1e-12), h
-        assert np.all(found.error[:, s] < 1e-6) and np.all(found.weak_error_error[:, s] < 0.02 * abs(value - limit))
+        assert np.all(abs(found.value[:, s] - value) < found.value_bound[:, s] + 1e-12), h
+        assert np.all(abs(found.weak_error[:, s] - (value - limit)) < found.weak_error_bound[:, s] + 1e-12), h
+        assert np.all(found.value_bound[:, s] < 1e-6) and np.all(
+            found.weak_error_bound[:, s] < 0.02 * abs(value - limit)
+        )
 
 
 @pytest.mark.parametrize("sigma", [(0.8, 0.6), (0.5, None), (None, 0.7)])
@@ -81,11 +83,11 @@ def test_one_step(name, sigma):
     found = expectations(model, SCHEMES[name], initial, h, (h,), (waves, slow_wave), 1e-9)
     for f, phi in enumerate((waves, slow_wave)):
         value = by_quadrature(model, SCHEMES[name], initial, h, 1, phi, 60)
-        assert abs(found.value[f, 0] - value) < found.error[f, 0] + 1e-13
-        assert found.error[f, 0] < 1e-7
+        assert abs(found.value[f, 0] - value) < found.value_bound[f, 0] + 1e-13
+        assert found.value_bound[f, 0] < 1e-7
         if name != "order_2":
             reverse = tuple((p, c[::-1]) for p, c in SCHEMES[name])
-            assert abs(by_quadrature(model, reverse, initial, h, 1, phi, 60) - value) > 1e3 * found.error[f, 0]
+            assert abs(by_quadrature(model, reverse, initial, h, 1, phi, 60) - value) > 1e3 * found.value_bound[f, 0]
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -93,24 +95,24 @@ def test_two_steps(name):
     model, initial, T = MaxwellBloch(sigma=(0.5, 0.4)), (0.4, -0.6, 0.7), 0.5
     found = expectations(model, SCHEMES[name], initial, T, (T / 2,), (slow_wave,), 1e-9)
     value = by_quadrature(model, SCHEMES[name], initial, T / 2, 2, slow_wave, 16)
-    assert abs(found.value[0, 0] - value) < found.error[0, 0] + 1e-11
-    assert found.error[0, 0] < 1e-7
+    assert abs(found.value[0, 0] - value) < found.value_bound[0, 0] + 1e-11
+    assert found.value_bound[0, 0] < 1e-7
 
 
 def test_moments():
     """y_2^2 + y_3^2 is conserved; with drift alone in H_3's direction and noise in H_1's, E(y_2 + i y_3) decays."""
     functions = (lambda y: y[1] ** 2 + y[2] ** 2, lambda y: y[1], lambda y: y[2], lambda y: y[0])
     found = expectations(MaxwellBloch((0.3, 0.2)), LIE_TROTTER, (0.5, 1.0, 0.5), 0.5, (0.5, 1 / 16), functions, 1e-8)
-    assert np.all(abs(found.value[0] - 1.25) < found.error[0] + 1e-12)
-    assert abs(found.limit[0] - 1.25) < found.limit_error[0] + 1e-12
+    assert np.all(abs(found.value[0] - 1.25) < found.value_bound[0] + 1e-12)
+    assert abs(found.limit[0] - 1.25) < found.limit_bound[0] + 1e-12
 
     only_noise = ((1.0, (("noise", 0, 1.0), ("noise", 1, 1.0))),)
     y1, z, sigma, h = 0.5, 1.0 + 0.5j, 0.9, 0.5
     found = expectations(MaxwellBloch((sigma, 0.4)), only_noise, (y1, 1.0, 0.5), h, (h,), functions, 1e-8)
     mean = z * np.exp(-0.5 * sigma**2 * y1**2 * h)
     for f, value in ((0, 1.25), (1, mean.real), (2, mean.imag), (3, y1)):
-        assert abs(found.value[f, 0] - value) < found.error[f, 0] + 1e-10
-        assert found.error[f, 0] < 1e-6
+        assert abs(found.value[f, 0] - value) < found.value_bound[f, 0] + 1e-10
+        assert found.value_bound[f, 0] < 1e-6
 
 
 def test_a_point_at_rest():
@@ -127,8 +129,8 @@ def test_orders():
         assert found[name].notes["order"] == order
         assert abs(np.log2(weak[2] / weak[3]) - order) < 0.05
         assert abs(np.log2(weak[3] / weak[4]) / 4 - order) < 0.05
-        assert np.all(found[name].weak_error_error[0, :4] < 0.02 * abs(weak[:4]))
-        assert found[name].limit == pytest.approx(found["order_2"].limit, rel=0, abs=1e-12 + found[name].limit_error[0])
+        assert np.all(found[name].weak_error_bound[0, :4] < 0.02 * abs(weak[:4]))
+        assert found[name].limit == pytest.approx(found["order_2"].limit, rel=0, abs=1e-12 + found[name].limit_bound[0])
 
 
 @pytest.mark.parametrize("name", ["lie_trotter", "order_2"])
@@ -136,9 +138,9 @@ def test_errors_are_honest(name):
     """A finer computation stays within the errors stated by a coarser one."""
     coarse, fine = both_noises(name, 1e-6), both_noises(name)
     assert np.prod(fine.notes["grid"]) > np.prod(coarse.notes["grid"])
-    assert np.all(abs(coarse.value - fine.value) < coarse.error)
-    assert np.all(abs(coarse.limit - fine.limit) < coarse.limit_error)
-    assert np.all(abs(coarse.weak_error - fine.weak_error) < coarse.weak_error_error)
+    assert np.all(abs(coarse.value - fine.value) < coarse.value_bound)
+    assert np.all(abs(coarse.limit - fine.limit) < coarse.limit_bound)
+    assert np.all(abs(coarse.weak_error - fine.weak_error) < coarse.weak_error_bound)
 
 
 def test_small_noise_is_a_small_change():

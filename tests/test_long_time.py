@@ -13,19 +13,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, RIGID_BODY, printed
+from helpers import COMPILED, INITIAL, RIGID_BODY, final_states, printed
 
-from spi import ensemble, store
+from spi import ensemble, storage
 from spi import run as runner
-from spi.ensemble import FinalStates, Noise, empty_report, grid, integrate
-from spi.models import MaxwellBloch
+from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
+from spi.kinds.long_time import study as long_time
+from spi.kinds.long_time.study import paths
+from spi.models import MaxwellBloch, RigidBodySharedNoise, SineEuler
 from spi.protocol import hamiltonian, memory_size
 from spi.records import Part
 from spi.rng import BROWNIAN, LANES, STEPS_PER_TOSS
+from spi.run import load
 from spi.schemes import scheme_row
-from spi.spec import SpecError, load
-from spi.sphere_law import BINS, SphereLaw
-from spi.studies import long_time
+from spi.spec import SpecError
+from spi.sphere_law import BINS, SphereLaw, obstacle
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -61,17 +63,17 @@ def case_of(load_text):
 
 def states_of(plan, state=None):
     """The states after each snapshot, the first included."""
-    states = [long_time.start(plan) if state is None else state]
-    while states[-1].level < len(plan.h):
-        states.append(long_time.advance_state(plan, states[-1]))
+    states = [plan.start() if state is None else state]
+    while states[-1].level < len(plan.case.steps):
+        states.append(paths.advance_state(plan, states[-1]))
     return states
 
 
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = long_time.plan(case, Part(scheme))
-    group = long_time.group(case, Part(scheme), states_of(plan)[-1] if state is None else state)
-    return {name: values for name, (_, values) in group.variables.items()}, group
+    group = plan.group(states_of(plan)[-1] if state is None else state)
+    return group.arrays, group
 
 
 def same_numbers(a, b):
@@ -89,7 +91,7 @@ def initial_rows(scheme, model, initial, blocks):
 def rows_after(scheme, model, rows, h, first, steps, seed=3):
     """The rows that ``integrate`` takes and FinalStates keeps, after so many more steps."""
     last, report = FinalStates(np.empty((len(rows), 1, rows.shape[1])), np.array([first + steps])), empty_report(2, 1)
-    times, noise = grid(h, steps, first_step=first), Noise(np.uint64(seed), np.uint64(BROWNIAN))
+    times, noise = grid(h, steps, first_step=first), RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
     integrate(scheme, model, rows, times, noise, last, report[: len(rows)], 0, len(rows), len(rows) * LANES)
     return last.y[:, 0]
 
@@ -162,12 +164,13 @@ def test_going_on_from_every_snapshot_gives_the_same_bits(case_of):
         assert same_numbers(states_of(plan, state)[-1], states[-1])
     for state, values in zip(states, kept, strict=True):  # a state that was handed out does not change any more
         assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(state, values, strict=True))
-    progress = [long_time.progress(plan, state) for state in states]
+    progress = [plan.progress(state) for state in states]
     assert (np.diff([done for done, _, _ in progress]) > 0).all()
     assert progress[0][0] == 0 and progress[-1][:2] == (case.samples, case.samples)
-    *_, last = long_time.batches(plan, long_time.start(plan))
+    *_, last = plan.batches(plan.start())
     assert same_numbers(last, states[-1])
-    assert not same_numbers(states_of(plan._replace(noise=Noise(np.uint64(4), np.uint64(0))))[-1], states[-1])
+    other = long_time.plan(case_of("seed=4"), Part("splitting"))
+    assert not same_numbers(states_of(other)[-1], states[-1])
 
 
 def test_stops_are_records_and_then_snapshots(case_of):
@@ -175,13 +178,13 @@ def test_stops_are_records_and_then_snapshots(case_of):
     plan = long_time.plan(case_of("step_count=2^24+128"), Part("splitting"))
     assert plan.spacing == 2**11
     assert plan.records.tolist() == [*(2**k for k in range(7, 25)), 2**24 + 128]
-    state, stops = long_time.start(plan), []
-    while state.n < plan.count:
-        stops.append(long_time._next_stop(plan, state))
+    state, stops = plan.start(), []
+    while state.n < plan.case.step_count:
+        stops.append(paths.next_stop(plan, state))
         state = state._replace(n=stops[-1])
     assert stops[:6] == [128, 256, 512, 1024, 2048, 4096]
     assert set(plan.records) <= set(stops)
-    assert np.diff(stops[4:-1]).tolist() == [2**11] * (2**13 - 1) and stops[-1] == plan.count
+    assert np.diff(stops[4:-1]).tolist() == [2**11] * (2**13 - 1) and stops[-1] == plan.case.step_count
     assert all(n % STEPS_PER_TOSS == 0 for n in stops)
 
 
@@ -191,11 +194,11 @@ def test_an_interrupted_run_goes_on_where_it_stopped(load_text, tmp_path, monkey
     wanted = load_text(RIGID, "schemes=[splitting, euler_maruyama]")
 
     def numbers(path):
-        groups = store.read(path).groups
+        groups = storage.read(path).groups
         return repr([{k: (axes, v.tolist()) for k, (axes, v) in g.variables.items()} for g in groups])
 
     def stop(progress):
-        if progress.scheme == "euler_maruyama" and progress.done > 20:
+        if progress.part == "euler_maruyama" and progress.done > 20:
             raise KeyboardInterrupt
 
     whole = runner.run(wanted, tmp_path / "whole")
@@ -203,10 +206,10 @@ def test_an_interrupted_run_goes_on_where_it_stopped(load_text, tmp_path, monkey
         runner.run(wanted, tmp_path / "stopped", report=stop)
     reports = []
     path = runner.run(wanted, tmp_path / "stopped", report=reports.append)
-    first = {scheme: next(p.done for p in reports if p.scheme == scheme) for scheme in wanted.cases[0].schemes}
+    first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
     assert first["splitting"] == 70 and 20 < first["euler_maruyama"] < 70  # nothing is computed twice
     assert numbers(path) == numbers(whole)
-    assert "stationary law" in printed(store.read(path))
+    assert "stationary law" in printed(storage.read(path))
 
 
 @compiled_only
@@ -235,7 +238,7 @@ def study_of_errors(case_of, errors):
     """The study of a plan whose Casimir errors are these, one array for each of two step sizes."""
     case = case_of(f"samples={errors[0].shape[1]}", f"step_count={RECORDS[-1]}", "model.sigma=[0, 0, 0]")
     plan = long_time.plan(case, Part("splitting"))
-    state = long_time.start(plan)
+    state = plan.start()
     casimir = state.casimir.copy()
     assert plan.records.tolist() == RECORDS.tolist()
     for i, error in enumerate(errors):
@@ -311,12 +314,12 @@ def test_moments_and_quantiles_are_those_of_the_uniform_law(inertia, radius):
 
 def test_quantiles_of_a_symmetric_body_are_elementary():
     """H = (a (1 - z^2) + b z^2) r^2, and |z| is uniform."""
-    law = SphereLaw.of(RIGID_BODY._replace(inertia=(1.0, 1.0, 0.25)), (0.0, 0.0, 2.0))
+    law = SphereLaw.of(RIGID_BODY._replace(inertia=(1.0, 1.0, 0.25)), (0.0, 1.2, 1.6))
     np.testing.assert_allclose(law.edges[3], 4 * (0.5 + 1.5 * np.linspace(0, 1, BINS + 1) ** 2), rtol=2e-4)
 
 
 def test_a_constant_hamiltonian_is_left_out():
-    law = SphereLaw.of(RIGID_BODY._replace(inertia=(2.0, 2.0, 2.0)), (3.0, 0.0, 0.0))
+    law = SphereLaw.of(RIGID_BODY._replace(inertia=(2.0, 2.0, 2.0)), (1.0, 2.0, 2.0))
     assert law.variables == ("y1", "y2", "y3")
     assert law.edges.shape == (3, BINS + 1)
     assert (law.moments["H"], law.moments["H^2"]) == (2.25, 2.25**2)
@@ -398,7 +401,7 @@ def test_without_noise_or_off_the_sphere_no_law_is_known(load_text, case_of):
     ):
         plan = long_time.plan(case, Part("splitting"))
         assert plan.law is None
-        found, _ = study(case, "splitting", long_time.start(plan))
+        found, _ = study(case, "splitting", plan.start())
         assert "nonfinite" in found and "law_distance" not in found and "mean" not in found
     assert isinstance(long_time.plan(case_of(), Part("splitting")).law, SphereLaw)
 
@@ -408,12 +411,39 @@ def test_on_an_axis_nothing_moves_and_no_law_is_known(case_of):
         assert long_time.plan(case_of(f"initial={initial}"), Part("splitting")).law is None
 
 
+@pytest.mark.parametrize(
+    ("model", "initial", "reason"),
+    [
+        (RIGID_BODY._replace(sigma=(None, 1.0, None)), (0.6, 0.0, 0.8), "at least two axes, not with 1"),
+        (RIGID_BODY._replace(sigma=(0.0, 1.0, None)), (0.6, 0.0, 0.8), "at least two axes, not with 1"),
+        (RIGID_BODY._replace(noise_inertia=(math.inf, math.inf, 1.0)), (0.6, 0.0, 0.8), "not with 1"),
+        (RIGID_BODY, (0.0, 2.0, 0.0), "on an axis"),
+        (RigidBodySharedNoise((2.0, 1.0, 0.5), (1.0, 2.0, 3.0)), (0.6, 0.0, 0.8), "RigidBodySharedNoise, which does"),
+        (SineEuler(), (0.1, 0.3, 0.2, 0.3, 0.3, 0.2, 0.4, 0.1), "does not answer axis_inertias"),
+    ],
+)
+def test_what_the_law_needs_is_said(model, initial, reason):
+    with pytest.raises(ValueError, match=reason):
+        SphereLaw.of(model, initial)
+    assert reason in obstacle(model, initial)
+    assert obstacle(RIGID_BODY._replace(sigma=(None, 1.0, 0.3)), (0.6, 0.0, 0.8)) is None
+
+
+def test_one_noise_about_an_axis_of_symmetry_keeps_the_component_along_it():
+    """Why one noise is not enough: the law of y_3 stays where it was, far from the uniform one."""
+    model = RIGID_BODY._replace(inertia=(1.0, 1.0, 0.5), sigma=(None, None, 1.0))
+    y = final_states(scheme_row("midpoint").record, model, h=0.1, steps=16, blocks=1, initial=(0.6, 0.0, 0.8))[0]
+    assert np.abs(y[2] - 0.8).max() < 1e-14
+    assert np.ptp(y[0]) > 0.3
+
+
 def test_cost(case_of):
     case = case_of()
-    steps, seconds, needed = long_time.cost(case, Part("splitting"))
+    plan = long_time.plan(case, Part("splitting"))
+    steps, seconds, needed = plan.cost()
     assert steps == 2 * 640 * 2 * LANES
     assert 1e-9 < seconds / steps < 1e-7
-    assert needed >= sum(np.asarray(v).nbytes for v in long_time.start(long_time.plan(case, Part("splitting"))))
+    assert needed >= sum(np.asarray(v).nbytes for v in plan.start())
 
 
 # --- the spec --------------------------------------------------------------------------------------------------------

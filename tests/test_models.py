@@ -11,12 +11,9 @@ from helpers import RIGID_BODY, turned
 from scipy.integrate import solve_ivp
 
 from spi import fields
+from spi.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBodySharedNoise, SineEuler
 from spi.protocol import (
-    ANY_ANGLES,
-    REDUCED_ANGLES,
-    SMALL_ANGLES,
-    TINY_ANGLES,
     casimirs,
     dimension,
     drift_angle,

@@ -22,10 +22,10 @@ from helpers import (
 )
 from mpmath import mpf
 
-from spi import store
+from spi import storage
+from spi.angles import ANY_ANGLES
 from spi.models import LotkaVolterra, MaxwellBloch, SineEuler
 from spi.protocol import (
-    ANY_ANGLES,
     casimirs,
     dimension,
     drift_flow,
@@ -37,7 +37,8 @@ from spi.protocol import (
     pieces,
     structure,
 )
-from spi.run import run
+from spi.records import Description
+from spi.run import load, run
 from spi.schemes import SCHEMES
 from spi.schemes.asymptotic import (
     AsymptoticPreserving,
@@ -48,7 +49,6 @@ from spi.schemes.asymptotic import (
     increment_and_process,
 )
 from spi.schemes.splitting import LIE_TROTTER
-from spi.spec import load
 
 EXPERIMENTS = Path(__file__).parent.parent / "experiments"
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
@@ -478,7 +478,7 @@ def test_its_weak_limit_is_wrong_and_that_of_the_ap_schemes_is_right():
 
 
 def groups_of(experiment, folder):
-    return {(g.case, g.scheme): g for g in store.read(run(experiment, folder)).groups}
+    return {(g.case, g.variant): g for g in storage.read(run(experiment, folder)).groups}
 
 
 WEAK = ["estimators=[plain]", "steps=2^-4 .. 2^-5", "reference_step=2^-7", "eps=[1e-2, 1e-5]"]
@@ -500,7 +500,8 @@ def test_weak_errors_from_spec_to_results(tmp_path):
     assert list(found) == ["ap_splitting_eps_0.01", "ap_splitting_eps_1e-05", "splitting"]
     small, limit = found["ap_splitting_eps_1e-05"], found["splitting"]
     assert [g.attributes.get("eps") for g in found.values()] == [0.01, 1e-5, None]
-    assert small.attributes["scheme_label"] == "AP splitting, eps = 1e-05"
+    assert (small.attributes["scheme_label"], small.attributes["scheme"]) == ("AP splitting", "ap_splitting")
+    assert Description.of(small).label == "AP splitting, eps = 1e-05"
     for name in ("error", "expectation", "reference"):
         assert np.abs(values(small, name) - values(limit, name)).max() < 1e-9  # the same paths
     if not COMPILED:
@@ -533,7 +534,7 @@ def test_weak_errors_of_the_comparators_against_the_ap_scheme(tmp_path):
     found = {scheme: group for (_, scheme), group in groups_of(experiment, tmp_path).items()}
     assert list(found) == [f"{scheme}_eps_{eps}" for scheme in schemes for eps in ("1", "1e-05")]
     for group in found.values():
-        assert (group.attributes["panels"], group.attributes["reference_scheme"]) == ("eps", "ap_splitting")
+        assert (group.attributes["panels"], group.attributes["reference_scheme"]) == (("eps",), "ap_splitting")
     # one reference for all, the AP scheme at each eps
     for eps in ("1", "1e-05"):
         references = [values(found[f"{scheme}_eps_{eps}"], "reference") for scheme in schemes]

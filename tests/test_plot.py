@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from strong_results import LABELS, H, strong
+from strong_results import strong_group as group_of
 
-from spi import plot
-from spi.plot import strong as strong_figure
-from spi.plot import style
-from spi.records import Group, Results
-
-H = 2.0 ** -np.arange(5, 14)
-LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting, noise first (slpI)"}
+from spi import drawing, views
+from spi.drawing import style
+from spi.kinds.strong import figure as strong_figure
+from spi.records import Results
+from spi.schemes import SCHEMES
 
 
 def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0, 1.0), h=H):
@@ -25,26 +25,18 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
         stderr[-1], resolved[-1] = 0.8 * error[-1], False
     if scheme == "euler_maruyama":
         error[0], stderr[0], resolved[0] = np.inf, np.inf, False
-    variables = {"error": (("h",), error), "error_stderr": (("h",), stderr), "resolved": (("h",), resolved)}
     attributes = {
         "order": order + 0.01,
         "order_ci": (order - 0.01, order + 0.03),
-        "samples": 500,
-        "reference_step": 2.0**-16,
-        "scheme_label": LABELS.get(scheme, scheme),
         "case_title": f"case {case}, $5",
-        "model": "rigid_body",
-        "model_inertia": (2.0, 1.0, 2 / 3),
         "model_sigma": sigma,
-        "initial": (np.cos(1.1), 0.0, np.sin(1.1)),
-        "final_time": 1.0,
         "truncate_noise": True,
     }
-    return Group(case, scheme, {"h": h}, variables, attributes)
+    return group_of(scheme, case, error, stderr, resolved, h, **attributes)
 
 
-def strong(*groups, **attributes):
-    return Results({"kind": "strong", "title": "Strong errors", **attributes}, groups)
+def save(results, folder, stem):
+    return drawing.save(views.figure(results), folder, stem)
 
 
 @pytest.fixture(autouse=True)
@@ -69,8 +61,8 @@ def scheme_line(ax, label):
 
 
 def test_files_and_their_bytes(results, tmp_path):
-    first = plot.save(results, tmp_path / "a" / "b", "strong")
-    second = plot.save(results, tmp_path, "strong")
+    first = save(results, tmp_path / "a" / "b", "strong")
+    second = save(results, tmp_path, "strong")
     assert first == (tmp_path / "a/b/strong.pdf", tmp_path / "a/b/strong.png")
     assert first[0].read_bytes().startswith(b"%PDF") and first[1].read_bytes().startswith(b"\x89PNG")
     assert [p.read_bytes() for p in first] == [p.read_bytes() for p in second]
@@ -78,7 +70,7 @@ def test_files_and_their_bytes(results, tmp_path):
 
 
 def test_interrupted_save_leaves_the_old_files(results, tmp_path, monkeypatch):
-    paths = plot.save(results, tmp_path, "strong")
+    paths = save(results, tmp_path, "strong")
     before = [p.read_bytes() for p in paths]
 
     def interrupted(self, path, **_):
@@ -87,12 +79,12 @@ def test_interrupted_save_leaves_the_old_files(results, tmp_path, monkeypatch):
 
     monkeypatch.setattr(Figure, "savefig", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        plot.save(results, tmp_path, "strong")
+        save(results, tmp_path, "strong")
     assert [p.read_bytes() for p in paths] == before and len(list(tmp_path.iterdir())) == 2
 
 
 def test_strong_panel(results):
-    fig = plot.figure(results)
+    fig = views.figure(results)
     (ax,) = fig.axes
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
     assert ax.get_xlabel() == "step size $h$"
@@ -111,12 +103,12 @@ def test_strong_panel(results):
 
 
 def test_markers_and_points(results):
-    (ax,) = plot.figure(results).axes
+    (ax,) = views.figure(results).axes
     expected = {"Euler": ("x", 8), "midpoint": ("o", 8), "splitting": ("D", 9)}
     for (label, (marker, points)), group in zip(expected.items(), results.groups, strict=True):
         line = scheme_line(ax, label)
         assert line.get_marker() == marker and line.get_markerfacecolor() == "none"
-        assert to_hex(line.get_color()).upper() == style.SCHEMES[group.scheme][1]
+        assert to_hex(line.get_color()).upper() == SCHEMES[group.variant].look[1]
         assert len(line.get_xdata()) == points and line.get_linestyle() == "-"
         error = group.variables["error"][1]
         np.testing.assert_array_equal(line.get_ydata(), error[np.isfinite(error) & group.variables["resolved"][1]])
@@ -126,15 +118,21 @@ def test_markers_and_points(results):
     assert len(edge) == 1 and edge[0].get_xdata().tolist() == [2**-5]
 
 
+def test_five_cases_leave_one_place_free():
+    groups = [strong_group("splitting", case) for case in ("one", "two", "three", "four", "five")]
+    fig = views.figure(strong(*groups))
+    assert len(fig.axes) == 5 and [bool(ax.get_ylabel()) for ax in fig.axes] == [True, False, False, True, False]
+
+
 def test_error_bars_are_95_percent(results):
-    (ax,) = plot.figure(results).axes
+    (ax,) = views.figure(results).axes
     bars = ax.containers[-1][2][0].get_segments()
     error = results.groups[-1].variables["error"][1]
     np.testing.assert_allclose([bar[1, 1] - bar[0, 1] for bar in bars], 2 * 1.96 * 0.02 * error)
 
 
 def test_slopes_keep_off_the_data(results):
-    (ax,) = plot.figure(results).axes
+    (ax,) = views.figure(results).axes
     points = np.concatenate([np.column_stack([g.coordinates["h"], g.variables["error"][1]]) for g in results.groups])
     points = points[np.isfinite(points[:, 1])]
     for label, order, above in (("slope 1/2", 0.5, True), ("slope 1", 1.0, False)):
@@ -147,7 +145,7 @@ def test_slopes_keep_off_the_data(results):
 
 def test_plotting_changes_nothing(results):
     before = copy.deepcopy(results)
-    plot.figure(results)
+    views.figure(results)
     for one, other in zip(results.groups, before.groups, strict=True):
         assert one.attributes == other.attributes
         for name, (_, values) in one.variables.items():
@@ -156,7 +154,7 @@ def test_plotting_changes_nothing(results):
 
 def test_cases_side_by_side(results):
     one = [strong_group(s, "one", 0.5, 1.0, (1.0, np.nan, np.nan)) for s in (*LABELS, "splitting_drift_first", "new")]
-    fig = plot.figure(strong(*results.groups, *one))
+    fig = views.figure(strong(*results.groups, *one))
     left, right = fig.axes
     assert left.get_title().splitlines() == [r"case three, \$5", r"$\sigma=(1,\,1,\,1)$"]
     assert right.get_title().splitlines()[1] == r"$\sigma=(1,\,\mathrm{off},\,\mathrm{off})$"
@@ -170,23 +168,20 @@ def test_cases_side_by_side(results):
 def test_any_number_of_steps(count, tmp_path):
     group = strong_group("splitting", h=2.0 ** -np.arange(3, 3 + count))
     group.attributes.update(order=np.nan, order_ci=(np.nan, np.nan))
-    (ax,) = plot.figure(strong(group)).axes
+    (ax,) = views.figure(strong(group)).axes
     assert legend_texts(ax)[0].endswith("order not resolved")
     assert 1 <= len(ax.get_xticks()) <= 6
-    plot.save(strong(group), tmp_path, "few")
+    save(strong(group), tmp_path, "few")
 
 
 def test_nothing_finite(tmp_path):
     group = strong_group("splitting")
     group.variables["error"] = (("h",), np.full(9, np.inf))
-    plot.save(strong(group, title="A long title " * 12), tmp_path, "none")
+    save(strong(group, title="A long title " * 12), tmp_path, "none")
 
 
 def test_what_cannot_be_drawn():
     with pytest.raises(ValueError, match="kind 'new'; known kinds: strong, trajectory, weak"):
-        plot.figure(Results({"kind": "new"}, ()))
+        views.figure(Results({"kind": "new"}, ()))
     with pytest.raises(ValueError, match="no scheme"):
-        plot.figure(strong())
-
-
-# --- trajectories ----------------------------------------------------------------------------------------------------
+        views.figure(strong())

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
+from trajectory_results import LABELS, THREE, trajectories, trajectory_group
 
-from spi import plot
-from spi.plot import curves, style
-from spi.records import Group, Results
+from spi import drawing, views
+from spi.kinds.trajectory import figure
+from spi.kinds.trajectory.figure import curves
+from spi.kinds.trajectory.keys import PANELS
+from spi.schemes import SCHEMES
 
-LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting, noise first (slpI)"}
 T = np.arange(101) * 0.01
-THREE = ("euler_maruyama", "midpoint", "splitting")
 
 
 @pytest.fixture(autouse=True)
@@ -23,26 +24,12 @@ def no_warnings():
         yield
 
 
-def path_group(scheme, y, casimirs, case="main", panels="casimirs", hamiltonian=None, **attributes):
-    """A group as the study makes it, of a path (t, component) and its Casimirs (t, casimir)."""
-    coordinates = {"t": T, "component": np.arange(y.shape[1]), "casimir": np.arange(casimirs.shape[1])}
-    variables = {
-        "y": (("t", "component"), y),
-        "hamiltonian": (("t",), 1 + y[:, 0] ** 2 if hamiltonian is None else hamiltonian),
-        "casimirs": (("t", "casimir"), casimirs),
-    }
-    attributes = {
-        "scheme_label": LABELS.get(scheme, scheme),
-        "case_title": f"case {case}, $5",
-        "initial": tuple(y[0].tolist()),
-        "final_time": 1.0,
-        "step": 0.01,
-        "seed": 7,
-        "path": 3,
-        "panels": panels,
-        **attributes,
-    }
-    return Group(case, scheme, coordinates, variables, attributes)
+def path_group(scheme, y, casimirs, **more):
+    return trajectory_group(scheme, T, y, casimirs, **more)
+
+
+def save(results, folder, stem):
+    return drawing.save(views.figure(results), folder, stem)
 
 
 def on_circle(radius):
@@ -50,16 +37,17 @@ def on_circle(radius):
     return np.column_stack([0.5 + 0 * T, radius * np.cos(angle), radius * np.sin(angle)])
 
 
-def bloch(case, panels="casimirs", **attributes):
+def bloch(case, panels=("casimirs",), **attributes):
     radii = {"euler_maruyama": 2 + 0.1 * T, "midpoint": 2 + 2e-15 * T, "splitting": 2 - 1e-15 * T}
     paths = {scheme: on_circle(radius) for scheme, radius in radii.items()}
     attributes |= {"model": "maxwell_bloch"}
     return [
-        path_group(s, y, (y[:, 1:] ** 2).sum(axis=1)[:, None] / 2, case, panels, **attributes) for s, y in paths.items()
+        path_group(s, y, (y[:, 1:] ** 2).sum(axis=1)[:, None] / 2, case=case, panels=panels, **attributes)
+        for s, y in paths.items()
     ]
 
 
-def prey(panels="phase populations hamiltonian"):
+def prey(panels=("phase", "populations", "hamiltonian")):
     """Euler-Maruyama leaves the quadrant, at t = 0.5 jumps, and leaves the finite numbers at t = 0.61."""
     good = np.column_stack([1.5 + np.sin(6 * T), 1.5 + np.cos(6 * T)])
     bad = good.copy()
@@ -69,16 +57,13 @@ def prey(panels="phase populations hamiltonian"):
     with np.errstate(invalid="ignore"):
         energies = [y[:, 0] - np.log(y[:, 0]) for y in (bad, good)]
     paths = zip(("euler_maruyama", "splitting"), (bad, good), energies, strict=True)
-    return [path_group(s, y, np.zeros((101, 0)), "strong", panels, e, model="lotka_volterra") for s, y, e in paths]
-
-
-def trajectories(*groups, **attributes):
-    return Results({"kind": "trajectory", "title": "Paths", **attributes}, groups)
+    told = {"case": "strong", "panels": panels, "model": "lotka_volterra"}
+    return [path_group(s, y, np.zeros((101, 0)), hamiltonian=e, **told) for s, y, e in paths]
 
 
 def drawn(ax, scheme):
     """The curve of a scheme, known by its colour and its markers."""
-    marker, colour = style.SCHEMES[scheme]
+    marker, colour = SCHEMES[scheme].look
     (line,) = (line for line in ax.lines if line.get_color() == colour and line.get_marker() == marker)
     return line
 
@@ -91,7 +76,7 @@ def notes(ax):
 
 def test_casimirs_side_by_side(tmp_path):
     results = trajectories(*bloch("one", model_sigma=(1.0, np.nan)), *bloch("three", model_sigma=(np.nan, 1.0)))
-    fig = plot.figure(results)
+    fig = views.figure(results)
     assert [ax.get_subplotspec().colspan.start for ax in fig.axes] == [0, 1]
     assert [ax.get_title("left").splitlines()[0] for ax in fig.axes] == [
         r"case one, \$5,  $\sigma=(1,\,\mathrm{off})$",
@@ -104,18 +89,18 @@ def test_casimirs_side_by_side(tmp_path):
     assert [text.get_text() for text in legend.get_texts()] == [LABELS[scheme] for scheme in THREE]
     for group in results.groups[:3]:
         np.testing.assert_array_equal(
-            drawn(fig.axes[0], group.scheme).get_ydata(), group.variables["casimirs"][1][:, 0]
+            drawn(fig.axes[0], group.variant).get_ydata(), group.variables["casimirs"][1][:, 0]
         )
     first = [drawn(fig.axes[0], scheme).get_markevery() for scheme in THREE]
     assert len({start for start, _ in first}) == 3 and {every for _, every in first} == {7}
     low, high = fig.axes[0].get_ylim()
     assert low < 2.0 and high > 2.2  # all of Euler-Maruyama, and no zoom on rounding errors
-    pair = plot.save(results, tmp_path, "a"), plot.save(results, tmp_path, "b")
+    pair = save(results, tmp_path, "a"), save(results, tmp_path, "b")
     assert [p.read_bytes() for p in pair[0]] == [p.read_bytes() for p in pair[1]]
 
 
 def test_changes_of_casimirs_at_their_own_scale():
-    (ax,) = plot.figure(trajectories(*bloch("one", "casimir_errors"))).axes
+    (ax,) = views.figure(trajectories(*bloch("one", ("casimir_errors",)))).axes
     low, high = ax.get_ylim()
     assert -1e-13 < low < 0 < high < 1e-13
     assert ax.get_ylabel() == "$C(y)-C(y_0)$  in  $10^{-15}$"
@@ -126,34 +111,38 @@ def test_changes_of_casimirs_at_their_own_scale():
 
 
 def test_rigid_body_panels(tmp_path):
-    groups = [path_group(s, on_circle(0.8), np.ones((101, 1)), panels="casimirs hamiltonian sphere") for s in THREE]
-    fig = plot.figure(trajectories(*groups))
+    groups = [
+        path_group(s, on_circle(0.8), np.ones((101, 1)), panels=("casimirs", "hamiltonian", "sphere")) for s in THREE
+    ]
+    fig = views.figure(trajectories(*groups))
     *flat, solid = fig.axes
     assert [ax.get_ylabel() for ax in flat] == ["$C(y)$", "$H(y)$"] and not any(ax.get_title("left") for ax in flat)
     assert solid.name == "3d" and solid.get_title().startswith("splitting, noise first")
     assert (solid.get_xlabel(), solid.get_ylabel(), solid.get_zlabel()) == ("$y_1$", "$y_2$", "$y_3$")
     assert notes(solid) == {"start"}
-    plot.save(trajectories(*groups), tmp_path, "sphere")
-    two = path_group("splitting", on_circle(0.8)[:, :2], np.ones((101, 1)), panels="sphere")
+    save(trajectories(*groups), tmp_path, "sphere")
+    two = path_group("splitting", on_circle(0.8)[:, :2], np.ones((101, 1)), panels=("sphere",))
     with pytest.raises(ValueError, match="'sphere' needs three"):
-        plot.figure(trajectories(two))
+        views.figure(trajectories(two))
 
 
 def test_two_casimirs_and_complex_modes(tmp_path):
     y = np.tile([0.1, 0.3, 0.2, 0.3, 0.3, -0.2, 0.4, 0.1], (101, 1))
-    group = path_group("splitting", y, np.tile([0.53, 0.0], (101, 1)), panels="casimirs components", model="sine_euler")
-    fig = plot.figure(trajectories(group))
+    group = path_group(
+        "splitting", y, np.tile([0.53, 0.0], (101, 1)), panels=("casimirs", "components"), model="sine_euler"
+    )
+    fig = views.figure(trajectories(group))
     one, two, modes = fig.axes
     assert [ax.get_ylabel() for ax in (one, two)] == ["$C_1(y)$", "$C_2(y)$"]
     assert two.get_ylim()[0] < -0.1
     assert r"\omega(0)=(0.1+0.3i,\,0.2+0.3i,\,0.3-0.2i,\,0.4+0.1i)" in fig.texts[1].get_text()
     assert len(notes(modes)) == 8 and r"$\mathrm{Im}\,\omega_{(-1,1)}$" in notes(modes)
     assert len({(line.get_color(), line.get_linestyle()) for line in modes.lines}) > 4
-    plot.save(trajectories(group), tmp_path, "modes")
+    save(trajectories(group), tmp_path, "modes")
 
 
 def test_path_that_leaves_the_quadrant_and_the_finite_numbers(tmp_path):
-    fig = plot.figure(trajectories(*prey()))
+    fig = views.figure(trajectories(*prey()))
     phase, first, second, energy = fig.axes
     assert (phase.get_xlabel(), phase.get_ylabel()) == ("$y_{1}$", "$y_{2}$")
     assert first.get_ylim()[0] > -4 and first.get_ylim()[1] < 4  # not squashed
@@ -162,11 +151,11 @@ def test_path_that_leaves_the_quadrant_and_the_finite_numbers(tmp_path):
     assert notes(phase) >= {"start", "negative population", "Euler-Maruyama not finite from $t=0.61$"}
     assert any(note.startswith("Euler-Maruyama not defined from $t=0.4") for note in notes(energy))
     assert np.isfinite(drawn(first, "splitting").get_ydata()).all()
-    plot.save(trajectories(*prey()), tmp_path, "prey")
+    save(trajectories(*prey()), tmp_path, "prey")
 
 
 def test_components_an_axes_per_scheme():
-    fig = plot.figure(trajectories(*prey("components casimirs")))
+    fig = views.figure(trajectories(*prey(("components", "casimirs"))))
     assert [ax.get_title() for ax in fig.axes] == [LABELS["euler_maruyama"], LABELS["splitting"]] and not fig.legends
     assert fig.axes[0].get_ylim() == fig.axes[1].get_ylim()
     assert notes(fig.axes[1]) == {"$y_{1}$", "$y_{2}$"} and len(notes(fig.axes[0])) == 4
@@ -175,12 +164,11 @@ def test_components_an_axes_per_scheme():
 def over_eps(panels, count=3):
     """A scheme at several eps and its limit."""
     turned = [on_circle(2 + 1e-15 * (i + 1) * T) for i in range(count + 1)]
-    told = [{"eps": eps, "scheme_label": f"AP, eps = {eps:g}"} for eps in (1.0, 0.1, 0.03, 1e-3)[:count]]
-    told.append({"scheme_label": "splitting"})
-    names = [f"ap_splitting_eps_{a['eps']:g}" if "eps" in a else "splitting" for a in told]
+    told = [{"scheme": "ap_splitting", "eps": eps, "scheme_label": "AP"} for eps in (1.0, 0.1, 0.03, 1e-3)[:count]]
+    told.append({"scheme": "splitting", "scheme_label": "splitting"})
     invariants = [(y[:, 1:] ** 2).sum(axis=1)[:, None] / 2 for y in turned]
-    each = zip(names, turned, invariants, told, strict=True)
-    return [path_group(name, y, c, panels=panels, **attributes) for name, y, c, attributes in each]
+    each = zip(turned, invariants, told, strict=True)
+    return [path_group(y=y, casimirs=c, panels=panels, **attributes) for y, c, attributes in each]
 
 
 @pytest.mark.parametrize(
@@ -188,23 +176,23 @@ def over_eps(panels, count=3):
     [("components", 3, 2), ("components", 2, 3), ("components", 4, 3), ("casimirs", 3, 1)],
 )
 def test_components_at_several_eps(panels, count, columns, tmp_path):
-    results = trajectories(*over_eps(panels, count))
-    fig = plot.figure(results)
+    results = trajectories(*over_eps((panels,), count))
+    fig = views.figure(results)
     assert 1 + max(ax.get_subplotspec().colspan.start for ax in fig.axes) == columns
     if (panels, count) == ("components", 3):
         titles = [ax.get_title() for ax in fig.axes]
         assert titles == [*(rf"AP, $\varepsilon={e}$" for e in ("1", "10^{-1}", "0.03")), "splitting"]
-    plot.save(results, tmp_path, "eps")
+    save(results, tmp_path, "eps")
 
 
 def test_two_cases_of_four_components_keep_their_rows():
-    groups = [group._replace(case=case) for case in ("a", "b") for group in over_eps("components")]
-    fig = plot.figure(trajectories(*groups))
+    groups = [group._replace(case=case) for case in ("a", "b") for group in over_eps(("components",))]
+    fig = views.figure(trajectories(*groups))
     assert [ax.get_subplotspec().rowspan.start for ax in fig.axes] == [0] * 4 + [1] * 4
 
 
 def test_curves_at_several_eps_differ():
-    fig = plot.figure(trajectories(*over_eps("casimirs hamiltonian")))
+    fig = views.figure(trajectories(*over_eps(("casimirs", "hamiltonian"))))
     for ax in fig.axes:
         curves_of = [line for line in ax.lines if len(line.get_xdata()) == len(T)]
         assert (
@@ -214,37 +202,74 @@ def test_curves_at_several_eps_differ():
 
 
 def test_a_row_per_case_and_no_more_than_four_side_by_side(tmp_path):
-    groups = [*prey(), *(group._replace(case="other") for group in prey("components phase populations hamiltonian"))]
-    fig = plot.figure(trajectories(*groups))
+    groups = [
+        *prey(),
+        *(group._replace(case="other") for group in prey(("components", "phase", "populations", "hamiltonian"))),
+    ]
+    fig = views.figure(trajectories(*groups))
     spots = [(ax.get_subplotspec().rowspan.start, ax.get_subplotspec().colspan.start) for ax in fig.axes]
     assert spots == [(0, 0), (0, 1), (0, 2), (1, 0), *((2 + i // 3, i % 3) for i in range(6))]
-    plot.save(trajectories(*groups), tmp_path, "rows")
+    save(trajectories(*groups), tmp_path, "rows")
 
 
 def test_nothing_but_a_path_that_blows_up(tmp_path):
-    panels = "casimirs casimir_errors hamiltonian components populations phase sphere"
+    panels = ("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "phase", "sphere")
     for last in (1, 60, 101):
         y = np.exp(np.outer(np.minimum(T, 0.99) * 714, [1.0, 0.9, 0.8]))
         y[last:] = np.nan
         group = path_group("euler_maruyama", y, y[:, :1], panels=panels, hamiltonian=y[:, 1])
-        plot.save(trajectories(group), tmp_path, "lost")
+        save(trajectories(group), tmp_path, "lost")
 
 
 def test_window():
+    euler_maruyama, splitting = views.readings(trajectories(*prey()))
     quiet, wild = np.full(5, 2.0), np.array([2.0, 3.0, 1e300, -np.inf, np.nan])
-    low, high = curves.window([("splitting", quiet), ("euler_maruyama", wild)])
+    low, high = curves.window([(splitting, quiet), (euler_maruyama, wild)])
     assert -1 < low < 2 and 3 < high < 5
-    low, high = curves.window([("splitting", quiet)])
+    low, high = curves.window([(splitting, quiet)])
     assert 0.08 < (high - low) / 2 < 0.12 and (low + high) / 2 == pytest.approx(2)
-    assert curves.window([("splitting", np.zeros(3))]) == (-0.5, 0.5)
+    assert curves.window([(splitting, np.zeros(3))]) == (-0.5, 0.5)
     np.testing.assert_array_equal(curves.tamed(quiet, (1, 3)), quiet)
     np.testing.assert_array_equal(curves.tamed(wild, (1, 4)), [2, 3, 304, np.nan, np.nan])
 
 
+def test_a_scheme_that_preserves_nothing_does_not_set_the_frame():
+    """Whatever its name is; and one that preserves something does."""
+    euler_maruyama, _ = views.readings(trajectories(*prey()))
+    near, far = np.linspace(0, 1, 5), np.linspace(0, 100, 5)
+    for preserves, highest in (("nothing", 2.2), ("|y|", 106)):
+        other = euler_maruyama._replace(preserves=preserves)
+        _, high = curves.window([(euler_maruyama._replace(preserves="Casimirs"), near), (other, far)])
+        assert high == pytest.approx(highest, rel=0.05)
+
+
+def test_the_sphere_shows_a_scheme_that_stays_on_it():
+    for schemes, shown in (
+        (("euler_maruyama", "midpoint", "ap_splitting"), "ap_splitting"),
+        (("euler_maruyama", "midpoint"), "euler_maruyama"),
+    ):
+        groups = [path_group(s, on_circle(0.8), np.ones((101, 1)), panels=("sphere",)) for s in schemes]
+        (ax,) = views.figure(trajectories(*groups)).axes
+        assert ax.get_title().startswith(LABELS.get(shown, shown))
+
+
+def test_the_figure_knows_the_panels_of_a_spec():
+    assert tuple(figure.WORDS) == PANELS
+
+
+def test_axes_and_negative_populations_in_the_phase_plane():
+    (plane,) = views.figure(trajectories(*prey(("phase",)))).axes
+    assert len(plane.patches) == 0 and "negative population" not in notes(plane)
+    plane = views.figure(trajectories(*prey(("phase", "populations")))).axes[0]
+    assert len(plane.patches) == 1 and "negative population" in notes(plane)  # only the first falls below zero
+
+
 def test_panels_that_cannot_be_drawn():
+    with pytest.raises(ValueError, match="the panel 'phase' needs two components"):
+        views.figure(trajectories(path_group("splitting", on_circle(2)[:, :1], np.ones((101, 1)), panels=("phase",))))
     with pytest.raises(ValueError, match="no panel 'energy'; known panels: casimirs, "):
-        plot.figure(trajectories(*prey("energy")))
+        views.figure(trajectories(*prey(("energy",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
-        plot.figure(trajectories(*prey("casimirs")))
+        views.figure(trajectories(*prey(("casimirs",))))
     with pytest.raises(ValueError, match="no scheme"):
-        plot.figure(trajectories())
+        views.figure(trajectories())

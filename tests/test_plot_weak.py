@@ -6,10 +6,12 @@ import warnings
 
 import numpy as np
 import pytest
-from weak_results import H, weak, weak_group
+from weak_results import H, save, weak, weak_group
 
-from spi import plot
-from spi.plot import series, style
+from spi import views
+from spi.drawing import style
+from spi.kinds.weak.figure import series
+from spi.schemes import SCHEMES
 
 THREE = ("plain", "multilevel", "kolmogorov")
 
@@ -21,7 +23,7 @@ def no_warnings():
         yield
 
 
-def one_scheme(scheme="splitting", panels="errors", **stderrs):
+def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
     """All estimators of one function."""
     stderrs = {"plain": 1e-4, "multilevel": 1e-5} | stderrs
     groups = []
@@ -49,7 +51,7 @@ def curve(ax, label):
 def test_errors_of_three_estimators(tmp_path):
     results = weak(*one_scheme())
     before = copy.deepcopy(results)
-    fig = plot.figure(results)
+    fig = views.figure(results)
     (ax,) = fig.axes
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_xlabel() == "step size $h$"
     assert ax.get_ylabel().startswith("weak error") and r"\varphi(y_h(T))" in ax.get_ylabel()
@@ -67,14 +69,14 @@ def test_errors_of_three_estimators(tmp_path):
     exact = curve(ax, "Kolmogorov")
     assert exact.get_linestyle() == "-" and exact.get_marker() == "None"
     np.testing.assert_array_equal(np.sort(exact.get_ydata()), np.sort(0.5 * H))
-    assert exact.get_color() == style.SCHEMES["splitting"][1]
+    assert exact.get_color() == SCHEMES["splitting"].look[1]
     text = fig.texts[1].get_text()
     assert r"\varphi(y)=\mathrm{sin}(2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
     for group, other in zip(results.groups, before.groups, strict=True):
         assert group.attributes == other.attributes
         for name, (_, values) in group.variables.items():
             np.testing.assert_array_equal(values, other.variables[name][1])
-    pair = plot.save(results, tmp_path, "a"), plot.save(results, tmp_path, "b")
+    pair = save(results, tmp_path, "a"), save(results, tmp_path, "b")
     assert [p.read_bytes() for p in pair[0]] == [p.read_bytes() for p in pair[1]]
 
 
@@ -83,7 +85,7 @@ def test_negative_errors_and_the_sampling_floor():
     error, resolved = group.variables["error"][1], group.variables["resolved"][1]
     assert (error[1, :4] < 0).all() and not resolved[1, 3:].any() and resolved[1, :3].all()
     error[1, 5] = 1e-9  # by chance; its interval reaches up to 2e-5
-    ax = plot.figure(weak(group)).axes[1]
+    ax = views.figure(weak(group)).axes[1]
     assert ax.get_title() == r"square: $\varphi(y)=y_{1}^{2}$"
     filled, hollow = (c[0] for c in ax.containers)
     np.testing.assert_array_equal(filled.get_ydata(), -error[1, :3])
@@ -101,7 +103,7 @@ def test_negative_errors_and_the_sampling_floor():
 
 def test_slopes_of_both_orders():
     groups = [weak_group(scheme, "kolmogorov", functions=1) for scheme in ("splitting", "splitting_order2")]
-    (ax,) = plot.figure(weak(*groups)).axes
+    (ax,) = views.figure(weak(*groups)).axes
     assert legend_texts(ax)[:2] == [
         f"{label}: order {p}.00 [{p - 0.02:.2f}, {p + 0.02:.2f}]"
         for p, label in ((1, "splitting"), (2, "splitting, weak order 2"))
@@ -115,15 +117,15 @@ def test_slopes_of_both_orders():
 
 def test_the_band_of_a_curve_only_where_it_can_be_seen():
     group = weak_group("splitting_order2", "kolmogorov", functions=1)
-    assert not plot.figure(weak(group)).axes[0].collections
+    assert not views.figure(weak(group)).axes[0].collections
     group.variables["error_bound"][1][:] = 1e-6
-    (band,) = plot.figure(weak(group)).axes[0].collections
+    (band,) = views.figure(weak(group)).axes[0].collections
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(0.5 / 64 + 1e-6)
 
 
 def test_by_number_of_paths(tmp_path):
-    results = weak(*one_scheme("splitting_order2", "errors samples"))
-    left, right = plot.figure(results).axes
+    results = weak(*one_scheme("splitting_order2", ("errors", "samples")))
+    left, right = views.figure(results).axes
     assert [text.split(":")[0] for text in legend_texts(left)[:2]] == ["multilevel", "Kolmogorov, no sampling"]
     assert right.get_title() == "plain Monte Carlo by number of paths"
     assert legend_texts(right)[:5] == [
@@ -135,19 +137,19 @@ def test_by_number_of_paths(tmp_path):
     shown = results.groups[0].variables["prefix_error"][1][2, 0]
     points, _ = sampled(right, "$10^{6}$")
     np.testing.assert_array_equal(points[:, 1], np.abs(shown[np.abs(shown) >= 4e-4]))
-    plot.save(results, tmp_path, "samples")
+    save(results, tmp_path, "samples")
 
 
 def test_all_paths_where_no_prefix_has_them():
-    groups = one_scheme(panels="samples")
+    groups = one_scheme(panels=("samples",))
     groups[0].attributes["samples"] = 5 * 10**6
-    (ax,) = plot.figure(weak(*groups)).axes
+    (ax,) = views.figure(weak(*groups)).axes
     assert legend_texts(ax)[3] == "5000000 paths"
 
 
 def test_accuracy_against_seconds(tmp_path):
-    results = weak(*one_scheme(panels="seconds"))
-    accuracy, estimates = plot.figure(results).axes
+    results = weak(*one_scheme(panels=("seconds",)))
+    accuracy, estimates = views.figure(results).axes
     middle = H[2]  # of 2^-3 .. 2^-8, 2^-5.5 rounds to the larger one
     assert accuracy.get_title() == "splitting, $h=2^{-5}$: accuracy" and middle == 2**-5
     plain, multilevel, exact, _ = legend_texts(accuracy)
@@ -161,16 +163,16 @@ def test_accuracy_against_seconds(tmp_path):
     assert constant == round(0.5 * middle + 1e-5, 12)
     (line,) = (line for line in estimates.lines if line.get_label().startswith("Kolmogorov"))
     assert list(line.get_ydata()) == [0.5 * middle] * 2
-    plot.save(results, tmp_path, "seconds")
+    save(results, tmp_path, "seconds")
 
 
 def test_seconds_without_the_other_estimators(tmp_path):
-    plain, *_ = one_scheme(panels="errors seconds")
-    fig = plot.figure(weak(plain))
+    plain, *_ = one_scheme(panels=("errors", "seconds"))
+    fig = views.figure(weak(plain))
     assert [ax.get_subplotspec().rowspan.start for ax in fig.axes] == [0, 1, 1]
     plain.variables["prefix_error_stderr"][1][:] = 0.0
     plain.variables["error_stderr"][1][:] = np.inf
-    plot.save(weak(plain), tmp_path, "seconds")
+    save(weak(plain), tmp_path, "seconds")
 
 
 @pytest.mark.parametrize(
@@ -181,7 +183,7 @@ def test_places_of_panels(cases, functions, shape):
     groups = [weak_group("splitting", "multilevel", case=name, functions=functions) for name in names]
     for i, group in enumerate(groups):
         group.attributes["model_sigma"] = (0.5, float(i), math.nan)
-    fig = plot.figure(weak(*groups))
+    fig = views.figure(weak(*groups))
     spots = [ax.get_subplotspec() for ax in fig.axes]
     assert (1 + max(s.rowspan.start for s in spots), 1 + max(s.colspan.start for s in spots)) == shape
     assert len(fig.axes) == cases * functions
@@ -193,14 +195,14 @@ def test_places_of_panels(cases, functions, shape):
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
 @pytest.mark.parametrize("which", ["all", "some"])
 def test_what_is_not_finite(value, which, tmp_path):
-    groups = one_scheme(panels="errors samples seconds")
+    groups = one_scheme(panels=("errors", "samples", "seconds"))
     for group in groups:
         for name, (_, values) in group.variables.items():
             if values.dtype == float and not name.startswith(("level", "order")):
                 values[..., : 1 if which == "some" else None] = value
             elif name == "resolved":
                 values[..., : 1 if which == "some" else None] = False
-    plot.save(weak(*groups), tmp_path, "odd")
+    save(weak(*groups), tmp_path, "odd")
 
 
 def test_paths_that_blow_up():
@@ -208,7 +210,7 @@ def test_paths_that_blow_up():
     group.variables["error"][1][0, :2] = 1e30, np.inf
     group.variables["error_stderr"][1][0, :2] = 1e30, np.nan
     group.variables["resolved"][1][0, :2] = False
-    (ax,) = plot.figure(weak(group)).axes
+    (ax,) = views.figure(weak(group)).axes
     assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths left the finite numbers or nearly so"
     (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0, 1.0])
     assert edge.get_xdata().tolist() == [2**-3, 2**-4]
@@ -216,7 +218,8 @@ def test_paths_that_blow_up():
 
 def test_one_step_size(tmp_path):
     groups = [
-        g._replace(coordinates={**g.coordinates, "h": H[:1]}) for g in one_scheme(panels="errors samples seconds")
+        g._replace(coordinates={**g.coordinates, "h": H[:1]})
+        for g in one_scheme(panels=("errors", "samples", "seconds"))
     ]
     for group in groups:
         for name, (axes, values) in group.variables.items():
@@ -224,17 +227,23 @@ def test_one_step_size(tmp_path):
                 group.variables[name] = (axes, values[..., :1])
             elif name.startswith("order"):
                 group.variables[name] = (axes, values * np.nan)
-    assert legend_texts(plot.figure(weak(*groups)).axes[0])[0].endswith("order not resolved")
-    plot.save(weak(*groups), tmp_path, "one")
+    assert legend_texts(views.figure(weak(*groups)).axes[0])[0].endswith("order not resolved")
+    save(weak(*groups), tmp_path, "one")
+
+
+def test_only_schemes_with_prefixes_have_panels_of_seconds():
+    without = weak_group("splitting_order2", "plain", panels=("seconds",))
+    panels = [ax.get_title() for ax in views.figure(weak(*one_scheme(panels=("seconds",)), without)).axes]
+    assert panels == ["splitting, $h=2^{-5}$: accuracy", "splitting, $h=2^{-5}$: estimates"]
 
 
 def test_panels_that_cannot_be_drawn():
     with pytest.raises(ValueError, match="no panel 'sphere'; known panels: errors, samples, seconds"):
-        plot.figure(weak(weak_group("splitting", "multilevel", panels="sphere")))
+        views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
-        plot.figure(weak(weak_group("splitting", "multilevel", panels="samples")))
+        views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))
     with pytest.raises(ValueError, match="no scheme"):
-        plot.figure(weak())
+        views.figure(weak())
 
 
 def test_formulas():

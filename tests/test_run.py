@@ -12,12 +12,12 @@ import pytest
 import xarray
 from helpers import COMPILED
 
-from spi import ensemble, store
+from spi import ensemble, storage
 from spi import run as runner
+from spi.kinds.strong import study as strong
 from spi.rng import LANES, STREAM_VERSION
-from spi.spec import load
-from spi.store import StoreError
-from spi.studies import strong
+from spi.run import load
+from spi.storage import StorageError
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
 SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
@@ -48,10 +48,10 @@ def experiment(*overrides, schemes=SCHEMES):
 def numbers(path):
     """Everything in a results file that must repeat, as plain data that can be compared."""
     groups = {}
-    for group in store.read(path).groups:
+    for group in storage.read(path).groups:
         attributes = {k: v for k, v in group.attributes.items() if k not in ("wall_seconds", "threads")}
         arrays = {k: v.tolist() for k, (_, v) in group.variables.items() if k not in TIMES}
-        groups[group.case, group.scheme] = repr((arrays, attributes))
+        groups[group.case, group.variant] = repr((arrays, attributes))
     return groups
 
 
@@ -63,13 +63,13 @@ class Reports(list):
 
     def __call__(self, progress):
         self.append(progress)
-        if progress.scheme == self.scheme and progress.done:
+        if progress.part == self.scheme and progress.done:
             self.left -= 1
             if self.left == 0:
                 raise self.error
 
     def done(self, scheme):
-        return [p.done for p in self if p.scheme == scheme]
+        return [p.done for p in self if p.part == scheme]
 
 
 # --- what is written -------------------------------------------------------------------------------------------------
@@ -81,7 +81,7 @@ def test_a_run_writes_a_complete_file(tmp_path):
     path = runner.run(wanted, tmp_path / "new" / "folder", report=reports)
     assert path == tmp_path / "new" / "folder" / "rigid_body_strong.h5"
     assert [p.name for p in path.parent.iterdir()] == [path.name]
-    attributes = store.read(path).attributes
+    attributes = storage.read(path).attributes
     expected = {
         "kind": "strong",
         "title": "Strong errors, stochastic rigid body",
@@ -96,7 +96,7 @@ def test_a_run_writes_a_complete_file(tmp_path):
     assert {name: attributes[name] for name in expected} == expected
     for name in ("spi_version", "created", "machine_processor", "machine_instruction_set", "machine_numba"):
         assert attributes[name], name
-    assert [(g.case, g.scheme) for g in store.read(path).groups] == [("main", scheme) for scheme in SCHEMES]
+    assert [(g.case, g.variant) for g in storage.read(path).groups] == [("main", scheme) for scheme in SCHEMES]
     for scheme in SCHEMES:
         with xarray.open_dataset(path, group=f"main/{scheme}", engine="h5netcdf") as data:
             assert dict(data.sizes) == {"h": len(wanted.cases[0].steps), "casimir": 1}
@@ -110,9 +110,9 @@ def test_a_run_writes_a_complete_file(tmp_path):
             assert data.attrs["samples"] == 70
     # Progress: one report before the first batch of a scheme, then until all paths are done.
     for part, scheme in enumerate(SCHEMES):
-        own = [p for p in reports if p.scheme == scheme]
+        own = [p for p in reports if p.part == scheme]
         assert (own[0].done, own[-1].done, own[0].total) == (0, 70, 70)
-        assert {(p.case, p.part, p.parts) for p in own} == {("main", part, 2)}
+        assert {(p.case, p.number, p.parts) for p in own} == {("main", part, 2)}
         assert np.isnan(own[0].stderr)
         assert own[-1].stderr > 0
 
@@ -128,7 +128,7 @@ def test_cases_are_groups_of_their_own(tmp_path):
     spec.write_text(text, encoding="utf-8")
     path = runner.run(load(spec, "laptop", [*overrides, "samples=4"]), tmp_path)
     assert list(numbers(path)) == [("a", "euler_maruyama"), ("b", "splitting")]
-    one, two = store.read(path).groups
+    one, two = storage.read(path).groups
     assert (one.attributes["seed"], two.attributes["seed"], two.attributes["case_title"]) == (1, 2, "other")
 
 
@@ -147,7 +147,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path):
 def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
     path = runner.run(experiment("samples=5"), tmp_path)
     before, reports = path.read_bytes(), Reports()
-    with pytest.raises(StoreError, match=r"another spec.*--fresh") as caught:
+    with pytest.raises(StorageError, match=r"another spec.*--fresh") as caught:
         runner.run(experiment("samples=6"), tmp_path, report=reports)
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
@@ -155,7 +155,7 @@ def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
     assert runner.run(experiment("samples=6"), tmp_path, fresh=True) == path
-    assert {g.attributes["samples"] for g in store.read(path).groups} == {6}
+    assert {g.attributes["samples"] for g in storage.read(path).groups} == {6}
 
 
 def test_results_of_the_same_spec_are_replaced(tmp_path):
@@ -167,7 +167,7 @@ def test_results_of_the_same_spec_are_replaced(tmp_path):
 def test_a_file_that_is_no_results_file_is_not_touched(tmp_path):
     path = tmp_path / "rigid_body_strong.h5"
     path.write_text("somebody's notes")
-    with pytest.raises(StoreError, match="not a whole HDF5 file"):
+    with pytest.raises(StorageError, match="not a whole HDF5 file"):
         runner.run(experiment("samples=5"), tmp_path)
     assert path.read_text() == "somebody's notes"
 
@@ -176,7 +176,7 @@ def test_a_folder_that_cannot_be_written_is_found_out_before_the_run(tmp_path):
     (tmp_path / "file").write_text("")
     reports = Reports()
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(StoreError, match=r"cannot write .*--out"):
+        with pytest.raises(StorageError, match=r"cannot write .*--out"):
             runner.run(experiment("samples=5"), out, report=reports)
     assert not reports
 
@@ -184,13 +184,13 @@ def test_a_folder_that_cannot_be_written_is_found_out_before_the_run(tmp_path):
 def test_results_of_a_spec_file(tmp_path):
     spec = tmp_path / "mine.yaml"
     spec.write_text(EXPERIMENT.read_text(encoding="utf-8"), encoding="utf-8")
-    with pytest.raises(StoreError, match="no such file"):
+    with pytest.raises(StorageError, match="no such file"):
         runner.results_of(spec, tmp_path)
     overrides = ["schemes=[splitting]", "samples=5", *SIZES]
     path = runner.run(load(spec, "quick", overrides), tmp_path)
     assert runner.results_of(spec, tmp_path) == path
     spec.write_text(spec.read_text(encoding="utf-8").replace("seed: 1", "seed: 2"), encoding="utf-8")
-    with pytest.raises(StoreError, match="another spec"):
+    with pytest.raises(StorageError, match="another spec"):
         runner.results_of(spec, tmp_path)
 
 
@@ -302,16 +302,16 @@ def test_a_damaged_checkpoint_is_not_used(tmp_path, small_batches, uninterrupted
 
 
 def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, small_batches, monkeypatch):
-    wanted, write = experiment(f"samples={2 * LANES}", schemes=SCHEMES[:1]), store.write
+    wanted, write = experiment(f"samples={2 * LANES}", schemes=SCHEMES[:1]), storage.write
 
     def interrupted(path, results):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store, "write", interrupted)
+    monkeypatch.setattr(storage, "write", interrupted)
     with pytest.raises(BaseException) as caught:
         runner.run(wanted, tmp_path)
     assert caught.type is runner.Stopped
-    monkeypatch.setattr(store, "write", write)
+    monkeypatch.setattr(storage, "write", write)
     reports = Reports()
     runner.run(wanted, tmp_path, report=reports)
     assert reports.done(SCHEMES[0]) == [2 * LANES]
@@ -331,7 +331,7 @@ def test_cost_counts_steps_of_all_cases_and_schemes():
 MEMORY = """
 import json, resource, sys
 from spi import run as runner
-from spi.spec import load
+from spi.run import load
 
 def peak(samples):
     wanted = load(sys.argv[1], "quick", ["schemes=[euler_maruyama]", f"samples={samples}"])

@@ -3,6 +3,8 @@
 The ensemble is not involved: increments are drawn here, with fixed seeds.
 """
 
+from typing import NamedTuple
+
 import mpmath
 import numpy as np
 import pytest
@@ -20,17 +22,16 @@ from helpers import (
     take_steps,
     turned,
 )
+from matplotlib.colors import is_color_like
+from matplotlib.markers import MarkerStyle
 
 from spi import protocol
+from spi.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from spi.dispatch import kernel
 from spi.elementary import REDUCIBLE, SMALL
-from spi.models import LotkaVolterra, MaxwellBloch, RigidBody, SineEuler
+from spi.models import LotkaVolterra, MaxwellBloch, RigidBody, RigidBodySharedNoise, SineEuler
 from spi.protocol import (
-    ANY_ANGLES,
-    REDUCED_ANGLES,
     REPORT,
-    SMALL_ANGLES,
-    TINY_ANGLES,
     casimirs,
     dimension,
     drift_angle,
@@ -42,9 +43,11 @@ from spi.protocol import (
     pieces,
     strengths,
 )
-from spi.schemes import typical_ns
+from spi.schemes import SCHEMES as ALL_SCHEMES
+from spi.schemes import has_theory, typical_ns
 from spi.schemes.midpoint import Midpoint, eliminate
-from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, compositions
+from spi.schemes.rows import compositions
+from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
 
 MODELS = {
     "three_noises": RIGID_BODY,
@@ -117,6 +120,25 @@ def test_rows_are_complete(name):
         assert order in (0.5, 1.0, 1.5, 2.0)
     assert row.strong_order <= row.strong_order_commuting
     assert len({row.label for row in SCHEMES.values()}) == len(SCHEMES)
+
+
+def test_rows_say_where_schemes_come_from_and_how_they_look():
+    """Also those of the multiscale system; no two schemes look alike."""
+    for row in ALL_SCHEMES.values():
+        assert row.formula and "\n" not in row.formula and row.reference
+        marker, colour = row.look
+        assert is_color_like(colour) and marker in MarkerStyle.markers
+    for what in ("look", "formula", "label"):
+        assert len({getattr(row, what) for row in ALL_SCHEMES.values()}) == len(ALL_SCHEMES)
+
+
+def test_questions_to_rows_follow_from_their_records():
+    compositions_of_flows = {name for name, row in ALL_SCHEMES.items() if row.composition is not None}
+    assert compositions_of_flows == {*SPLITTINGS, "ap_splitting", "ap_splitting_midpoint"}
+    assert {name for name, row in ALL_SCHEMES.items() if row.solvable_without_sampling} == set(SPLITTINGS)
+    shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
+    assert {name for name, row in ALL_SCHEMES.items() if not has_theory(row, shared)} == compositions_of_flows
+    assert all(has_theory(row, RIGID_BODY) for row in ALL_SCHEMES.values())
 
 
 # --- Euler-Maruyama --------------------------------------------------------------------------------------------------
@@ -308,7 +330,7 @@ def system(request, generator):
 
 def largest_angle(scheme, model, h, dW, y, coins):
     """The largest |angle| of all flows of one step of a block, by one lane and one flow after the other."""
-    found, as_data = [0.0], compositions(scheme, model)
+    found, as_data = [0.0], compositions(scheme.rows, model)
     for lane in range(LANES):
         state = tuple(y[:, lane].tolist())
         _, flows = as_data[0 if coins[lane] > 0 else -1]
@@ -374,21 +396,21 @@ def test_order_2_is_the_printed_composition_and_so_are_the_compositions_as_data(
     new, _ = take_step(ORDER_2, model, h, dW, y, coins)
     printed = by_lanes(lambda y, dW, coin: order_2_printed(model, h, dW, coin, y), y, dW, coins)
     assert relative(new, printed) < 1e-13
-    as_data = compositions(ORDER_2, model)
+    as_data = compositions(ORDER_2.rows, model)
     assert [probability for probability, _ in as_data] == [0.5, 0.5]
     of_coin = {1.0: as_data[0][1], -1.0: as_data[1][1]}
     assert relative(by_lanes(lambda y, dW, coin: acted(of_coin[coin], model, h, dW, y), y, dW, coins), printed) < 1e-14
     if len(noise_indices(model)) > 1:  # negative control: the coins on the other side
         other, _ = take_step(ORDER_2, model, h, dW, y, -coins)
         assert relative(other, printed) > 1e-2
-    lie_trotter = compositions(LIE_TROTTER, model)[0][1]
+    lie_trotter = compositions(LIE_TROTTER.rows, model)[0][1]
     assert relative(by_lanes(lambda y, dW, coin: acted(lie_trotter, model, h, dW, y), y, dW, coins), printed) > 1e-2
 
 
 @pytest.mark.parametrize("scheme", [LIE_TROTTER, LIE_TROTTER_EXCHANGED], ids=["noise first", "drift first"])
 def test_compositions_of_lie_trotter_are_its_step(system, scheme):
     model, *_ = system
-    ((probability, flows),) = compositions(scheme, model)
+    ((probability, flows),) = compositions(scheme.rows, model)
     drift, noise = [("drift", k, 1.0) for k in range(pieces(model))], [("noise", k, 1.0) for k in noise_indices(model)]
     assert probability == 1.0
     assert list(flows) == (noise + drift if scheme is LIE_TROTTER else drift + noise)
@@ -398,7 +420,7 @@ def test_compositions_as_data_for_two_pieces_and_two_noises():
     halves = [("drift", 0, 0.25), ("drift", 1, 0.5), ("drift", 0, 0.25)]
     noise = [("noise", 0, 1.0), ("noise", 1, 1.0)]
     expected = ((0.5, (*halves, *noise, *halves)), (0.5, (*halves, *noise[::-1], *halves)))
-    assert compositions(ORDER_2, MaxwellBloch((1.0, 1.0))) == expected
+    assert compositions(ORDER_2.rows, MaxwellBloch((1.0, 1.0))) == expected
 
 
 def test_order_2_with_the_coin_turned_is_its_own_inverse(system, generator):
@@ -654,9 +676,28 @@ def test_midpoint_adds_up_its_reports(generator):
     assert total[RESIDUAL] == np.max(parts, axis=0)[RESIDUAL]
 
 
+class OfDimension1(NamedTuple):
+    dimension = 1
+
+
+class OfDimension2(NamedTuple):
+    dimension = 2
+
+
+class OfDimension3(NamedTuple):
+    dimension = 3
+
+
+class OfDimension8(NamedTuple):
+    dimension = 8
+
+
+OF_DIMENSION = {cls.dimension: cls() for cls in (OfDimension1, OfDimension2, OfDimension3, OfDimension8)}
+
+
 @kernel
-def eliminate_block(d, matrix):
-    eliminate(d, matrix)
+def eliminate_block(model, matrix):
+    eliminate(model, matrix)
 
 
 def solutions(systems, right):
@@ -664,7 +705,7 @@ def solutions(systems, right):
     d = systems.shape[1]
     augmented = np.concatenate([systems, right[:, :, np.newaxis]], axis=2)
     matrix = np.concatenate([augmented.transpose(2, 1, 0).ravel(), np.full(2 * LANES, np.nan)])
-    eliminate_block(d, matrix)
+    eliminate_block(OF_DIMENSION[d], matrix)
     return matrix[d * d * LANES : d * (d + 1) * LANES].reshape(d, LANES).T
 
 

@@ -8,11 +8,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from spi.arithmetic import NumberError, parse
 from spi.expressions import parse_expression
+from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
-from spi.numbers import NumberError, parse
-from spi.spec import KINDS, SpecError, json_schema, load
+from spi.run import layers, load
+from spi.spec import SpecError
 
 GOOD = """\
 title: A title
@@ -642,6 +644,12 @@ def test_bad_expression_elsewhere(spec):
         ),
         ("samples: 10^6", "samples: 0", "12: samples: is '0'; must be at least 1"),
         ("[10, 1000]", "[10, 10]", "13: prefixes: has 10 after 10; must increase"),
+        (
+            "prefixes: [10, 1000]",
+            "panels: [errors, seconds]",
+            "13: panels: has 'seconds', but there are no results of fewer samples; "
+            "needs the estimator plain and prefixes, as in prefixes: [10^3, 10^4]",
+        ),
         ("[10, 1000]", "[10, 1.5]", f"13: prefixes: entry 2 is '1.5' (not whole); {WHOLE}"),
         ("[10, 1000]", "[10^7]", "13: prefixes: has 10000000; must not exceed samples, which is 1000000"),
         (
@@ -841,7 +849,7 @@ def test_nesting_is_harmless(text):
 
 
 def test_json_schema():
-    schema = json_schema()
+    schema = layers().json_schema()
     assert json.loads(json.dumps(schema)) == schema
     strong = schema["$defs"]["strong"]
     keys = strong["properties"]

@@ -4,9 +4,10 @@ import json
 
 import pytest
 
+from spi.kinds import KINDS
+from spi.run import layers
 from spi.schemes import SCHEMES, scheme_row
-from spi.spec import SpecError, json_schema
-from spi.studies import STUDIES
+from spi.spec import SpecError
 
 WEAK = """\
 kind: weak
@@ -29,7 +30,7 @@ TRAJECTORY = (
     .replace("samples: 100", "panels: [casimirs]")
 )
 LINE = {WEAK: 8, STRONG: 8, TRAJECTORY: 7}  #: of eps
-KINDS = pytest.mark.parametrize("text", [WEAK, STRONG, TRAJECTORY], ids=["weak", "strong", "trajectory"])
+EACH_KIND = pytest.mark.parametrize("text", [WEAK, STRONG, TRAJECTORY], ids=["weak", "strong", "trajectory"])
 EPS, SPLITTING = "eps: [1e-2, 1e-5]\n", "schemes: [splitting]\n"
 BOTH, PANEL = "schemes: [ap_splitting, splitting]\n", "panels: [eps]\n"
 MULTISCALE = "ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
@@ -54,13 +55,13 @@ def error(spec):
 # --- what is right ---------------------------------------------------------------------------------------------------
 
 
-@KINDS
+@EACH_KIND
 def test_schemes_of_the_multiscale_system_run_with_each_eps_and_others_once(spec, text):
     experiment = spec(text)
     (case,) = experiment.cases
     assert case.eps == (1e-2, 1e-5)
     assert case.runs == [("ap_splitting", 1e-2), ("ap_splitting", 1e-5), ("splitting", None)]
-    groups = [part.group for part in STUDIES[experiment.kind].parts(case)]
+    groups = [part.variant for part in KINDS[experiment.kind].study.parts(case)]
     assert groups == ["ap_splitting_eps_0.01", "ap_splitting_eps_1e-05", "splitting"]
     assert experiment.effective["cases"]["main"]["eps"] == [1e-2, 1e-5]
 
@@ -87,7 +88,7 @@ def test_eps_decides_the_results(spec):
     assert len(hashes) == 2
 
 
-@KINDS
+@EACH_KIND
 def test_eps_is_set_from_outside_by_profiles_and_by_cases(spec, text):
     def of(experiment):
         return [case.eps for case in experiment.cases]
@@ -108,7 +109,7 @@ def test_rows_of_schemes_get_their_eps():
         found = scheme_row(name, 0.25)
         if row.multiscale:
             assert found.record.eps == 0.25
-            assert found.label == f"{row.label}, eps = 0.25"
+            assert found.label == row.label  # a result stores its eps beside the label
         else:
             assert found == row
 
@@ -116,7 +117,7 @@ def test_rows_of_schemes_get_their_eps():
 def test_a_reference_scheme_has_the_eps_of_the_scheme_and_0_beside_one_without(spec):
     for text in (WEAK, STRONG):
         experiment = spec(text + "reference_scheme: ap_splitting_midpoint\n")
-        (case,), study = experiment.cases, STUDIES[experiment.kind]
+        (case,), study = experiment.cases, KINDS[experiment.kind].study
         assert case.reference_scheme == "ap_splitting_midpoint"
         references = [study.plan(case, part).grid.reference_scheme for part in study.parts(case)]
         assert [type(r.rule).__name__ for r in references] == ["ImplicitMidpoint"] * 3
@@ -126,7 +127,7 @@ def test_a_reference_scheme_has_the_eps_of_the_scheme_and_0_beside_one_without(s
 
 def test_json_schema():
     """For all kinds eps is a number, a text or a list; what other keys ask of it no schema can say."""
-    schema = json_schema()
+    schema = layers().json_schema()
     assert json.loads(json.dumps(schema)) == schema
     number, text = {"type": "number"}, {"type": "string"}
     for kind in ("weak", "strong", "trajectory"):
@@ -149,20 +150,20 @@ def test_json_schema():
 # --- what is wrong ---------------------------------------------------------------------------------------------------
 
 
-@KINDS
+@EACH_KIND
 def test_a_scheme_of_the_multiscale_system_needs_eps(error, text):
     right = "1: eps: missing key 'eps'; 'ap_splitting' needs it: add eps: scale of the fast processes"
     assert error(text, EPS, "") == right
     assert error(text, EPS, "eps: null\n").split(": ", 1)[1] == right.split(": ", 1)[1]
 
 
-@KINDS
+@EACH_KIND
 def test_eps_that_no_scheme_uses(error, text):
     expected = f"{LINE[text]}: eps: is used by none of the schemes; leave it out or use one of {MULTISCALE}"
     assert error(text, BOTH, SPLITTING) == expected
 
 
-@KINDS
+@EACH_KIND
 @pytest.mark.parametrize(
     ("written", "what"),
     [
@@ -187,7 +188,7 @@ def test_eps_that_would_have_the_same_name_in_the_results(error):
     assert "eps: has '0.1' twice" in error(STRONG, EPS, "eps: [0.1, 0.1000000001]\n")
 
 
-@KINDS
+@EACH_KIND
 def test_eps_0_is_not_for_the_explicit_scheme(spec, error, text):
     explicit, zero = (BOTH, "schemes: [ap_splitting, multiscale_euler]\n"), ("1e-5]", "0]")
     expected = f"{LINE[text]}: eps: has 0, which 'multiscale_euler' cannot have; must be positive for it"
@@ -251,6 +252,13 @@ def test_bad_reference_scheme(error, name, what):
     for text in (WEAK, STRONG):
         line = text.count("\n") + 1
         assert error(text + f"reference_scheme: {name}\n") == f"{line}: reference_scheme: {what}"
+
+
+def test_a_trajectory_is_not_too_long(error):
+    overrides = ["final_time=10^8", "step=1"]
+    assert error(TRAJECTORY, overrides=overrides).endswith(
+        "step: gives more than 10^7 steps, all of which are kept; must be at least 10"
+    )
 
 
 def test_a_trajectory_has_no_reference_scheme(error):

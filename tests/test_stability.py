@@ -16,14 +16,16 @@ import numpy as np
 import pytest
 from helpers import COMPILED, INITIAL, RIGID_BODY, printed, turned
 
-from spi import ensemble, kolmogorov, store
+from spi import ensemble, kolmogorov, storage
 from spi import run as runner
+from spi.kinds.stability import study as stability
 from spi.models import MaxwellBloch
 from spi.records import Part
 from spi.rng import LANES, philox
-from spi.schemes import compositions, scheme_row
-from spi.spec import SpecError, load
-from spi.studies import stability
+from spi.run import load
+from spi.schemes import scheme_row
+from spi.schemes.rows import compositions
+from spi.spec import SpecError
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -75,16 +77,16 @@ def case_of(tmp_path):
 
 def state_of(plan, blocks=1000, state=None):
     """The state after all values, in calls of at most so many blocks."""
-    state = stability.start(plan) if state is None else state
+    state = plan.start() if state is None else state
     while state.done < len(plan.points):
-        state = stability.paths.advance_state(plan, state, min(blocks, plan.blocks - state.blocks))
-    return state
+        state = stability.advance_state(plan, state, min(blocks, plan.first.blocks - state.blocks))
+    return [state, *plan.batches(state)][-1]  # with the true expectations
 
 
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = stability.plan(case, Part(scheme))
-    group = stability.group(case, Part(scheme), state_of(plan) if state is None else state)
+    group = plan.group(state_of(plan) if state is None else state)
     assert group.coordinates["h"].tolist() == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group
 
@@ -103,7 +105,7 @@ def increments(seed, channels, steps, paths, h):
     channel = np.arange(channels, dtype=np.uint64)[None, :, None]
     path = np.arange(paths, dtype=np.uint64)[None, None, :]
     zero = np.uint64(0) * (draw + channel + path)
-    plain = getattr(philox, "py_func", philox)
+    plain = philox.__wrapped__
     words = plain(draw + zero, channel + zero, path + zero, zero, np.uint64(seed), np.uint64(0))
     normals = [None] * 4
     for half in range(2):
@@ -336,7 +338,7 @@ def test_batches_do_not_matter(case_of, scheme):
     assert same_numbers(whole, whole)
     for blocks in (1, 2):
         assert same_numbers(state_of(plan, blocks), whole)
-    *_, last = stability.batches(plan, stability.start(plan))
+    *_, last = plan.batches(plan.start())
     assert same_numbers(last, whole)
     other = stability.plan(case_of(RIGID, "samples=330", "seed=6"), Part(scheme))
     assert not same_numbers(state_of(other), whole)
@@ -359,17 +361,20 @@ def test_threads_do_not_matter(case_of, scheme):
 
 def test_going_on_from_the_middle_gives_the_same_bits(case_of):
     plan = stability.plan(case_of(RIGID, "samples=200" if COMPILED else "samples=130"), Part("splitting"))
-    states = [stability.start(plan)]
+    states = [plan.start()]
     while states[-1].done < 2:
-        states.append(stability.paths.advance_state(plan, states[-1], 1))
-    assert len(states) == 1 + 2 * plan.blocks
+        states.append(stability.advance_state(plan, states[-1], 1))
+    assert len(states) == 1 + 2 * plan.first.blocks
+    for i in range(2):
+        states.append(stability.with_truth(plan, states[-1], i))
     kept = [[np.copy(v) for v in state] for state in states]
     for state in states[:-1]:
         assert same_numbers(state_of(plan, 2, state), states[-1])
     for state, values in zip(states, kept, strict=True):  # a state that was handed out does not change any more
         assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(state, values, strict=True))
-    done = [stability.progress(plan, state)[0] for state in states]
-    assert (np.diff(done) > 0).all() and done[0] == 0 and done[-1] == stability.progress(plan, states[-1])[1]
+    done = [plan.progress(state).done for state in states]
+    assert (np.diff(done[:-2]) > 0).all() and done[0] == 0
+    assert done[-3:] == [plan.progress(states[-1]).total] * 3  # only the true expectations are still missing
 
 
 def test_values_and_step_sizes_do_not_influence_one_another(case_of):
@@ -387,7 +392,7 @@ class Reports(list):
 
     def __call__(self, progress):
         self.append(progress)
-        if (progress.case, progress.scheme) == self.place and progress.done:
+        if (progress.case, progress.part) == self.place and progress.done:
             self.left -= 1
             if self.left == 0:
                 raise KeyboardInterrupt
@@ -396,10 +401,10 @@ class Reports(list):
 def numbers(path):
     """Everything in a results file that must repeat."""
     groups = {}
-    for group in store.read(path).groups:
+    for group in storage.read(path).groups:
         attributes = {k: v for k, v in group.attributes.items() if k not in ("wall_seconds", "threads")}
         arrays = {k: (axes, v.shape, v.tolist()) for k, (axes, v) in group.variables.items()}
-        groups[group.case, group.scheme] = repr((arrays, attributes))
+        groups[group.case, group.variant] = repr((arrays, attributes))
     return groups
 
 
@@ -418,10 +423,10 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
             runner.run(wanted, out, report=Reports("main", scheme, 1))
     reports = Reports()
     path = runner.run(wanted, out, report=reports)
-    first = {scheme: next(p.done for p in reports if p.scheme == scheme) for scheme in wanted.cases[0].schemes}
+    first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
     assert first["splitting"] == 260 and 0 < first["euler_maruyama"] < 260  # nothing is computed twice
     assert numbers(path) == whole
-    text = printed(store.read(path))
+    text = printed(storage.read(path))
     assert "positive" in text and "Casimir" not in text
 
 
@@ -501,27 +506,45 @@ def test_law_distance_is_nothing_for_small_steps_and_clear_for_large_ones(case_o
 def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     case = case_of(RIGID, f"sweep={{s: [{sigma}]}}")
     model = case.sweep.cases[0].model
-    flows = compositions(scheme_row("splitting").record, model)
+    flows = compositions(scheme_row("splitting").composition, model)
     wanted = kolmogorov.expectations(model, flows, INITIAL, 1.0, [0.5, 0.25, 0.125], PHI, 1e-6)
-    limit, error = kolmogorov.limits(model, INITIAL, 1.0, PHI, 1e-6)
+    limit, error = kolmogorov.exact_expectations(model, INITIAL, 1.0, PHI, 1e-6)
     assert error.max() < 1e-6
-    assert (np.abs(limit - wanted.limit) <= error + wanted.limit_error).all()
-    found, _ = study(case, "splitting", stability.start(stability.plan(case, Part("splitting"))))
-    assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_error).all()
+    assert (np.abs(limit - wanted.limit) <= error + wanted.limit_bound).all()
+    plan = stability.plan(case, Part("splitting"))
+    assert np.isnan(study(case, "splitting", plan.start())[0]["truth"]).all()
+    found, _ = study(case, "splitting", stability.with_truth(plan, plan.start(), 0))
+    assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3
 
 
 def test_truth_where_it_is_elementary():
     """On an axis nothing moves; with equal inertia and noise, E y falls as exp(-(sigma r)^2 T) to first order."""
-    limit, error = kolmogorov.limits(RIGID_BODY, (0.0, 2.0, 0.0), 3.0, PHI, 1e-6)
+    limit, error = kolmogorov.exact_expectations(RIGID_BODY, (0.0, 2.0, 0.0), 3.0, PHI, 1e-6)
     assert limit.tolist() == [0.0, 4.0, 0.0] and not error.any()
     with pytest.raises(ValueError, match="no limit without schemes for MaxwellBloch"):
-        kolmogorov.limits(MaxwellBloch(), (1.0, 2.0, 3.0), 1.0, PHI, 1e-3)
+        kolmogorov.exact_expectations(MaxwellBloch(), (1.0, 2.0, 3.0), 1.0, PHI, 1e-3)
     time = 1e-3
     ito = rigid_euler_step(RIGID_BODY, time, np.zeros((3, 1)), np.array(INITIAL)[:, None], [])[:, 0]
-    limit, error = kolmogorov.limits(RIGID_BODY, INITIAL, time, [lambda y, k=k: y[k] for k in range(3)], 1e-6)
+    limit, error = kolmogorov.exact_expectations(
+        RIGID_BODY, INITIAL, time, [lambda y, k=k: y[k] for k in range(3)], 1e-6
+    )
     assert np.abs(limit - ito).max() < 3 * time**2 + error.max() < 1e-5
     assert np.abs(ito - INITIAL).max() > 1e-4
+
+
+# --- what describes the results --------------------------------------------------------------------------------------
+
+
+def test_what_differs_from_value_to_value_is_not_described(spec):
+    """A swept eps is no eps of the scheme; one that is the same for all values is."""
+    swept = stability.plan(spec(EPS).cases[0], Part("ap_splitting"))
+    assert "eps" not in swept.description() and swept.description()["model_sigma"] == (1.0, 1.0, 0.5)
+    assert [point.scheme.eps for point in swept.points] == [0.0, 0.6]
+    fixed = spec(RIGID, overrides=["schemes=[ap_splitting, splitting]", "eps=0.6"]).cases[0]
+    told = [stability.plan(fixed, part).description() for part in stability.parts(fixed)]
+    assert [one["eps"] for one in told] == [0.6, None] and not any("model_sigma" in one for one in told)
+    assert [one["scheme_label"] for one in told] == ["AP splitting", "splitting"]
 
 
 # --- the swept word --------------------------------------------------------------------------------------------------
@@ -542,6 +565,7 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
         ([WORD, "{s: [0.5, -1]}"], r"3: model\.sigma: entry 1 is '\(-1\)'; must be at least 0"),
         ([WORD, "{s: []}"], r"11: sweep\.s: is an empty list; .*"),
         ([WORD, "{s: 1}"], r"11: sweep\.s: is '1'; must be a list in square brackets"),
+        ([START, "[0, 0, 0]"], r"4: initial: is 0; must not be, because errors are relative to its length"),
         ([WORD, "{s: [0.5, x]}"], r"11: sweep\.s: entry 2 is 'x'.*; must be .*"),
         ([WORD, "s"], r"11: sweep: is 's'; must be a mapping, lines of key: value"),
         ([SIGMA, "[s, t, 1]"], r"3: model\.sigma: entry 2 is 't' \(unknown word 't'\); must be .*"),

@@ -16,11 +16,12 @@ from helpers import COMPILED
 from spi import ensemble
 from spi.dispatch import kernel
 from spi.estimators import GROUPS, group_counts
+from spi.kinds.strong import study as strong
+from spi.kinds.strong.study.errors import errors
 from spi.protocol import REPORT
 from spi.records import Part
 from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
-from spi.spec import load
-from spi.studies import strong
+from spi.run import load
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
 SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
@@ -40,7 +41,7 @@ def case_of(*overrides, profile="quick"):
 
 def state_of(plan, state=None, blocks=None):
     """The state after all blocks, in calls of so many."""
-    state = strong.start(plan) if state is None else state
+    state = plan.start() if state is None else state
     while state.blocks < plan.blocks:
         state = strong.advance_state(plan, state, min(blocks or plan.blocks, plan.blocks - state.blocks))
     return state
@@ -48,8 +49,9 @@ def state_of(plan, state=None, blocks=None):
 
 def study(case, scheme):
     """(variables by name, attributes) of a whole study."""
-    *_, state = strong.batches(p := strong.plan(case, Part(scheme)), strong.start(p))
-    group = strong.group(case, Part(scheme), state)
+    plan = strong.plan(case, Part(scheme))
+    *_, state = plan.batches(plan.start())
+    group = plan.group(state)
     assert list(group.coordinates["h"]) == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group.attributes
 
@@ -225,7 +227,7 @@ def test_batches_do_not_matter(scheme):
     whole = state_of(plan)
     for blocks in (1, 2, 5):
         assert same_numbers(state_of(plan, blocks=blocks), whole)
-    *_, last = strong.batches(plan, strong.start(plan))
+    *_, last = plan.batches(plan.start())
     assert same_numbers(last, whole)
 
 
@@ -238,7 +240,7 @@ def test_threads_do_not_matter(scheme):
     try:
         for threads in (1, 2):
             ensemble.use_threads(threads)
-            *_, state = strong.batches(plan, strong.start(plan))
+            *_, state = plan.batches(plan.start())
             states.append(state)
     finally:
         ensemble.use_threads(before)
@@ -248,18 +250,18 @@ def test_threads_do_not_matter(scheme):
 @pytest.mark.parametrize("middle", [1, 3])
 def test_going_on_from_the_middle_gives_the_same_bits(middle):
     plan = strong.plan(case_of("samples=330" if COMPILED else "samples=200"), Part("splitting"))
-    begun = strong.advance_state(plan, strong.start(plan), middle)
+    begun = strong.advance_state(plan, plan.start(), middle)
     kept = begun._replace(**{name: np.copy(v) for name, v in begun._asdict().items() if isinstance(v, np.ndarray)})
-    *_, resumed = strong.batches(plan, begun)
+    *_, resumed = plan.batches(begun)
     assert same_numbers(resumed, state_of(plan))
     assert same_numbers(begun, kept)  # a state that was handed out does not change any more
 
 
 def test_the_first_samples_of_many_are_the_samples_of_few():
     many, few = (strong.plan(case_of(f"samples={n}"), Part("splitting")) for n in (256, 128))
-    state = strong.advance_state(many, strong.start(many), 2)
+    state = strong.advance_state(many, many.start(), 2)
     assert same_numbers(state, state_of(few))
-    for a, b in zip(strong.errors(many, state), strong.errors(few, state_of(few)), strict=True):
+    for a, b in zip(errors(many, state), errors(few, state_of(few)), strict=True):
         assert np.array_equal(a, b)
 
 
@@ -411,14 +413,14 @@ def test_progress_and_cost():
     plan = strong.plan(case, Part("splitting"))
     state = state_of(plan)
     found, attributes = study(case, "splitting")
-    done, total, stderr = strong.progress(plan, state)
+    done, total, stderr = plan.progress(state)
     assert (done, total) == (150, 150)
     assert math.isclose(stderr, found["error_final_stderr"][0], rel_tol=1e-12)
-    begun = strong.progress(plan, strong.advance_state(plan, strong.start(plan), 2))
+    begun = plan.progress(strong.advance_state(plan, plan.start(), 2))
     assert begun[:2] == (128, 150) and begun[2] > 0
-    unbegun = strong.progress(plan, strong.start(plan))
+    unbegun = plan.progress(plan.start())
     assert unbegun[:2] == (0, 150) and math.isnan(unbegun[2])
-    steps, seconds, needed = strong.cost(case, Part("splitting"))
+    steps, seconds, needed = plan.cost()
     per_path = round(case.final_time / case.reference_step) + sum(round(case.final_time / h) for h in case.steps)
     assert steps == 150 * per_path
     assert 1e-9 < seconds / steps < 1e-7

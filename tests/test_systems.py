@@ -14,11 +14,13 @@ from helpers import COMPILED, LANES, random_states, take_step, take_steps
 from scipy.linalg import expm
 
 from spi import fields
+from spi.angles import ANY_ANGLES
+from spi.kinds.strong import study as strong
+from spi.kinds.strong.study.errors import _expected_order
 from spi.models import LotkaVolterra, MaxwellBloch, SineEuler
-from spi.protocol import ANY_ANGLES, casimirs, drift_flow, hamiltonian, noise_flow, strengths, structure
+from spi.protocol import casimirs, drift_flow, hamiltonian, noise_flow, strengths, structure
 from spi.records import Part
 from spi.schemes import SCHEMES
-from spi.studies import strong
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 SPLITTING, EULER_MARUYAMA, MIDPOINT = (SCHEMES[n].record for n in ("splitting", "euler_maruyama", "midpoint"))
@@ -640,8 +642,8 @@ def strong_case(name, sigma, scheme, final_time):
 def test_strong_orders(name, sigma, scheme, final_time, order):
     case = strong_case(name, sigma, scheme, final_time)
     plan = strong.plan(case, Part(scheme))
-    *_, state = strong.batches(plan, strong.start(plan))
-    group = strong.group(case, Part(scheme), state)
+    *_, state = plan.batches(plan.start())
+    group = plan.group(state)
     low, high = group.attributes["order_ci"]
     assert low <= order <= high
     other = 1.5 - order  # negative control: 1/2 and 1 are told apart
@@ -656,8 +658,8 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
     """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
-    *_, state = strong.batches(plan, strong.start(plan))
-    group = strong.group(case, Part("euler_maruyama"), state)
+    *_, state = plan.batches(plan.start())
+    group = plan.group(state)
     assert group.variables["nonfinite"][1].any() and "finite" in group.attributes["note"]
 
 
@@ -665,4 +667,4 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
 def test_expected_orders_follow_from_the_noise_fields(name, sigma, scheme, final_time, order):
     """What results say that theory says; a noise that is off is None, as in specs."""
     case = strong_case(name, tuple(s or None for s in sigma), scheme, final_time)
-    assert strong._expected_order(SCHEMES[scheme], case) == order
+    assert _expected_order(SCHEMES[scheme], case) == order

@@ -9,7 +9,9 @@ import pytest
 from helpers import printed
 from weak_results import LIMIT, H, weak, weak_group
 
-from spi import tables
+from spi import views
+from spi.kinds.weak.table import COLUMNS
+from spi.printing import as_csv, as_json
 
 
 @pytest.fixture
@@ -23,7 +25,7 @@ def results():
 
 
 def test_rows(results):
-    records = tables.rows(results)
+    records = views.rows(results)
     assert len(records) == (12 + 24) + 12 + 12 + 6
     first = records[0]
     assert [first[key] for key in ("case", "scheme", "estimator", "function", "h")] == [
@@ -35,12 +37,12 @@ def test_rows(results):
     exact = next(record for record in records if record["estimator"] == "kolmogorov" and record["function"] == "square")
     assert exact["error"] == -0.1 / 8 and exact["error_bound"] == 1e-10 and exact["limit"] == LIMIT[1]
     assert exact["expectation_bound"] == 2e-10 and "error_stderr" not in exact and "samples" not in exact
-    assert all([key for key in tables.WEAK if key in record] == list(record) for record in records)
+    assert all([key for key in COLUMNS if key in record] == list(record) for record in records)
     assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
 
 
 def test_rows_of_the_first_so_many_paths(results):
-    fewer = [record for record in tables.rows(results) if record.get("samples", 10**6) < 10**6]
+    fewer = [record for record in views.rows(results) if record.get("samples", 10**6) < 10**6]
     assert len(fewer) == 24 and {record["samples"] for record in fewer} == {10**4, 10**5}
     assert fewer[0]["error"] == 0.5 / 8 + 1e-3 and fewer[0]["cpu_seconds"] == 0.04 and fewer[0]["resolved"] is True
     assert fewer[5]["resolved"] is False and "order" not in fewer[0] and "expectation" not in fewer[0]
@@ -48,10 +50,10 @@ def test_rows_of_the_first_so_many_paths(results):
 
 def test_json_and_csv(results):
     results.groups[0].variables["error"][1][0, 0] = math.inf
-    records = tables.rows(results)
-    back = json.loads(tables.as_json(records))
+    records = views.rows(results)
+    back = json.loads(as_json(records))
     assert back[0]["error"] is None and back[1] == records[1]
-    lines = list(csv.DictReader(io.StringIO(tables.as_csv(records))))
+    lines = list(csv.DictReader(io.StringIO(as_csv(records))))
     assert float(lines[0]["error"]) == math.inf and lines[-1]["error_bound"] == ""
 
 
@@ -125,12 +127,18 @@ def test_nothing_finite():
                     values[...] = False
         text = printed(weak(*groups))
         assert f"({value})" in text and "order not resolved" in text and "not finite" in text
-        tables.as_json(tables.rows(weak(*groups)))
+        as_json(views.rows(weak(*groups)))
 
 
 def test_nonfinite_paths(results):
     lines = [line for line in printed(results).splitlines() if line.startswith("splitting ") and "2^-3" in line]
     assert lines[0].split()[-1] == "3" and "3" not in lines[1].split()[-1]
+
+
+def test_lost_references(results):
+    assert "reference paths" not in printed(results)
+    results.groups[0].attributes["reference_nonfinite"] = 3
+    assert printed(results).count("    3 reference paths left the finite numbers") == 1
 
 
 def test_one_point_per_estimator():
@@ -144,7 +152,7 @@ def test_one_point_per_estimator():
 
 def test_agreement(results):
     """Sampled errors are off by one standard error, (error - exact) / stderr = 1, -1, ..."""
-    records = tables.rows(results)
+    records = views.rows(results)
     compared = [record for record in records if "agreement" in record]
     assert {(r["case"], r["estimator"]) for r in compared} == {("main", "plain"), ("main", "multilevel")}
     assert len(compared) == 24 and all(record.get("samples", 10**6) == 10**6 for record in compared)
@@ -168,17 +176,17 @@ def test_disagreement(results):
     (line,) = (line for line in text.splitlines() if "DISAGREE" in line)
     assert line.startswith("splitting, plain, square: ") and line.endswith("; DISAGREE at 2^-5")
     assert "splitting, multilevel, phi: sampled" not in text and "2^-6: inf" not in text
-    assert math.isnan(next(r["agreement"] for r in tables.rows(results) if r["estimator"] == "multilevel"))
+    assert math.isnan(next(r["agreement"] for r in views.rows(results) if r["estimator"] == "multilevel"))
 
 
 def test_agreement_of_other_steps(results):
     results.groups[2].coordinates["h"] = H * 4
-    records = [record for record in tables.rows(results) if record["estimator"] == "multilevel"]
+    records = [record for record in views.rows(results) if record["estimator"] == "multilevel"]
     assert [math.isnan(record["agreement"]) for record in records[:6]] == [False] * 4 + [True] * 2
 
 
 def test_long_labels_with_eps(results):
     """eps has a line of its own, and its number is not torn from it."""
-    results.groups[0].attributes["scheme_label"] = "semi-implicit Euler-Maruyama, eps = 0.001"
+    results.groups[0].attributes.update(scheme_label="semi-implicit Euler-Maruyama", eps=0.001)
     lines = [line.split("  ")[0].rstrip() for line in printed(results).splitlines()]
     assert lines[lines.index("eps = 0.001") + 1] == "plain"

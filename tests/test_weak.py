@@ -6,24 +6,26 @@ fixed; statistical bounds are 4 standard errors.
 
 import functools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import BY_HAND, COMPILED, LANES, final_states
 
-from spi import ensemble, store
+from spi import ensemble, storage
 from spi import run as runner
+from spi.ensemble import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.estimators import GROUPS, group_counts, is_resolved
+from spi.kinds.weak import study as weak
+from spi.kinds.weak.study import estimates, multilevel, plain
+from spi.kinds.weak.study.sums import ROUND
 from spi.kolmogorov import expectations
 from spi.records import Part
 from spi.rng import LEVELS
+from spi.run import load
 from spi.schemes import SCHEMES
-from spi.schemes.splitting import compositions
-from spi.spec import load
-from spi.studies import weak
-from spi.studies.weak import multilevel, plain
-from spi.studies.weak.sums import ROUND
+from spi.schemes.rows import compositions
 
 SPEC = Path(__file__).with_name("weak.yaml")
 SPLITTINGS = tuple(BY_HAND)
@@ -42,15 +44,18 @@ def case_of(*overrides, system="rigid_body"):
     return load(SPEC, overrides=[*SYSTEMS[system], *overrides]).cases[0]
 
 
+def plan_of(case, scheme, estimator):
+    return weak.plan(case, Part(scheme, estimator))
+
+
 def results_of(case, scheme, estimator):
     """(variables by name, attributes) of a whole study."""
-    part = Part(scheme, estimator)
-    plan = weak.plan(case, part)
-    *_, state = weak.batches(plan, weak.start(plan))
-    group = weak.group(case, part, state)
-    assert (group.estimator, group.scheme) == (estimator, scheme)
+    p = plan_of(case, scheme, estimator)
+    *_, state = p.batches(p.start())
+    group = p.group(state)
+    assert (group.estimator, group.variant) == (estimator, scheme)
     assert list(group.coordinates["h"]) == list(case.steps)
-    return {name: values for name, (_, values) in group.variables.items()}, group.attributes
+    return group.arrays, group.attributes
 
 
 def stderr_by_hand(values):
@@ -131,7 +136,7 @@ PLAIN_NUMBERS = ("blocks", "values", "differences", "nonfinite", "report", "pref
 
 def state_of(p, blocks=None, state=None):
     """The state of plain after all blocks, in calls of so many."""
-    state = plain.start(p) if state is None else state
+    state = p.start() if state is None else state
     while state.blocks < p.blocks:
         state = plain.advance_state(p, state, min(blocks or p.blocks, p.blocks - state.blocks))
     return state
@@ -141,15 +146,15 @@ def state_of(p, blocks=None, state=None):
 def test_plain_does_not_depend_on_batches_or_interruptions(scheme):
     """Prefixes within, at the beginning and at the end of blocks and of calls."""
     samples, prefixes = (600, "[1, 64, 100, 128, 300, 600]") if COMPILED else (130, "[1, 64, 100, 128]")
-    p = plain.plan(case_of(f"samples={samples}", f"prefixes={prefixes}"), scheme)
+    p = plan_of(case_of(f"samples={samples}", f"prefixes={prefixes}"), scheme, "plain")
     whole = state_of(p)
     for blocks in (1, 2, 4):
         assert same_numbers(state_of(p, blocks), whole, PLAIN_NUMBERS)
-    *_, last = plain.batches(p, plain.start(p))
+    *_, last = p.batches(p.start())
     assert same_numbers(last, whole, PLAIN_NUMBERS)
-    begun = plain.advance_state(p, plain.start(p), 1)
+    begun = plain.advance_state(p, p.start(), 1)
     kept = begun._replace(**{k: np.copy(v) for k, v in begun._asdict().items() if isinstance(v, np.ndarray)})
-    *_, resumed = plain.batches(p, begun)
+    *_, resumed = p.batches(begun)
     assert same_numbers(resumed, whole, PLAIN_NUMBERS)
     assert same_numbers(begun, kept, PLAIN_NUMBERS)  # a state that was handed out does not change any more
 
@@ -187,11 +192,14 @@ def test_common_paths_resolve_errors_that_independent_paths_do_not():
 
 def after_blocks(p, blocks, calls=1):
     """The state of multilevel after so many blocks of each level, in so many calls."""
-    state = multilevel.start(p)
+    state = p.start()
     for j, n in enumerate(np.broadcast_to(blocks, len(p.levels))):
         for part in np.array_split(np.arange(n), calls):
             state = multilevel.advance_state(p, state, j, len(part))
     return state
+
+
+TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 
 
 def levels_by_hand(case, scheme, blocks):
@@ -203,9 +211,9 @@ def levels_by_hand(case, scheme, blocks):
     count = round(math.log2(max(case.steps) / case.reference_step))
     for j in range(count + 1):
         h = case.reference_step * 2**j
-        doublings, reversals = ((0, 0, 1, 1), (0, 2, 0, 1)) if twins else ((0, 1), (0, 0))
+        doublings, reversals = ((0, 0, 1, 1), TWINS) if twins else ((0, 1), (AS_TOSSED,) * 2)
         if j == count:
-            doublings, reversals = ((0, 0), (0, 1)) if twins else ((0,), (0,))
+            doublings, reversals = ((0, 0), (AS_TOSSED, COINS_TURNED)) if twins else ((0,), (AS_TOSSED,))
         y = final_states(
             record,
             case.model,
@@ -231,10 +239,10 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
     """Different numbers of samples on the levels."""
     case = case_of("seed=7") if COMPILED else case_of("seed=7", "steps=[2^-1, 2^-2]", "reference_step=2^-3")
     blocks = [ROUND * n for n in ((3, 1, 2, 1) if COMPILED else (1, 1, 1))]
-    p = multilevel.plan(case, scheme)
+    p = plan_of(case, scheme, "multilevel")
     state = after_blocks(p, blocks)
-    coordinates, variables, attributes = multilevel.results(p, state)
-    found = {name: values for name, (_, values) in variables.items()}
+    group = p.group(state)
+    coordinates, found, attributes = group.coordinates, group.arrays, group.attributes
     levels, base, alone = levels_by_hand(case, scheme, blocks)
     differences = [d for d, _ in levels]
     assert attributes["twins"] == (scheme == "splitting_order2")
@@ -276,10 +284,10 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
 def test_standard_errors_of_multilevel_leave_out_groups():
     """Exactly: with as many paths on all levels an error is a mean over samples of sums of differences."""
     case = case_of("seed=5", *([] if COMPILED else ["steps=[2^-1, 2^-2]", "reference_step=2^-3"]))
-    p = multilevel.plan(case, "splitting")
+    p = plan_of(case, "splitting", "multilevel")
     blocks = [ROUND] * len(p.levels)
-    error, without, counts = multilevel.errors(p, after_blocks(p, blocks))
-    found = multilevel.results(p, after_blocks(p, blocks))[1]["error_stderr"][1]
+    error, without, counts = estimates.errors(p, after_blocks(p, blocks))
+    found = p.group(after_blocks(p, blocks)).arrays["error_stderr"]
     assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
     levels, *_ = levels_by_hand(case, "splitting", blocks)
     for i, h in enumerate(case.steps):
@@ -290,22 +298,23 @@ def test_standard_errors_of_multilevel_leave_out_groups():
             assert math.isclose(found[f, i], stderr_by_hand(sums), rel_tol=1e-8)
 
 
-MULTILEVEL_NUMBERS = ("allocations", "blocks", "targets", "sums", "nonfinite", "reports", "history")
+MULTILEVEL_NUMBERS = ("allocations", "blocks", "targets", "sums", "nonfinite", "reports")
+MULTILEVEL_NUMBERS += ("history_error", "history_error_stderr")
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
 def test_multilevel_does_not_depend_on_batches(scheme):
     case = case_of(*([] if COMPILED else ["steps=[2^-1]", "reference_step=2^-2"]))
-    p = multilevel.plan(case, scheme)
+    p = plan_of(case, scheme, "multilevel")
     blocks = 12 if COMPILED else 3
     whole = after_blocks(p, blocks)
     for calls in (2, 3, blocks):
         assert same_numbers(after_blocks(p, blocks, calls), whole, MULTILEVEL_NUMBERS)
-    assert len(np.unique(np.round(whole.sums[:, 0, 0], 12))) > len(p.levels)  # random numbers of their own
+    assert len(np.unique(np.round(whole.sums[:, 0, 0, 0], 12))) > len(p.levels)  # random numbers of their own
 
 
 def finish(p, state):
-    *_, state = multilevel.batches(p, state)
+    *_, state = p.batches(state)
     return state
 
 
@@ -313,8 +322,8 @@ def finish(p, state):
 def test_multilevel_goes_on_from_every_state(monkeypatch):
     """Also from one just after an allocation, or before."""
     monkeypatch.setattr(ensemble, "BATCH_SECONDS", 0.0)
-    p = multilevel.plan(case_of("seconds=0.01"), "splitting_order2")
-    states = list(multilevel.batches(p, multilevel.start(p)))
+    p = plan_of(case_of("seconds=0.01"), "splitting_order2", "multilevel")
+    states = list(p.batches(p.start()))
     *_, whole = states
     assert whole.allocations == len(multilevel.SHARES)
     assert np.all(whole.blocks == whole.targets)
@@ -322,7 +331,7 @@ def test_multilevel_goes_on_from_every_state(monkeypatch):
     for state in states[:: max(1, len(states) // 12)] + [s for s in states if (s.blocks == s.targets).all()]:
         assert same_numbers(finish(p, state), whole, MULTILEVEL_NUMBERS)
     monkeypatch.undo()
-    assert same_numbers(finish(p, multilevel.start(p)), whole, MULTILEVEL_NUMBERS)
+    assert same_numbers(finish(p, p.start()), whole, MULTILEVEL_NUMBERS)
 
 
 @compiled_only
@@ -331,9 +340,9 @@ def test_multilevel_goes_on_from_every_state(monkeypatch):
 def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
     """N_l proportional to (V_l / C_l)^(1/2), within the budget or until the standard error is what was asked for."""
     case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "seconds=null", wish)
-    p = multilevel.plan(case, scheme)
+    p = plan_of(case, scheme, "multilevel")
     pilot = after_blocks(p, 2 * ROUND)
-    variance = multilevel.moments(p, pilot)[1].max(axis=1)[:-1]
+    variance = estimates.moments(p, pilot).variance.max(axis=1)[:-1]
     cost = np.array([level.steps for level in p.levels])[:-1]
     for share in (0.5, 1.0):
         blocks = multilevel.allocation(p, pilot, share)
@@ -349,7 +358,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
         else:
             hoped = math.sqrt((variance / (blocks[:-1] * LANES)).sum())
             assert 0.8 * 0.0005 < hoped * math.sqrt(share) <= 0.0005 * 1.001
-    state = finish(p, multilevel.start(p))
+    state = finish(p, p.start())
     assert np.all(state.blocks >= 2 * ROUND)
     found, _ = results_of(case, scheme, "multilevel")
     stderr = found["error_stderr"][:, 0].max()
@@ -383,13 +392,13 @@ RATES = {
 
 def variance_rates(system, scheme, reversals=None):
     """The rate for each function and its interval from the study, and from the four finest levels by hand."""
-    p = multilevel.plan(case_of(*RATES[system], system=system.removesuffix("_weak_noise")), scheme)
+    p = plan_of(case_of(*RATES[system], system=system.removesuffix("_weak_noise")), scheme, "multilevel")
     if reversals is not None:
         differences = [level._replace(grid=level.grid._replace(reversals=np.array(reversals))) for level in p.levels]
-        p = p._replace(levels=(*differences[:-1], p.levels[-1]))
-    found = multilevel.results(p, after_blocks(p, 64))[1]
-    rates = [found[name][1] for name in ("level_variance_rate", "level_variance_rate_low", "level_variance_rate_high")]
-    logarithms = np.log2(found["level_variance"][1][:, :4])
+        p = replace(p, levels=(*differences[:-1], p.levels[-1]))
+    found = p.group(after_blocks(p, 64)).arrays
+    rates = [found[name] for name in ("level_variance_rate", "level_variance_rate_low", "level_variance_rate_high")]
+    logarithms = np.log2(found["level_variance"][:, :4])
     return (*rates, np.polyfit(np.arange(4), logarithms.T, 1)[0])
 
 
@@ -401,8 +410,8 @@ def variance_rates(system, scheme, reversals=None):
         ("splitting", None, 1),
         ("splitting_order2", None, 2),
         # Negative controls: no twins; and twins with their coins turned but the increments left in their order.
-        ("splitting_order2", (0, 0, 0, 0), 1),
-        ("splitting_order2", (0, 1, 0, 1), 1),
+        ("splitting_order2", (AS_TOSSED,) * 4, 1),
+        ("splitting_order2", (AS_TOSSED, COINS_TURNED) * 2, 1),
     ],
     ids=["splitting", "twins", "no twins", "coins turned only"],
 )
@@ -426,13 +435,13 @@ COARSE = ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
 def exact(system, scheme, reverse=False):
     """Without sampling: (values and their errors, arrays [function, h] from 2^-2 to 2^-5; the limits)."""
     case = case_of(*COARSE, system=system)
-    words = compositions(SCHEMES[scheme].record, case.model)
+    words = compositions(SCHEMES[scheme].composition, case.model)
     if reverse:
         words = tuple((probability, flows[::-1]) for probability, flows in words)
     steps = [*case.steps, case.reference_step]
     found = expectations(case.model, words, case.initial, 1.0, steps, list(FUNCTIONS.values()), accuracy=1e-4)
-    assert found.error.max() < 2e-4
-    return found.value, found.error, found.limit
+    assert found.value_bound.max() < 2e-4
+    return found.value, found.value_bound, found.limit
 
 
 def deviations(found, stderr, value, error):
@@ -506,7 +515,7 @@ def test_orders_without_sampling(scheme, order, other):
     assert found["order_high"][0] - found["order_low"][0] < 0.2
     assert not found["order_low"][0] <= other <= found["order_high"][0]
     assert attributes["estimator"] == "kolmogorov"
-    model, words = case.model, compositions(SCHEMES[scheme].record, case.model)
+    model, words = case.model, compositions(SCHEMES[scheme].composition, case.model)
     direct = expectations(model, words, case.initial, 1.0, case.steps, [FUNCTIONS["square"]])
     assert np.array_equal(found["error"], direct.weak_error)
     assert np.array_equal(found["expectation"], direct.value)
@@ -524,8 +533,8 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
     if COMPILED:
         levels, _ = results_of(case, scheme, "multilevel")
     else:
-        p = multilevel.plan(case, scheme)
-        levels = {name: x for name, (_, x) in multilevel.results(p, after_blocks(p, ROUND))[1].items()}
+        p = plan_of(case, scheme, "multilevel")
+        levels = p.group(after_blocks(p, ROUND)).arrays
     in_plain, _ = results_of(case, scheme, "plain")
     assert levels["level_variance"].max() < 1e-17
     still = case.model._replace(sigma=(0.0, 0.0, 0.0))
@@ -619,26 +628,26 @@ def experiment():
 def numbers(path):
     """Everything in a results file that must repeat."""
     groups = {}
-    for group in store.read(path).groups:
+    for group in storage.read(path).groups:
         attributes = {k: v for k, v in group.attributes.items() if not k.endswith(TIMES)}
         arrays = {k: v.tolist() for k, (_, v) in group.variables.items() if not k.endswith(TIMES)}
-        groups[Part(group.scheme, group.estimator)] = repr((arrays, attributes))
+        groups[Part(group.variant, group.estimator)] = repr((arrays, attributes))
     return groups
 
 
 class Reports(list):
     """Keeps what is reported; interrupts at a report, given by its number, of a part, given by its number."""
 
-    def __init__(self, part=None, after=None):
-        self.part, self.after = part, after
+    def __init__(self, number=None, after=None):
+        self.number, self.after = number, after
 
     def __call__(self, progress):
         self.append(progress)
-        if progress.part == self.part and len(self.of(self.part)) == self.after:
+        if progress.number == self.number and len(self.of(self.number)) == self.after:
             raise KeyboardInterrupt
 
-    def of(self, part):
-        return [progress for progress in self if progress.part == part]
+    def of(self, number):
+        return [progress for progress in self if progress.number == number]
 
 
 @compiled_only
@@ -649,7 +658,7 @@ def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path
     assert list(whole) == PARTS
     for number, part in enumerate(PARTS):
         own = reports.of(number)
-        assert {(r.scheme, r.parts) for r in own} == {(part.name, 4)}
+        assert {(r.part, r.parts) for r in own} == {(part.name, 4)}
         assert own[0].done == 0 and np.isnan(own[0].stderr)
         assert own[-1].done == own[-1].total and own[-1].stderr > 0
     monkeypatch.setattr(ensemble, "BATCH_SECONDS", 0.0)
@@ -668,18 +677,18 @@ def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path
 
 def test_cost_is_known_before_and_progress_on_the_way():
     case = case_of("samples=150")
-    steps, seconds, _ = weak.cost(case, Part("splitting", "plain"))
+    steps, seconds, _ = plan_of(case, "splitting", "plain").cost()
     per_path = sum(round(1 / h) for h in (case.reference_step, *case.steps))
     assert steps == 3 * LANES * per_path  # blocks are computed whole
     assert 1e-9 < seconds / steps < 1e-7
     assert weak.parts(case) == [Part(scheme, "multilevel") for scheme in SPLITTINGS]
-    assert math.isnan(weak.cost(case_of("seconds=null", "standard_error=1"), PARTS[1])[1])
-    steps, seconds, _ = weak.cost(case_of("seconds=3"), Part("splitting_order2", "multilevel"))
+    assert math.isnan(weak.plan(case_of("seconds=null", "standard_error=1"), PARTS[1]).cost().seconds)
+    steps, seconds, _ = plan_of(case_of("seconds=3"), "splitting_order2", "multilevel").cost()
     assert 3 <= seconds < 3.1 and 1e-9 < seconds / steps < 1e-7
-    p = plain.plan(case, "splitting")
-    assert plain.progress(p, plain.start(p))[:2] == (0, 150)
-    assert plain.progress(p, plain.advance_state(p, plain.start(p), 2))[:2] == (128, 150)
+    p = plan_of(case, "splitting", "plain")
+    assert p.progress(p.start())[:2] == (0, 150)
+    assert p.progress(plain.advance_state(p, p.start(), 2))[:2] == (128, 150)
     done = state_of(p)
-    assert plain.progress(p, done)[:2] == (150, 150)
-    stderr = plain.results(p, done)[1]["error_stderr"][1][0, 0]
-    assert math.isclose(plain.progress(p, done)[2], stderr, rel_tol=1e-12)
+    assert p.progress(done)[:2] == (150, 150)
+    stderr = p.group(done).variables["error_stderr"][1][0, 0]
+    assert math.isclose(p.progress(done)[2], stderr, rel_tol=1e-12)

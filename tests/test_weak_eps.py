@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.colors import to_hex
-from weak_results import H, at_eps, weak, weak_group
+from weak_results import H, at_eps, save, weak, weak_group
 
-from spi import plot
+from spi import views
+from spi.drawing import style
 from spi.estimators import GROUPS, largest_over
-from spi.plot import style
+from spi.records import Description, by_case
+from spi.schemes import SCHEMES
 
 EPS = (1e-2, 1e-3, 1e-4)
 WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to one another
@@ -26,6 +28,10 @@ def no_warnings():
 
 def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **attributes):
     return [at_eps(scheme, e, functions, factor, **attributes) for e, factor in zip(eps, factors, strict=True)]
+
+
+def looks_of(results):
+    return style.looks(by_case(views.readings(results)))
 
 
 def legend_texts(ax):
@@ -77,12 +83,12 @@ def test_no_largest(lacking):
     if lacking != "one eps":
         groups[1].variables.pop("error_without")
     assert "largest" not in printed(weak(*groups))
-    assert "largest" not in " ".join(legend_texts(plot.figure(weak(*groups)).axes[0]))
+    assert "largest" not in " ".join(legend_texts(views.figure(weak(*groups)).axes[0]))
 
 
 def test_errors_at_several_eps(tmp_path):
     groups = [*several_eps(), weak_group("splitting", "multilevel", functions=1)]
-    (ax,) = plot.figure(weak(*groups)).axes
+    (ax,) = views.figure(weak(*groups)).axes
     labels = legend_texts(ax)
     assert labels[:4] == [
         *(rf"AP splitting, $\varepsilon=10^{{-{n}}}$: order 1.00 [0.98, 1.02]" for n in (2, 3, 4)),
@@ -96,35 +102,36 @@ def test_errors_at_several_eps(tmp_path):
     assert len({to_hex(line.get_color()) for line in found}) == 4
     (top,) = (line for line in ax.lines if line.get_label().startswith("largest"))
     np.testing.assert_allclose(np.sort(top.get_ydata()), np.sort(groups[1].variables["error"][1][0]))
-    plot.save(weak(*groups), tmp_path, "eps")
+    save(weak(*groups), tmp_path, "eps")
 
 
 def test_one_eps_looks_like_its_scheme():
-    looks = style.styles(weak(*several_eps()[:1], *several_eps(scheme="new", eps=(1.0, 0.1, 0.01))))
-    assert looks["ap_splitting_eps_0.01"] == looks["ap_splitting"] == style.SCHEMES["ap_splitting"]
+    looks = looks_of(weak(*several_eps()[:1], *several_eps(scheme="new", eps=(1.0, 0.1, 0.01))))
+    assert looks["ap_splitting_eps_0.01"] == looks["ap_splitting"] == SCHEMES["ap_splitting"].look
     assert looks["new"] == style.OTHERS[0] and len({looks[f"new_eps_{e}"] for e in ("1", "0.1", "0.01")}) == 3
-    reverse = style.styles(weak(*several_eps()[::-1]))
-    assert reverse == style.styles(weak(*several_eps())) and reverse["ap_splitting_eps_0.01"][0] == style.SEQUENCE[0]
+    reverse = looks_of(weak(*several_eps()[::-1]))
+    assert reverse == looks_of(weak(*several_eps())) and reverse["ap_splitting_eps_0.01"][0] == style.SEQUENCE[0]
 
 
 def test_labels():
     group = several_eps()[0]
     for eps, text in ((1.0, "1"), (0.1, "10^{-1}"), (0.3, "0.3"), (0.0, "0"), (1e-5, "10^{-5}")):
-        one = group._replace(attributes=group.attributes | {"eps": eps, "scheme_label": f"a $, eps = {eps:g}"})
-        assert style.label(one) == rf"a \$, $\varepsilon={text}$" and style.label(one, with_eps=False) == r"a \$"
+        one = group._replace(attributes=group.attributes | {"eps": eps, "scheme_label": "a $"})
+        about = Description.of(one)
+        assert style.label(about) == rf"a \$, $\varepsilon={text}$" and style.label(about, with_eps=False) == r"a \$"
 
 
 def failing(functions=1, eps=(1.0, 0.1, 1e-3), **attributes):
     """A scheme that stays accurate, one that explodes, one with a wrong limit, and one that knows no eps."""
-    groups = several_eps(functions, eps=eps, panels="eps", **attributes)
-    groups += several_eps(functions, "multiscale_euler", eps, (1, 4, np.nan), panels="eps")
-    groups += several_eps(functions, "multiscale_euler_semi_implicit", eps, (1, 8, 16), panels="eps")
-    return [*groups, weak_group("splitting", "multilevel", functions=functions, panels="eps")]
+    groups = several_eps(functions, eps=eps, panels=("eps",), **attributes)
+    groups += several_eps(functions, "multiscale_euler", eps, (1, 4, np.nan), panels=("eps",))
+    groups += several_eps(functions, "multiscale_euler_semi_implicit", eps, (1, 8, 16), panels=("eps",))
+    return [*groups, weak_group("splitting", "multilevel", functions=functions, panels=("eps",))]
 
 
 def test_against_eps(tmp_path):
     results = weak(*(at_one_step(group) for group in failing()))
-    (ax,) = plot.figure(results).axes
+    (ax,) = views.figure(results).axes
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", r"$\varepsilon$")
     assert ax.get_title() == "$h=2^{-3}$" and ax.get_ylabel().startswith("weak error")
     assert legend_texts(ax) == [
@@ -134,18 +141,18 @@ def test_against_eps(tmp_path):
     ]
     for container, group in zip(ax.containers, (results.groups[i] for i in (0, 3, 6)), strict=True):
         line = container[0]
-        assert line.get_marker(), line.get_color() == style.SCHEMES[style.family(group)]
+        assert line.get_marker(), line.get_color() == SCHEMES[group.attributes["scheme"].look]
         assert line.get_ydata()[0] == abs(group.variables["error"][1][0, 0])
         np.testing.assert_allclose(line.get_xdata(), [1.0, 0.1, 1e-3][: len(line.get_xdata())], rtol=0.3)
     (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0])
-    assert edge.get_color() == style.SCHEMES["multiscale_euler"][1]
+    assert edge.get_color() == SCHEMES["multiscale_euler"].look[1]
     (stable,) = (line for line in ax.lines if line.get_label().startswith("$h=2"))
     assert stable.get_xdata() == [0.25, 0.25]
     (level,) = (line for line in ax.lines if line.get_label() == "splitting")
     assert set(level.get_ydata()) == {results.groups[-1].variables["error"][1][0, 0]}
     low, high = ax.get_xlim()
     assert low < 1e-3 and high > 1.0
-    plot.save(results, tmp_path, "eps")
+    save(results, tmp_path, "eps")
 
 
 def at_one_step(group):
@@ -157,7 +164,7 @@ def at_one_step(group):
 
 
 def test_against_eps_at_several_steps():
-    fig = plot.figure(weak(*failing(functions=2)))
+    fig = views.figure(weak(*failing(functions=2)))
     titles = [ax.get_title().splitlines() for ax in fig.axes]
     assert [lines[-1] for lines in titles] == [f"$h=2^{{-{n}}}$" for n in range(3, 9)] * 2
     assert [len(lines) for lines in titles] == [2, 1, 1, 1, 1, 1] * 2 and titles[6][0].startswith("square")
@@ -166,9 +173,9 @@ def test_against_eps_at_several_steps():
 
 
 def test_hollow_against_eps():
-    groups = [at_one_step(group) for group in several_eps(panels="eps", reference_scheme="ap_splitting")]
+    groups = [at_one_step(group) for group in several_eps(panels=("eps",), reference_scheme="ap_splitting")]
     groups[1].variables["resolved"][1][...] = False
-    (ax,) = plot.figure(weak(*groups)).axes
+    (ax,) = views.figure(weak(*groups)).axes
     filled, hollow = (container[0] for container in ax.containers)
     assert len(filled.get_xdata()) == 2 and len(hollow.get_xdata()) == 1 and hollow.get_markerfacecolor() == "none"
     assert legend_texts(ax)[1] == "hollow: not resolved" and legend_texts(ax)[-1].endswith("the limit of AP splitting")
@@ -180,11 +187,11 @@ def test_nothing_to_see_against_eps(value, tmp_path):
     for group in groups:
         group.variables["error"][1][...] = value
         group.variables["resolved"][1][...] = False
-    plot.save(weak(*groups), tmp_path, "odd")
+    save(weak(*groups), tmp_path, "odd")
     printed(weak(*groups))
 
 
 def test_no_eps():
-    for groups in ([weak_group("splitting", "plain", panels="eps")], several_eps(eps=(0.0,) * 3, panels="eps")):
+    for groups in ([weak_group("splitting", "plain", panels=("eps",))], several_eps(eps=(0.0,) * 3, panels=("eps",))):
         with pytest.raises(ValueError, match="'eps' needs a scheme with eps > 0"):
-            plot.figure(weak(*groups))
+            views.figure(weak(*groups))

@@ -11,12 +11,16 @@ import pytest
 from helpers import COMPILED, LANES
 
 from spi import run as runner
-from spi import store
+from spi import storage
 from spi.ensemble import thread_count
+from spi.kinds import KINDS
+from spi.kinds.strong import study as strong
+from spi.kinds.strong.study import paths as strong_paths
+from spi.kinds.work_precision import study as work_precision
 from spi.records import Part
+from spi.run import load
 from spi.schemes import SCHEMES
-from spi.spec import SpecError, load
-from spi.studies import STUDIES, strong, work_precision
+from spi.spec import SpecError
 
 SPEC = """\
 kind: {kind}
@@ -54,11 +58,10 @@ def few_steps(monkeypatch):
 
 def group_of(experiment, scheme):
     """What the study of this kind finds for a scheme, by the first part that is its."""
-    study, (case,) = STUDIES[experiment.kind], experiment.cases
-    part = next(part for part in study.parts(case) if part.scheme == scheme)
-    plan = study.plan(case, part)
-    *_, state = study.batches(plan, study.start(plan))
-    return study.group(case, part, state)
+    study, (case,) = KINDS[experiment.kind].study, experiment.cases
+    plan = study.plan(case, next(part for part in study.parts(case) if part.scheme == scheme))
+    *_, state = plan.batches(plan.start())
+    return plan.group(state)
 
 
 def same(a, b):
@@ -73,7 +76,7 @@ def same(a, b):
 def test_strong_errors_are_those_of_the_strong_study(spec, scheme):
     found = group_of(spec(STRONG + "repeats: 5\n"), scheme)
     expected = group_of(spec(STRONG, "strong"), scheme)
-    assert (found.case, found.scheme, found.estimator) == ("main", scheme, "")
+    assert (found.case, found.variant, found.estimator) == ("main", scheme, "")
     for name in ("error", "error_stderr", "resolved", "nonfinite", "casimir_drift"):
         axes, values = expected.variables[name]
         assert found.variables[name][0] == axes and same(found.variables[name][1], values)
@@ -82,7 +85,8 @@ def test_strong_errors_are_those_of_the_strong_study(spec, scheme):
     assert set(found.coordinates) == {"h", "casimir"}
     for name in ("order", "order_ci", "points_in_fit", "expected_order", "samples"):
         assert same(found.attributes[name], expected.attributes[name])
-    assert found.attributes["scheme_label"] == expected.attributes["scheme_label"]
+    for name in ("scheme", "scheme_label"):
+        assert found.attributes[name] == expected.attributes[name]
     assert (found.attributes["measure"], found.attributes["exact"], found.attributes["repeats"]) == ("strong", False, 5)
     low, median, high = (found.variables[f"seconds_per_path{end}"][1] for end in ("_low", "", "_high"))
     assert low.shape == median.shape == high.shape == (3,)
@@ -100,7 +104,7 @@ def test_weak_errors_are_those_of_the_weak_study(spec, estimator):
     text = WEAK.format(estimators=estimator)
     found = group_of(spec(text, overrides=["schemes=[splitting]"]), "splitting")
     expected = group_of(spec(text, "weak", overrides=["schemes=[splitting]"]), "splitting")
-    assert (found.scheme, found.estimator, expected.estimator) == ("splitting", "", estimator)
+    assert (found.variant, found.estimator, expected.estimator) == ("splitting", "", estimator)
     exact = estimator == "kolmogorov"
     of_weak = {name: values for name, (_, values) in expected.variables.items()}
     error_stderr = of_weak["error_bound" if exact else "error_stderr"]
@@ -130,7 +134,7 @@ def test_each_scheme_has_the_first_estimator_that_can_do_it(spec):
     case = spec(STRONG).cases[0]
     assert work_precision.parts(case) == [Part("euler_maruyama"), Part("splitting")] == strong.parts(case)
     for part in work_precision.parts(case):
-        assert work_precision.cost(case, part) == strong.cost(case, part)
+        assert work_precision.plan(case, part).cost() == strong.plan(case, part).cost()
 
 
 def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypatch):
@@ -142,7 +146,7 @@ def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypat
         ([], (0.1,)),
     ):
         assert work_precision._targets(np.array(errors)) == pytest.approx(expected, rel=1e-15)
-    monkeypatch.setattr(work_precision, "seconds_per_path", lambda case, part: np.ones((3, 3)))
+    monkeypatch.setattr(work_precision, "_seconds_per_path", lambda jobs: np.ones(len(jobs)))
     if not COMPILED:
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
     given = group_of(spec(STRONG + "targets: [0.02, 1/7]\n"), "splitting")
@@ -161,7 +165,9 @@ class Clock:
 
     def __init__(self, monkeypatch, rates=(1.0,), fail_at=None):
         self.now, self.rates, self.fail_at, self.calls = 0.0, rates, fail_at, []
-        monkeypatch.setattr(work_precision, "time", SimpleNamespace(process_time=lambda: self.now))
+        monkeypatch.setattr(
+            work_precision, "time", SimpleNamespace(process_time=lambda: self.now, perf_counter=lambda: 7.0)
+        )
         monkeypatch.setattr(work_precision, "integrate", self.integrate)
 
     def integrate(self, scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
@@ -173,6 +179,13 @@ class Clock:
         self.now += 2.0**-20 * self.rates[(len(self.calls) - 1) % len(self.rates)] * grid.reference_steps * samples
 
 
+def times_of(case, part):
+    """What a plan measures, (repeats, step sizes), without the errors."""
+    plan = work_precision.plan(case, part)
+    *_, state = work_precision._timings(plan, plan.start())
+    return state.times
+
+
 CASES = [STRONG, WEAK.format(estimators="multilevel")]
 
 
@@ -181,7 +194,7 @@ def test_whole_paths_are_timed_in_turns_on_one_thread(spec, monkeypatch, text):
     case = spec(text + "repeats: 4\n", overrides=["final_time=3", "truncate_noise=true"]).cases[0]
     before = thread_count()
     clock = Clock(monkeypatch)
-    found = work_precision.seconds_per_path(case, Part("splitting", "multilevel" if case.functions else ""))
+    found = times_of(case, Part("splitting", "multilevel" if case.functions else ""))
     assert thread_count() == before
     assert found.shape == (4, 3) and np.array_equal(found, 2.0**-20 * np.array([[12, 24, 48]] * 4))
     assert len(clock.calls) == 3 * (4 + 1)  # each once before, so that nothing is compiled while it is timed
@@ -199,10 +212,9 @@ def test_quartiles_are_those_of_the_repetitions(spec, monkeypatch):
     Clock(monkeypatch, rates=(1000.0, 5.0, 1.0, 4.0, 2.0, 3.0))  # the first, which is slow, does not count
     if not COMPILED:
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
-    part = Part("splitting")
-    plan = work_precision.plan(case, part)
-    *_, state = work_precision.batches(plan, work_precision.start(plan))
-    found = work_precision.group(case, part, state).variables
+    plan = work_precision.plan(case, Part("splitting"))
+    *_, state = plan.batches(plan.start())
+    found = plan.group(state).variables
     for name, rate in (("_low", 2.0), ("", 3.0), ("_high", 4.0)):
         assert found[f"seconds_per_path{name}"] == (("h",), [2.0**-20 * rate * 4])
     assert found["ns_per_step"][1] == pytest.approx([1e9 * 2.0**-20 * 3.0], rel=1e-15)
@@ -213,7 +225,7 @@ def test_the_number_of_threads_is_restored_when_something_fails(spec, monkeypatc
     case, before = spec(STRONG).cases[0], thread_count()
     Clock(monkeypatch, fail_at=fail_at)
     with pytest.raises(KeyboardInterrupt):
-        work_precision.seconds_per_path(case, Part("splitting"))
+        times_of(case, Part("splitting"))
     assert thread_count() == before
 
 
@@ -221,8 +233,8 @@ def test_with_a_reference_scheme_the_scheme_itself_is_timed(spec, monkeypatch):
     """It would compile another kernel to do without; but no step is to be made by the reference scheme."""
     case = spec(STRONG + "reference_scheme: splitting\n", overrides=["schemes=[euler_maruyama]"]).cases[0]
     part, clock = Part("euler_maruyama"), Clock(monkeypatch)
-    work_precision.seconds_per_path(case, part)
-    monkeypatch.setattr(strong, "integrate", clock.integrate)
+    times_of(case, part)
+    monkeypatch.setattr(strong_paths, "integrate", clock.integrate)
     strong.nanoseconds_per_step(strong.plan(case, part), 2.0**-4)
     for call in clock.calls:
         assert call.scheme == SCHEMES["euler_maruyama"].record and call.grid.by_reference.tolist() == [0]
@@ -240,7 +252,7 @@ def test_whole_paths_are_integrated(spec, text):
     seen, integrate = [], work_precision.integrate
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(work_precision, "integrate", lambda *arguments: (seen.append(arguments), integrate(*arguments)))
-        paths, run = work_precision._job(case, part, h)
+        paths, run = work_precision._job(work_precision.plan(case, part), h)
         run()
     observer, report = seen[0][5], seen[0][6]
     assert paths == LANES == seen[0][9]
@@ -255,6 +267,60 @@ def test_whole_paths_are_integrated(spec, text):
         assert not observer.squares.any()  # nothing but the end is looked at
 
 
+# --- stopped and resumed ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def one_step(spec):
+    """An experiment whose times are measured at one step size, three times."""
+    if not COMPILED:
+        pytest.skip("the errors take a while without the compiler")
+    return spec(STRONG + "repeats: 3\n", overrides=["steps=[2^-2]", "schemes=[splitting]"])
+
+
+def test_a_stopped_measurement_goes_on_with_the_repeats_that_are_left(one_step, monkeypatch, tmp_path):
+    """The first and the third call warm up; 2, 4 and 6 are measured, the first of them before the run is stopped."""
+    clock = Clock(monkeypatch, rates=(100.0, 2.0, 100.0, 4.0, 6.0))
+
+    def stop_after_the_first_repeat(progress):
+        if len(clock.calls) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(runner.Stopped):
+        runner.run(one_step, tmp_path, report=stop_after_the_first_repeat)
+    monkeypatch.setattr(strong, "advance_state", lambda *_: pytest.fail("the errors are known"))
+    (found,) = storage.read(runner.run(one_step, tmp_path)).groups
+    assert len(clock.calls) == 5
+    quartiles = [found.arrays[f"seconds_per_path{end}"].tolist() for end in ("_low", "", "_high")]
+    assert quartiles == [[2.0**-20 * rate * 4] for rate in (3.0, 4.0, 5.0)]
+
+
+def test_a_state_with_a_state_in_it_is_kept_whole(one_step, monkeypatch):
+    Clock(monkeypatch)
+    (plan,) = runner.plans(one_step)
+    *_, last = plan.batches(plan.start())
+    kept = runner._flat(last, "main/splitting")
+    resumed = runner._resumed(plan.start(), "main/splitting", kept)
+    assert type(resumed) is type(last) and type(resumed.errors) is type(last.errors)
+    assert kept.keys() == runner._flat(resumed, "main/splitting").keys()
+    assert all(same(value, kept[key]) for key, value in runner._flat(resumed, "main/splitting").items())
+    for missing in ("times", "errors/squares"):
+        rest = {key: value for key, value in kept.items() if key != f"main/splitting/{missing}"}
+        begun = runner._resumed(plan.start(), "main/splitting", rest)
+        assert begun.errors.blocks == 0 and np.isnan(begun.times).all()
+
+
+def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):
+    Clock(monkeypatch)
+    (plan,) = runner.plans(one_step)
+    states = [plan.start(), *plan.batches(plan.start())]
+    *errors, first, second, third = map(plan.progress, states)
+    assert (errors[0].done, errors[-1].done) == (0, 70) and all(progress.total == 70 for progress in errors)
+    for repeats, progress in enumerate((first, second, third), 1):
+        assert progress.done / progress.total == pytest.approx(repeats / 3)
+        assert progress.stderr == errors[-1].stderr > 0
+
+
 # --- through the one path from a spec to a file ----------------------------------------------------------------------
 
 
@@ -262,11 +328,11 @@ def test_whole_paths_are_integrated(spec, text):
 def test_a_run_writes_errors_and_times(spec, tmp_path):
     cases = "cases:\n  - name: paths\n  - {name: laws, functions: y1^2, estimators: [kolmogorov]}\n"
     experiment = spec("samples: 70\nrepeats: 3\n" + cases, overrides=["schemes=[splitting]"])
-    results = store.read(runner.run(experiment, tmp_path))
+    results = storage.read(runner.run(experiment, tmp_path))
     assert results.attributes["kind"] == "work_precision"
     paths, laws = results.groups
     assert [g.case for g in (paths, laws)] == ["paths", "laws"]
-    assert {(g.scheme, g.estimator) for g in (paths, laws)} == {("splitting", "")}
+    assert {(g.variant, g.estimator) for g in (paths, laws)} == {("splitting", "")}
     assert [g.attributes["measure"] for g in (paths, laws)] == ["strong", "weak"]
     for group in (paths, laws):
         assert len(group.attributes["targets"]) > 0 and group.attributes["repeats"] == 3

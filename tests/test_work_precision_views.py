@@ -11,11 +11,20 @@ from helpers import printed
 from matplotlib.colors import to_hex
 from work_results import MADE_UP, H, work_group, work_results
 
-from spi import plot, tables
-from spi.estimators import WorkCurve, WorkPoint, cheapest, interval_of_median, time_factor, work_for
-from spi.plot import style
+from spi import printing, views
+from spi.kinds.work_precision.reading import read, requested
+from spi.kinds.work_precision.reading.work_points import (
+    WorkCurve,
+    WorkPoint,
+    cheapest,
+    interval_of_median,
+    time_factor,
+    work_for,
+)
+from spi.kinds.work_precision.table import COLUMNS
+from spi.printing.text import duration
 from spi.records import Results
-from spi.tables.text import duration
+from spi.schemes import SCHEMES
 
 
 def curve(error, h=H, half=None, resolved=None, seconds=None, spread=1.0):
@@ -175,12 +184,12 @@ def test_upper_bounds_decide_nothing():
 
 
 def test_rows():
-    records = tables.rows(work_results())
+    records = views.rows(work_results())
     assert len(records) == 3 * 5 * 9
     first, weak = records[0], records[-1]
-    assert list(first) == [name for name in tables.WORK_PRECISION if name != "error_bound"]
-    missing = {"error_stderr", "casimir_drift", "samples"}
-    assert list(weak) == [name for name in tables.WORK_PRECISION if name not in missing]
+    assert list(first) == [name for name in COLUMNS if name not in ("error_bound", "eps")]
+    missing = {"eps", "error_stderr", "casimir_drift", "samples"}
+    assert list(weak) == [name for name in COLUMNS if name not in missing]
     group = work_group("one", "euler_maruyama")
     values = {name: values for name, (_, values) in group.variables.items()}
     assert first["error"] == values["error"][0] and first["casimir_drift"] == values["casimir_drift"][0].max()
@@ -188,10 +197,60 @@ def test_rows():
     lost = records[45]
     assert lost["nonfinite"] == 512 and lost["casimir_drift"] == math.inf and lost["resolved"] is False
     assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
-    assert json.loads(tables.as_json(records))[45]["error"] is None
+    assert json.loads(printing.as_json(records))[45]["error"] is None
     bare = work_group("one", "splitting")
     del bare.variables["nonfinite"]
-    assert "nonfinite" not in tables.rows(Results({"kind": "work_precision"}, (bare,)))[0]
+    assert "nonfinite" not in views.rows(Results({"kind": "work_precision"}, (bare,)))[0]
+
+
+def test_a_scheme_at_several_eps_keeps_its_name():
+    group = work_group("one", "splitting")
+    groups = [
+        group._replace(variant=f"splitting_eps_{eps:g}", attributes=group.attributes | {"eps": eps})
+        for eps in (0.1, 0.01)
+    ]
+    results = Results({"kind": "work_precision"}, tuple(groups))
+    records = views.rows(results)
+    assert [(r["scheme"], r["eps"]) for r in records[::9]] == [("splitting", 0.1), ("splitting", 0.01)]
+    assert "splitting, eps = 0.1: order" in printed(results)
+
+
+# --- readings --------------------------------------------------------------------------------------------------------
+
+
+def test_reading_of_strong_errors():
+    group = work_group("lost", "euler_maruyama")
+    found = read(group)
+    assert (found.measure, found.exact, found.estimator, found.functions) == ("strong", False, "", ())
+    assert (found.samples, found.order.points, found.about.variant) == (500, 9, "euler_maruyama")
+    v = group.arrays
+    for name in ("error", "error_stderr", "resolved", "nonfinite", "seconds_per_path", "ns_per_step"):
+        np.testing.assert_array_equal(getattr(found, name), v[name])
+    np.testing.assert_array_equal(found.casimir_drift, np.maximum(*v["casimir_drift"].T))
+    np.testing.assert_array_equal(found.half, 1.96 * v["error_stderr"])
+    np.testing.assert_array_equal(found.curve.half, found.half)
+    ends = interval_of_median(v["seconds_per_path"], v["seconds_per_path_low"], v["seconds_per_path_high"], 7)
+    np.testing.assert_array_equal(found.curve[4:], [v["seconds_per_path"], *ends])
+
+
+def test_reading_of_weak_errors():
+    """A bound takes the place of half an interval, and there are no Casimirs."""
+    group = work_group("weak", "splitting", "weak")
+    del group.variables["nonfinite"]
+    found = read(group)
+    assert (found.measure, found.exact, found.estimator, found.samples) == ("weak", True, "kolmogorov", None)
+    assert found.functions == ("sin(6.283185307179586*y1)",)
+    assert found.casimir_drift is None and found.nonfinite is None
+    np.testing.assert_array_equal(found.half, group.arrays["error_stderr"])
+    none = work_group("one", "splitting")
+    none.variables["casimir_drift"] = ("h", "casimir"), np.empty((9, 0))
+    assert read(none).casimir_drift is None
+
+
+def test_requested_errors_of_all_schemes_are_asked_for():
+    readings = [read(work_group("one", scheme)) for scheme in ("splitting", "midpoint")]
+    readings[1] = readings[1]._replace(targets=(0.5, 0.01))
+    assert requested(readings) == [1e-3, 0.01, 0.1, 0.5]
 
 
 def answers(text):
@@ -260,6 +319,13 @@ def test_remarks_only_for_marks_that_occur():
     assert "tie: the 95 % interval" in text and "-: not reached" in text and "≤" not in text and "( )" not in text
 
 
+def test_a_note_stands_under_its_scheme():
+    results = work_results(["one"])
+    results.groups[1].attributes["note"] = "at 2^-11: not resolved"
+    lines = printed(results).splitlines()
+    assert lines[lines.index("    at 2^-11: not resolved") - 1].startswith("midpoint: order")
+
+
 def test_durations():
     seconds = [4.83e-8, 9.996e-7, 1e-6, 1.2345e-5, 0.1, 3.0, 4321.0, 2e-13, math.nan]
     told = ["48.3 ns", "1.00 µs", "1.00 µs", "12.3 µs", "100 ms", "3.00 s", "4321 s", "0.20 ps", "nan"]
@@ -271,12 +337,12 @@ def test_durations():
 
 @pytest.fixture(scope="module")
 def figure():
-    return plot.figure(work_results())
+    return views.figure(work_results())
 
 
 def series(ax, scheme):
     """The points of a scheme, without those of the legend."""
-    marker, colour = style.SCHEMES[scheme]
+    marker, colour = SCHEMES[scheme].look
     lines = [line for line in ax.lines if line.get_marker() == marker and to_hex(line.get_color()).upper() == colour]
     return [line for line in lines if len(line.get_xdata())]
 
@@ -319,7 +385,7 @@ def test_points_of_errors(figure):
 def test_resolved_errors_of_a_blow_up_do_not_widen_the_axes():
     groups = [work_group("one", scheme) for scheme in ("euler_maruyama", "midpoint", "splitting")]
     groups[0].variables["error"][1][0] = 1e6
-    ax = plot.figure(Results({"kind": "work_precision"}, tuple(groups))).axes[0]
+    ax = views.figure(Results({"kind": "work_precision"}, tuple(groups))).axes[0]
     assert ax.get_ylim()[1] < 1 and edge(ax, 1) == {(groups[0].variables["seconds_per_path"][1][0],)}
 
 
@@ -372,13 +438,36 @@ def test_legends(figure):
 
 
 def test_without_casimirs_there_is_one_panel():
-    (ax,) = plot.figure(work_results(("weak",), ("splitting", "midpoint"))).axes
+    (ax,) = views.figure(work_results(("weak",), ("splitting", "midpoint"))).axes
     assert ax.get_legend() is not None and ax.get_title() == ""
+
+
+def test_a_scheme_without_casimirs_beside_others():
+    groups = [work_group("one", scheme, casimirs=scheme == "midpoint") for scheme in ("midpoint", "splitting")]
+    fig = views.figure(Results({"kind": "work_precision"}, tuple(groups)))
+    assert series(fig.axes[0], "splitting") and series(fig.axes[1], "midpoint")
+    assert not series(fig.axes[1], "splitting")
+
+
+def test_five_cases_leave_one_place_free():
+    fig = views.figure(work_results(["one", "two", "three", "four", "five"], ["splitting"]))
+    assert len(fig.axes) == 10
+    assert len({round(ax.get_position().x0, 3) for ax in fig.axes}) == 3
+
+
+def test_times_that_differ_little_have_more_ticks():
+    group = work_group("one", "splitting")
+    for name in ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"):
+        group.variables[name] = (("h",), group.variables[name][1] ** 0.25)
+    fig = views.figure(Results({"kind": "work_precision"}, (group,)))
+    fig.draw_without_rendering()
+    low, high = fig.axes[0].get_xlim()
+    assert high < 20 * low and sum(low <= tick <= high for tick in fig.axes[0].get_xticks()) >= 2
 
 
 def test_four_cases_are_a_square():
     names = ("one", "two", "three", "four")
-    fig = plot.figure(work_results(names, ("splitting",), casimirs=False))
+    fig = views.figure(work_results(names, ("splitting",), casimirs=False))
     titles = [ax.get_title().splitlines()[0] for ax in fig.axes if ax.get_title()]
     assert titles == [f"case {name}" for name in names] and len(fig.axes) == 4
     tops = [ax.get_position().y0 for ax in fig.axes]
@@ -394,6 +483,6 @@ def test_nothing_to_draw(variables, no_warnings):
     group.variables["resolved"] = ("h",), np.zeros(9, bool)
     group.attributes.update(order=math.nan, order_ci=(math.nan, math.nan))
     results = Results({"kind": "work_precision", "title": "none"}, (group,))
-    plot.figure(results).draw_without_rendering()
+    views.figure(results).draw_without_rendering()
     text = printed(results)
     assert "order not resolved" in text and all("none" in row for row in next(answers(text)).values())

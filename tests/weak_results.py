@@ -3,7 +3,9 @@
 import json
 
 import numpy as np
+from helpers import DESCRIBED
 
+from spi import drawing, views
 from spi.records import Group, Results
 
 H = 2.0 ** -np.arange(3, 9)
@@ -38,6 +40,8 @@ def weak_group(scheme, estimator, case="main", stderr=1e-4, functions=2, prefixe
         "order_points": (PER_FUNCTION, np.full(functions, 5)),
     }
     attributes = {
+        **DESCRIBED,
+        "scheme": scheme,
         "scheme_label": LABELS[scheme],
         "case_title": f"case {case}, $5",
         "estimator": estimator,
@@ -45,10 +49,8 @@ def weak_group(scheme, estimator, case="main", stderr=1e-4, functions=2, prefixe
         "expected_order": order,
         "reference_step": 2.0**-10,
         "cpu_seconds": 4.0,
-        "model": "rigid_body",
         "model_sigma": (1.0, 1.0, 1.0),
         "initial": (1.0, 0.0, 0.0),
-        "final_time": 1.0,
         **attributes,
     }
     if sampled:
@@ -103,7 +105,6 @@ def weak_group(scheme, estimator, case="main", stderr=1e-4, functions=2, prefixe
 
 def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):
     """Errors of a scheme for the multiscale system, those of "splitting" times a factor; NaN explodes."""
-    label = MULTISCALE.get(scheme, scheme)
     group = weak_group("splitting", "multilevel", functions=functions, eps=eps, **attributes)
     error, stderr = factor * CONSTANT[:functions, None] * H, group.variables["error_stderr"][1]
     signs = np.where(np.arange(64) % 2, 1.0, -1.0)
@@ -112,9 +113,13 @@ def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):
         resolved=(PER_POINT, np.abs(error) >= 4 * stderr),
         error_without=(("left_out", *PER_POINT), error + np.multiply.outer(signs, stderr) / 63**0.5),
     )
-    group.attributes["scheme_label"] = f"{label}, eps = {eps:g}"
-    return group._replace(scheme=f"{scheme}_eps_{eps:g}", coordinates={**group.coordinates, "left_out": np.arange(64)})
+    group.attributes.update(scheme=scheme, scheme_label=MULTISCALE.get(scheme, scheme))
+    return group._replace(variant=f"{scheme}_eps_{eps:g}", coordinates={**group.coordinates, "left_out": np.arange(64)})
 
 
 def weak(*groups, **attributes):
     return Results({"kind": "weak", "title": "Weak errors", **attributes}, groups)
+
+
+def save(results, folder, stem):
+    return drawing.save(views.figure(results), folder, stem)

@@ -45,7 +45,7 @@ def work_group(case, scheme, measure="strong", seed=0, noisy=True, casimirs=True
     if casimirs and not exact:
         coordinates["casimir"] = np.arange(2)
         variables["casimir_drift"] = ("h", "casimir"), _drifts(scheme, error, rng)
-    return Group(case, scheme, coordinates, variables, _attributes(case, label, order, measure))
+    return Group(case, scheme, coordinates, variables, _attributes(case, scheme, label, order, measure))
 
 
 def _drifts(scheme, error, rng):
@@ -61,8 +61,9 @@ def _drifts(scheme, error, rng):
     return drift
 
 
-def _attributes(case, label, order, measure):
+def _attributes(case, scheme, label, order, measure):
     found = DESCRIBED | {
+        "scheme": scheme,
         "scheme_label": label,
         "case_title": {"lost": "strong noise"}.get(case, f"case {case}"),
         "truncate_noise": True,
@@ -70,16 +71,18 @@ def _attributes(case, label, order, measure):
         "measure": measure,
         "order": order + 0.01,
         "order_ci": (order - 0.01, order + 0.03),
+        "points_in_fit": 9,
         "expected_order": order,
         "targets": (0.1, 0.01, 1e-3) if measure == "strong" else (1e-2, 1e-4, 1e-6),
         "repeats": 7,
+        "reference_step": 2.0**-16,
         "threads": 1,
         "exact": measure == "weak",
         "note": "",
     }
     if measure == "weak":
         return found | {"functions": ("sin(6.283185307179586*y1)",), "estimator": "kolmogorov"}
-    return found | {"samples": 500, "reference_step": 2.0**-16}
+    return found | {"samples": 500}
 
 
 def work_results(cases=("one", "lost", "weak"), schemes=tuple(MADE_UP), **how):

@@ -1,4 +1,4 @@
-"""Expressions as trees of records: how they are read and written, and the table of what each record means."""
+"""Expressions as trees of records: how they are read and written, and what each record means."""
 
 import math
 import re
@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arithmetic import NumberError, Numbers, read
 from ..dispatch import INDICES, number
-from ..numbers import NumberError, Numbers, read
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Records: what they hold, what they mean for arrays and in generated code, how they are written
@@ -33,23 +33,6 @@ class WholePower(NamedTuple):
     exponent: NamedTuple
 
 
-_ONE, _TWO = [("a", NamedTuple)], [("a", NamedTuple), ("b", NamedTuple)]  # their fields, the operands
-Sum = NamedTuple("Sum", _TWO)
-Difference = NamedTuple("Difference", _TWO)
-Product = NamedTuple("Product", _TWO)
-Quotient = NamedTuple("Quotient", _TWO)
-Power = NamedTuple("Power", _TWO)
-Negative = NamedTuple("Negative", _ONE)
-Sine = NamedTuple("Sine", _ONE)
-Cosine = NamedTuple("Cosine", _ONE)
-Tangent = NamedTuple("Tangent", _ONE)
-HyperbolicTangent = NamedTuple("HyperbolicTangent", _ONE)
-Exponential = NamedTuple("Exponential", _ONE)
-Logarithm = NamedTuple("Logarithm", _ONE)
-SquareRoot = NamedTuple("SquareRoot", _ONE)
-Absolute = NamedTuple("Absolute", _ONE)
-
-
 class Meaning(NamedTuple):
     """What a record with operands means."""
 
@@ -60,22 +43,28 @@ class Meaning(NamedTuple):
     operands: tuple[int, ...]  #: how tightly the texts of operands must bind to need no parentheses
 
 
-MEANINGS = {
-    Sum: Meaning(np.add, "{0} + {1}", "{0} + {1}", 1, (1, 2)),
-    Difference: Meaning(np.subtract, "{0} - {1}", "{0} - {1}", 1, (1, 2)),
-    Product: Meaning(np.multiply, "{0} * {1}", "{0}*{1}", 2, (2, 3)),
-    Quotient: Meaning(np.divide, "divided({0}, {1})", "{0}/{1}", 2, (2, 3)),
-    Power: Meaning(np.power, "np.power({0}, {1})", "{0}^{1}", 3, (4, 3)),
-    Negative: Meaning(np.negative, "-{0}", "-{0}", 3, (3,)),
-    Sine: Meaning(np.sin, "sin_versine(angles, {0})[0]", "sin({0})", 4, (0,)),
-    Cosine: Meaning(np.cos, "1.0 - sin_versine(angles, {0})[1]", "cos({0})", 4, (0,)),
-    Tangent: Meaning(np.tan, "np.tan({0})", "tan({0})", 4, (0,)),
-    HyperbolicTangent: Meaning(np.tanh, "np.tanh({0})", "tanh({0})", 4, (0,)),
-    Exponential: Meaning(np.exp, "exp({0})", "exp({0})", 4, (0,)),
-    Logarithm: Meaning(np.log, "log({0})", "log({0})", 4, (0,)),
-    SquareRoot: Meaning(np.sqrt, "np.sqrt({0})", "sqrt({0})", 4, (0,)),
-    Absolute: Meaning(np.abs, "abs({0})", "abs({0})", 4, (0,)),
-}
+def _operation(name, *meaning):
+    """The class of the records of an operation, which are their operands, with a class attribute ``meaning``."""
+    meaning = Meaning(*meaning)
+    cls = NamedTuple(name, [(operand, NamedTuple) for operand in "ab"[: len(meaning.operands)]])
+    cls.meaning = meaning
+    return cls
+
+
+Sum = _operation("Sum", np.add, "{0} + {1}", "{0} + {1}", 1, (1, 2))
+Difference = _operation("Difference", np.subtract, "{0} - {1}", "{0} - {1}", 1, (1, 2))
+Product = _operation("Product", np.multiply, "{0} * {1}", "{0}*{1}", 2, (2, 3))
+Quotient = _operation("Quotient", np.divide, "divided({0}, {1})", "{0}/{1}", 2, (2, 3))
+Power = _operation("Power", np.power, "np.power({0}, {1})", "{0}^{1}", 3, (4, 3))
+Negative = _operation("Negative", np.negative, "-{0}", "-{0}", 3, (3,))
+Sine = _operation("Sine", np.sin, "sin_versine(angles, {0})[0]", "sin({0})", 4, (0,))
+Cosine = _operation("Cosine", np.cos, "1.0 - sin_versine(angles, {0})[1]", "cos({0})", 4, (0,))
+Tangent = _operation("Tangent", np.tan, "np.tan({0})", "tan({0})", 4, (0,))
+HyperbolicTangent = _operation("HyperbolicTangent", np.tanh, "np.tanh({0})", "tanh({0})", 4, (0,))
+Exponential = _operation("Exponential", np.exp, "exp({0})", "exp({0})", 4, (0,))
+Logarithm = _operation("Logarithm", np.log, "log({0})", "log({0})", 4, (0,))
+SquareRoot = _operation("SquareRoot", np.sqrt, "np.sqrt({0})", "sqrt({0})", 4, (0,))
+Absolute = _operation("Absolute", np.abs, "abs({0})", "abs({0})", 4, (0,))
 _SIGNS = {"+": Sum, "-": Difference, "*": Product, "/": Quotient, "^": Power}
 _FUNCTIONS = {"sin": Sine, "cos": Cosine, "tan": Tangent, "tanh": HyperbolicTangent, "exp": Exponential}
 _FUNCTIONS |= {"log": Logarithm, "sqrt": SquareRoot, "abs": Absolute}
@@ -120,7 +109,7 @@ class _Trees(Numbers):
 
 
 def _is_tree(value):
-    return type(value) in MEANINGS or isinstance(value, Component | WholePower)
+    return hasattr(type(value), "meaning") or isinstance(value, Component | WholePower)
 
 
 def _tree(value):
@@ -170,7 +159,7 @@ def _written(expression, binds):
     elif isinstance(expression, WholePower):
         own, text = 3, f"{_written(expression.a, 4)}^{number(expression.exponent)}"
     else:
-        meaning = MEANINGS[type(expression)]
+        meaning = expression.meaning
         own = meaning.binds
         text = meaning.text.format(*map(_written, expression, meaning.operands))
     return text if own >= binds else f"({text})"

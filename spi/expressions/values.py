@@ -6,12 +6,12 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
+from ..angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ..dispatch import INDICES, INLINED, inlined, kernel, number, record_class
 from ..elementary import REDUCIBLE, bits, exp, log
-from ..lanes import load
-from ..protocol import ANY_ANGLES, REDUCED_ANGLES, sin_versine
+from ..lanes import load_lane
 from ..rng import LANES
-from .trees import MEANINGS, Component, Constant, Cosine, Sine, WholePower
+from .trees import Component, Constant, Cosine, Sine, WholePower
 
 _REDUCIBLE_BITS = int(bits(REDUCIBLE))
 
@@ -26,7 +26,7 @@ def as_numpy(expression):
             return y[number(e.index)]
         if isinstance(e, WholePower):
             return np.power(value(e.a, y), number(e.exponent))
-        return MEANINGS[type(e)].array(*(value(operand, y) for operand in e))
+        return e.meaning.array(*(value(operand, y) for operand in e))
 
     def phi(y):
         with np.errstate(all="ignore"):
@@ -106,7 +106,7 @@ def _function(shape):
         if cls in (Sine, Cosine):
             angles.append(values[0])
         if cls is not WholePower:
-            return name(MEANINGS[cls].code.format(*values))
+            return name(cls.meaning.code.format(*values))
         power = values[0]
         for digit in bin(INDICES.index(shape[2][0]))[3:]:  # the binary digits of the exponent after the first
             power = name(f"{power} * {power}")
@@ -162,8 +162,8 @@ def fill_row(expression, model, y, row):
     """row[lane] = phi(y), with sines in vector instructions unless a lane has an angle too large for them."""
     largest = 0
     for lane in range(LANES):
-        row[lane], angle = value_and_angle(expression, load(model, y, lane), REDUCED_ANGLES)
+        row[lane], angle = value_and_angle(expression, load_lane(model, y, lane), REDUCED_ANGLES)
         largest = max(largest, angle)
     if largest > _REDUCIBLE_BITS:
         for lane in range(LANES):
-            row[lane] = evaluate(expression, load(model, y, lane), ANY_ANGLES)
+            row[lane] = evaluate(expression, load_lane(model, y, lane), ANY_ANGLES)

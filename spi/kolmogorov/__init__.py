@@ -3,37 +3,77 @@
 The backward operator of a splitting step, (P f)(y) = E f(y_1) given y_0 = y, is a product of operators f -> E f(flow),
 one for each exact flow, and each of them is diagonal in a Fourier variable.  It is applied in the reverse order of the
 flows.
+
+Which solver works on a model follows from what the model answers: :func:`~spi.protocol.axis_inertias` for spheres,
+:func:`~spi.protocol.rotation_shear_rates` for cylinders.
 """
 
+from collections.abc import Callable
+from importlib import import_module
+from typing import NamedTuple
+
+from ..dispatch import answers, class_of
+from ..protocol import axis_inertias, rotation_shear_rates
 from .result import Expectations
 
-__all__ = ["Expectations", "expectations", "limits"]
+__all__ = ["Expectations", "can_solve", "can_solve_equation", "exact_expectations", "expectations", "typical_seconds"]
+
+
+class _Solver(NamedTuple):
+    word: Callable  #: what a model must answer
+    module: str
+    seconds: float  #: about how long it takes
+    equation: bool  #: whether it solves the equation without looking at a scheme
+
+
+_SOLVERS = (
+    _Solver(axis_inertias, "sphere", 10.0, equation=True),
+    _Solver(rotation_shear_rates, "cylinder", 45.0, equation=False),
+)
+
+
+def _solvers(model, equation=False):
+    return [s for s in _SOLVERS if answers(s.word, model) and (s.equation or not equation)]
+
+
+def _solver(model, equation=False):
+    if found := _solvers(model, equation):
+        return import_module(f".{found[0].module}", __name__)
+    words = " or ".join(s.word.__name__ for s in _SOLVERS if s.equation or not equation)
+    what = "limit without schemes" if equation else "solver without sampling"
+    raise ValueError(f"no {what} for {class_of(model).__name__}, which does not answer {words}")
+
+
+def can_solve(model):
+    """Whether :func:`expectations` works for a model, or a class of models."""
+    return bool(_solvers(model))
+
+
+def can_solve_equation(model):
+    """Whether :func:`exact_expectations` works for a model, or a class of models."""
+    return bool(_solvers(model, equation=True))
+
+
+def typical_seconds(model):
+    """About how long :func:`expectations` takes, on all threads."""
+    return _solvers(model)[0].seconds
 
 
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
     """E phi(y_N) of a splitting scheme at each step size, and E phi(y(T)) of the equation; an :class:`Expectations`.
 
-    `compositions` is a step as ``schemes.splitting.compositions`` gives it; `functions` take an array y of shape (3, n)
-    and return n values.  `accuracy` asks for an absolute numerical error.  ValueError for a model without a
-    two-dimensional Casimir surface (class attribute ``surface``) that we know.
+    `compositions` is a step as ``schemes.rows.compositions`` gives it: ((probability, flows), ...) with the flows
+    ("drift" or "noise", k, share of the step) in the order in which they act, each noise flow with an increment of its
+    own; `functions` take an array y of shape (3, n) and return n values.  `accuracy` asks for an absolute numerical
+    error.  ValueError for a model that no solver is for (:func:`can_solve`).
     """
-    surface = getattr(type(model), "surface", None)
-    if surface == "sphere":
-        from .sphere import expectations as solve
-    elif surface == "cylinder":
-        from .cylinder import expectations as solve
-    else:
-        raise ValueError(f"no solver without sampling for {type(model).__name__}")
+    solve = _solver(model).expectations
     return solve(model, compositions, initial, final_time, steps, functions, accuracy)
 
 
-def limits(model, initial, final_time, functions, accuracy):
-    """E phi(y(T)) of the equation for F functions, and its numerical error, two arrays (F,); no scheme is looked at.
+def exact_expectations(model, initial, final_time, functions, accuracy):
+    """E phi(y(T)) of the equation for F functions, and a bound of its numerical error, two arrays (F,).
 
-    For models with the ``surface`` "sphere"; ValueError for others, where the limit is only known from schemes.
+    No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
-    if getattr(type(model), "surface", None) != "sphere":
-        raise ValueError(f"no limit without schemes for {type(model).__name__}")
-    from .sphere import limits as solve
-
-    return solve(model, initial, final_time, functions, accuracy)
+    return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ive
 
+from .backward import acting_on_functions, joined
 from .harmonics import shifted
 
 
@@ -25,20 +26,9 @@ def factors(turn, spread, composition, h):
 
     `turn` and `spread` are the coefficients of A_k and A_k^2 in the generator.
     """
-    found = []
-    for kind, k, fraction in reversed(composition):
-        if kind == "drift":
-            factor = Factor(k, fraction * h * turn[k], 0.0)
-        elif kind == "noise":
-            factor = Factor(k, 0.0, fraction**2 * h * spread[k])
-        else:
-            raise ValueError(f"a composition consists of 'drift' and 'noise', not {kind!r}")
-        if found and found[-1].axis == k:
-            last = found.pop()
-            factor = Factor(k, last.turn + factor.turn, last.spread + factor.spread)
-        if factor.turn or factor.spread:
-            found.append(factor)
-    return tuple(found)
+    coefficients = {"drift": turn, "noise": spread}
+    word = acting_on_functions(composition, lambda part, k: coefficients[part][k] != 0)
+    return tuple(Factor(k, drift * h * turn[k], noise * h * spread[k]) for k, drift, noise in joined(word))
 
 
 class Step:

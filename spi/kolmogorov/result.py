@@ -8,15 +8,15 @@ import numpy as np
 class Expectations(NamedTuple):
     """E phi(y) at the final time for F test functions: of a scheme at S step sizes, and of the equation itself.
 
-    Each `error` is an estimate of the numerical error, from refining the discretisation; `weak_error` is value - limit,
+    Each bound is an estimate of the numerical error, from refining the discretisation; `weak_error` is value - limit,
     where errors common to both cancel.
     """
 
     h: np.ndarray  #: (S,) step sizes
     value: np.ndarray  #: (F, S) E phi(y_N)
-    error: np.ndarray  #: (F, S)
     limit: np.ndarray  #: (F,) E phi(y(T))
-    limit_error: np.ndarray  #: (F,)
     weak_error: np.ndarray  #: (F, S)
-    weak_error_error: np.ndarray  #: (F, S)
+    value_bound: np.ndarray  #: (F, S)
+    limit_bound: np.ndarray  #: (F,)
+    weak_error_bound: np.ndarray  #: (F, S)
     notes: dict[str, Any]  #: how it was computed: resolution, seconds, ...

@@ -1,10 +1,10 @@
-"""E phi(y_N) for splitting schemes of the stochastic rigid body, without sampling.
+"""E phi(y_N) of splitting schemes on spheres, for models with ``axis_inertias``, without sampling.
 
 The backward operator of a step, (P f)(y) = E f(y_1) given y_0 = y, is a product of one factor for each flow, the last
 flow acting on f first.  With A_k f = d/dt f(turned about axis k by t y_k), on the sphere of radius 1,
 
     drift k over time t:                exp(t r / I_k A_k),                  r = |y_0|,
-    noise k over a step h, averaged:    exp(h (sigma_k r / Î_k)^2 / 2 A_k^2),
+    noise k over time t, averaged:      exp(t (sigma_k r / Î_k)^2 / 2 A_k^2),
 
 and the equation itself has E phi(y(T)) = exp(T G) phi with G = sum_k r / I_k A_k + (sigma_k r / Î_k)^2 / 2 A_k^2.
 Scheme and limit use the same truncated A_k (see :mod:`.harmonics`), so most of the error of truncation is common to
@@ -17,6 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..protocol import axis_inertias, strengths
+from .backward import numbers_of_steps
 from .harmonics import CLASSES, Harmonics
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
 from .result import Expectations
@@ -34,9 +36,9 @@ ROUNDING = 2e-14
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
     """E phi of a splitting scheme at each step size and of the equation, as :class:`~.result.Expectations`.
 
-    `compositions` = ((probability, (("drift", k, fraction) | ("noise", k, 1.0), ...)), ...) in acting order; each of
-    `steps` divides `final_time`; `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error
-    of value, limit and weak error; without it, weak errors are wanted to a fiftieth of themselves.
+    `compositions` is a step as ``schemes.rows.compositions`` gives it; each of `steps` divides `final_time`;
+    `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error of value, limit and weak error;
+    without it, weak errors are wanted to a fiftieth of themselves.
 
     The degree L is raised until the weak error has settled.  The stated error is its last change, or a quarter of the
     change before where that is larger (a change may be small by chance).  The limit is far cheaper, so it is taken at a
@@ -47,21 +49,12 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     rounding = ROUNDING * problem.size()[0]
     if np.count_nonzero(initial) <= 1:
         return _at_rest(problem, initial)
-    limits, weak = {}, {}
-    for L in LEVELS:
-        if len(weak) >= 3 and problem.cost(L) > LONGEST:
-            break
-        limits[L], values = problem.solve(L)
-        weak[L] = values - limits[L][:, None]
-        weak_error, weak_error_error = _settled(weak, rounding[:, None])
-        goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
-        if len(weak) >= 3 and np.all(weak_error_error <= np.maximum(goal, 2 * rounding[:, None])):
-            break
+    weak, limits, weak_error, weak_error_bound, goal = _settled_weak_errors(problem, rounding, accuracy)
     goal = goal.min(axis=1) if accuracy is None else accuracy / 2
-    limit, limit_error = _refined_limit(problem, limits, goal, rounding)
+    limit, limit_bound = _refined_limit(problem, limits, goal, rounding)
     extrapolated, doubt = extrapolate(problem.steps, weak_error)
     # two roads to the limit: where they differ by more than the extrapolation can be blamed for, the limit is blamed
-    limit_error = limit_error + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_error.max(axis=1), 0.0)
+    limit_bound = limit_bound + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_bound.max(axis=1), 0.0)
     notes = {
         "degree": max(weak),
         "degree_of_limit": max(limits),
@@ -71,15 +64,31 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
         "extrapolation_error": doubt,
         "seconds": time.perf_counter() - started,
     }
-    value, error = limit[:, None] + weak_error, limit_error[:, None] + weak_error_error
-    return Expectations(problem.steps, value, error, limit, limit_error, weak_error, weak_error_error, notes)
+    bounds = limit_bound[:, None] + weak_error_bound, limit_bound, weak_error_bound
+    return Expectations(problem.steps, limit[:, None] + weak_error, limit, weak_error, *bounds, notes)
 
 
-def limits(model, initial, final_time, functions, accuracy):
+def _settled_weak_errors(problem, rounding, accuracy):
+    """({degree: weak errors}, {degree: limits}, the last weak errors, their bound, what was aimed at)."""
+    limits, weak = {}, {}
+    for L in LEVELS:
+        if len(weak) >= 3 and problem.cost(L) > LONGEST:
+            break
+        limits[L], values = problem.solve(L)
+        weak[L] = values - limits[L][:, None]
+        weak_error, weak_error_bound = _settled(weak, rounding[:, None])
+        goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
+        if len(weak) >= 3 and np.all(weak_error_bound <= np.maximum(goal, 2 * rounding[:, None])):
+            break
+    return weak, limits, weak_error, weak_error_bound, goal
+
+
+def exact_expectations(model, initial, final_time, functions, accuracy):
     """E phi(y(T)) of the equation, (F,), and its error, refined until that is below `accuracy` or would take long."""
     problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
     if np.count_nonzero(initial) <= 1:
-        return _at_rest(problem, initial)[3:5]
+        found = _at_rest(problem, initial)
+        return found.limit, found.limit_bound
     return _refined_limit(problem, {}, accuracy, ROUNDING * problem.size()[0])
 
 
@@ -98,10 +107,8 @@ def _at_rest(problem, initial):
     y = np.asarray(initial, dtype=float)[:, None]
     limit, nothing = np.array([np.ravel(f(y))[0] for f in problem.functions]), np.zeros(len(problem.steps))
     weak_error = limit[:, None] * nothing
-    value = limit[:, None] + weak_error
-    return Expectations(
-        problem.steps, value, weak_error, limit, 0 * limit, weak_error, weak_error, {"fixed point": True}
-    )
+    bounds = weak_error, 0 * limit, weak_error
+    return Expectations(problem.steps, limit[:, None] + weak_error, limit, weak_error, *bounds, {"fixed point": True})
 
 
 def _settled(by_degree, rounding):
@@ -145,21 +152,14 @@ class _Problem(NamedTuple):
     @classmethod
     def of(cls, model, compositions, initial, final_time, steps, functions):
         initial, steps = np.asarray(initial, dtype=float), np.asarray(steps, dtype=float)
-        counts = np.rint(final_time / steps)
-        if np.any(counts < 1) or np.any(abs(counts * steps - final_time) > 1e-9 * final_time):
-            raise ValueError("every step size must divide the final time")
+        counts = numbers_of_steps(final_time, steps)
         if abs(sum(p for p, _ in compositions) - 1) > 1e-12:
             raise ValueError("the probabilities of the compositions do not add up to 1")
-        for _, word in compositions:
-            noises = [k for kind, k, _ in word if kind == "noise"]
-            if len(set(noises)) < len(noises):  # the two would share an increment, which a product of means ignores
-                raise ValueError("a noise may occur once in a composition")
         r = float(np.linalg.norm(initial))
         point = initial / r if r > 0 else np.array([0.0, 0.0, 1.0])
-        strengths = zip(model.sigma, model.noise_inertia, strict=True)
-        spread = [((sigma or 0.0) * r / i) ** 2 / 2 for sigma, i in strengths]
-        turn = [r / i for i in model.inertia]
-        counts = [int(n) for n in counts]
+        inertia, noise_inertia = axis_inertias(model)
+        spread = [(sigma * r / i) ** 2 / 2 for sigma, i in zip(strengths(model), noise_inertia, strict=True)]
+        turn = [r / i for i in inertia]
         return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions))
 
     def size(self):

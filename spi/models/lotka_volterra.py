@@ -6,21 +6,8 @@ keep both populations positive.
 
 from typing import Annotated, NamedTuple
 
-from ..dispatch import means
 from ..elementary import exp, log
-from ..protocol import (
-    NonNegative,
-    casimirs,
-    drift_flow,
-    drift_gradient,
-    drift_hessian,
-    hamiltonian,
-    noise_flow,
-    noise_gradient,
-    noise_hessian,
-    structure,
-    structure_derivative,
-)
+from ..protocol import NonNegative
 
 
 class LotkaVolterra(NamedTuple):
@@ -32,64 +19,43 @@ class LotkaVolterra(NamedTuple):
 
     sigma: Annotated[tuple[NonNegative | None], "strength of the noise; 0 switches it off"] = (1.0,)
 
+    dimension = 2
+    pieces = 2
+    noises = 1
+    conserved = 0
+    populations = True
 
-LotkaVolterra.dimension = 2
-LotkaVolterra.pieces = 2
-LotkaVolterra.noises = 1
-LotkaVolterra.conserved = 0
-LotkaVolterra.populations = True  # components that are to stay positive
+    def drift_flow(model, k, t, y, angles):
+        if k == 0:
+            return y[0], y[1] * exp(t * (1.0 - y[0]))
+        return y[0] * exp(t * (y[1] - 2.0)), y[1]
 
+    def noise_flow(model, k, t, y, angles):
+        factor = exp(t)
+        return y[0] * factor, y[1] * factor
 
-@means(drift_flow, LotkaVolterra)
-def _(model, k, t, y, angles):
-    if k == 0:
-        return y[0], y[1] * exp(t * (1.0 - y[0]))
-    return y[0] * exp(t * (y[1] - 2.0)), y[1]
+    def structure(model, y, v):
+        c = y[0] * y[1]
+        return c * v[1], -c * v[0]
 
+    def structure_derivative(model, y, u, v):
+        c = u[0] * y[1] + y[0] * u[1]
+        return c * v[1], -c * v[0]
 
-@means(noise_flow, LotkaVolterra)
-def _(model, k, t, y, angles):
-    factor = exp(t)
-    return y[0] * factor, y[1] * factor
+    def casimirs(model, y):
+        return ()
 
+    def hamiltonian(model, y):
+        return y[0] - log(y[0]) + y[1] - 2.0 * log(y[1])
 
-@means(structure, LotkaVolterra)
-def _(model, y, v):
-    c = y[0] * y[1]
-    return c * v[1], -c * v[0]
+    def drift_gradient(model, y):
+        return 1.0 - 1.0 / y[0], 1.0 - 2.0 / y[1]
 
+    def drift_hessian(model, y, v):
+        return v[0] / (y[0] * y[0]), 2.0 * v[1] / (y[1] * y[1])
 
-@means(structure_derivative, LotkaVolterra)
-def _(model, y, u, v):
-    c = u[0] * y[1] + y[0] * u[1]
-    return c * v[1], -c * v[0]
+    def noise_gradient(model, k, y):
+        return -1.0 / y[0], 1.0 / y[1]
 
-
-@means(casimirs, LotkaVolterra)
-def _(model, y):
-    return ()
-
-
-@means(hamiltonian, LotkaVolterra)
-def _(model, y):
-    return y[0] - log(y[0]) + y[1] - 2.0 * log(y[1])
-
-
-@means(drift_gradient, LotkaVolterra)
-def _(model, y):
-    return 1.0 - 1.0 / y[0], 1.0 - 2.0 / y[1]
-
-
-@means(drift_hessian, LotkaVolterra)
-def _(model, y, v):
-    return v[0] / (y[0] * y[0]), 2.0 * v[1] / (y[1] * y[1])
-
-
-@means(noise_gradient, LotkaVolterra)
-def _(model, k, y):
-    return -1.0 / y[0], 1.0 / y[1]
-
-
-@means(noise_hessian, LotkaVolterra)
-def _(model, k, y, v):
-    return v[0] / (y[0] * y[0]), -v[1] / (y[1] * y[1])
+    def noise_hessian(model, k, y, v):
+        return v[0] / (y[0] * y[0]), -v[1] / (y[1] * y[1])

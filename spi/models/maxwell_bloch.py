@@ -2,22 +2,8 @@
 
 from typing import Annotated, NamedTuple
 
-from ..dispatch import means
-from ..protocol import (
-    NonNegative,
-    casimirs,
-    drift_angle,
-    drift_flow,
-    drift_gradient,
-    drift_hessian,
-    hamiltonian,
-    noise_angle,
-    noise_flow,
-    noise_gradient,
-    noise_hessian,
-    sin_versine,
-    structure,
-)
+from ..angles import sin_versine
+from ..protocol import NonNegative
 
 
 class MaxwellBloch(NamedTuple):
@@ -31,68 +17,43 @@ class MaxwellBloch(NamedTuple):
         "strengths sigma_1, sigma_3 of the two noises; 0 switches one off",
     ] = (1.0, 1.0)
 
+    dimension = 3
+    pieces = 2
+    noises = 2
+    conserved = 1
 
-MaxwellBloch.dimension = 3
-MaxwellBloch.pieces = 2
-MaxwellBloch.noises = 2
-MaxwellBloch.conserved = 1
-MaxwellBloch.surface = "cylinder"  # on which spi.kolmogorov works
+    def drift_angle(model, k, t, y):
+        return abs(t * y[0]) if k == 0 else 0.0
 
+    def drift_flow(model, k, t, y, angles):
+        y1, y2, y3 = y
+        if k == 1:
+            return y1 + t * y2, y2, y3
+        s, v = sin_versine(angles, t * y1)
+        return y1, y2 + (s * y3 - v * y2), y3 - (s * y2 + v * y3)
 
-@means(drift_angle, MaxwellBloch)
-def _(model, k, t, y):
-    return abs(t * y[0]) if k == 0 else 0.0
+    noise_angle, noise_flow = drift_angle, drift_flow
 
+    def structure(model, y, v):
+        return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
 
-@means(drift_flow, MaxwellBloch)
-def _(model, k, t, y, angles):
-    y1, y2, y3 = y
-    if k == 1:
-        return y1 + t * y2, y2, y3
-    s, v = sin_versine(angles, t * y1)
-    return y1, y2 + (s * y3 - v * y2), y3 - (s * y2 + v * y3)
+    def casimirs(model, y):
+        return (0.5 * (y[1] * y[1] + y[2] * y[2]),)
 
+    def hamiltonian(model, y):
+        return 0.5 * y[0] * y[0] + y[2]
 
-@means(noise_angle, MaxwellBloch)
-def _(model, k, t, y):
-    return drift_angle(model, k, t, y)
+    def drift_gradient(model, y):
+        return y[0], 0.0, 1.0
 
+    def drift_hessian(model, y, v):
+        return v[0], 0.0, 0.0
 
-@means(noise_flow, MaxwellBloch)
-def _(model, k, t, y, angles):
-    return drift_flow(model, k, t, y, angles)
+    def noise_gradient(model, k, y):
+        return (y[0] if k == 0 else 0.0), 0.0, (0.0 if k == 0 else 1.0)
 
+    def noise_hessian(model, k, y, v):
+        return (v[0] if k == 0 else 0.0), 0.0, 0.0
 
-@means(structure, MaxwellBloch)
-def _(model, y, v):
-    return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
-
-
-@means(casimirs, MaxwellBloch)
-def _(model, y):
-    return (0.5 * (y[1] * y[1] + y[2] * y[2]),)
-
-
-@means(hamiltonian, MaxwellBloch)
-def _(model, y):
-    return 0.5 * y[0] * y[0] + y[2]
-
-
-@means(drift_gradient, MaxwellBloch)
-def _(model, y):
-    return y[0], 0.0, 1.0
-
-
-@means(drift_hessian, MaxwellBloch)
-def _(model, y, v):
-    return v[0], 0.0, 0.0
-
-
-@means(noise_gradient, MaxwellBloch)
-def _(model, k, y):
-    return (y[0] if k == 0 else 0.0), 0.0, (0.0 if k == 0 else 1.0)
-
-
-@means(noise_hessian, MaxwellBloch)
-def _(model, k, y, v):
-    return (v[0] if k == 0 else 0.0), 0.0, 0.0
+    def rotation_shear_rates(model):
+        return (1.0, 1.0), (1.0, 1.0)

@@ -5,45 +5,12 @@ With three independent noises, and, for the paper's remark rem-consistent, with 
 
 from typing import Annotated, NamedTuple
 
-from ..dispatch import inlined, means
-from ..protocol import (
-    NonNegative,
-    Positive,
-    casimirs,
-    drift_angle,
-    drift_flow,
-    drift_gradient,
-    drift_hessian,
-    hamiltonian,
-    noise_angle,
-    noise_flow,
-    noise_gradient,
-    noise_hessian,
-    sin_versine,
-    structure,
-)
+from ..angles import sin_versine
+from ..dispatch import inlined
+from ..protocol import NonNegative, Positive, drift_hessian, noise_hessian
 
 Positives = tuple[Positive, Positive, Positive]
 Strengths = tuple[NonNegative | None, NonNegative | None, NonNegative | None]
-
-
-class RigidBody(NamedTuple):
-    """B(y) v = y x v, H = sum_k y_k^2 / (2 I_k), Ĥ_k = y_k^2 / (2 Î_k), C(y) = |y|^2.
-
-    The example in the paper's section 2 has Ĥ_k without the 2; its section 4, which this follows, has it.
-    """
-
-    inertia: Annotated[Positives, "moments of inertia I_1, I_2, I_3"]
-    noise_inertia: Annotated[Positives, "moments of inertia Î_1, Î_2, Î_3 of the noise"]
-    sigma: Annotated[Strengths, "strengths of the three noises; 0 switches one off"] = (1.0, 1.0, 1.0)
-
-
-RigidBody.dimension = 3
-RigidBody.pieces = 3
-RigidBody.noises = 3
-RigidBody.conserved = 1
-RigidBody.sphere = True  # the first Casimir function is |y|^2
-RigidBody.surface = "sphere"  # on which spi.kolmogorov works
 
 
 @inlined
@@ -58,62 +25,60 @@ def rotate(k, theta, y, angles):
     return y1 + (s * y2 - v * y1), y2 - (s * y1 + v * y2), y3
 
 
-@means(drift_angle, RigidBody)
-def _(model, k, t, y):
-    return abs(t * (1.0 / model.inertia[k]) * y[k])
+class RigidBody(NamedTuple):
+    """B(y) v = y x v, H = sum_k y_k^2 / (2 I_k), Ĥ_k = y_k^2 / (2 Î_k), C(y) = |y|^2.
 
+    The example in the paper's section 2 has Ĥ_k without the 2; its section 4, which this follows, has it.
+    """
 
-@means(noise_angle, RigidBody)
-def _(model, k, t, y):
-    return abs(t * (1.0 / model.noise_inertia[k]) * y[k])
+    inertia: Annotated[Positives, "moments of inertia I_1, I_2, I_3"]
+    noise_inertia: Annotated[Positives, "moments of inertia Î_1, Î_2, Î_3 of the noise"]
+    sigma: Annotated[Strengths, "strengths of the three noises; 0 switches one off"] = (1.0, 1.0, 1.0)
 
+    dimension = 3
+    pieces = 3
+    noises = 3
+    conserved = 1
+    squared_length_is_casimir = True
 
-@means(drift_flow, RigidBody)
-def _(model, k, t, y, angles):
-    return rotate(k, t * (1.0 / model.inertia[k]) * y[k], y, angles)
+    def drift_angle(model, k, t, y):
+        return abs(t * (1.0 / model.inertia[k]) * y[k])
 
+    def noise_angle(model, k, t, y):
+        return abs(t * (1.0 / model.noise_inertia[k]) * y[k])
 
-@means(noise_flow, RigidBody)
-def _(model, k, t, y, angles):
-    return rotate(k, t * (1.0 / model.noise_inertia[k]) * y[k], y, angles)
+    def drift_flow(model, k, t, y, angles):
+        return rotate(k, t * (1.0 / model.inertia[k]) * y[k], y, angles)
 
+    def noise_flow(model, k, t, y, angles):
+        return rotate(k, t * (1.0 / model.noise_inertia[k]) * y[k], y, angles)
 
-@means(structure, RigidBody)
-def _(model, y, v):
-    return y[1] * v[2] - y[2] * v[1], y[2] * v[0] - y[0] * v[2], y[0] * v[1] - y[1] * v[0]
+    def structure(model, y, v):
+        return y[1] * v[2] - y[2] * v[1], y[2] * v[0] - y[0] * v[2], y[0] * v[1] - y[1] * v[0]
 
+    def casimirs(model, y):
+        return (y[0] * y[0] + y[1] * y[1] + y[2] * y[2],)
 
-@means(casimirs, RigidBody)
-def _(model, y):
-    return (y[0] * y[0] + y[1] * y[1] + y[2] * y[2],)
+    def hamiltonian(model, y):
+        i = model.inertia
+        return 0.5 * (y[0] * y[0] / i[0] + y[1] * y[1] / i[1] + y[2] * y[2] / i[2])
 
+    def drift_gradient(model, y):
+        return drift_hessian(model, y, y)
 
-@means(hamiltonian, RigidBody)
-def _(model, y):
-    i = model.inertia
-    return 0.5 * (y[0] * y[0] / i[0] + y[1] * y[1] / i[1] + y[2] * y[2] / i[2])
+    def drift_hessian(model, y, v):
+        i = model.inertia
+        return v[0] * (1.0 / i[0]), v[1] * (1.0 / i[1]), v[2] * (1.0 / i[2])
 
+    def noise_gradient(model, k, y):
+        return noise_hessian(model, k, y, y)
 
-@means(drift_gradient, RigidBody)
-def _(model, y):
-    return drift_hessian(model, y, y)
+    def noise_hessian(model, k, y, v):
+        c = 1.0 / model.noise_inertia[k]
+        return (v[0] * c if k == 0 else 0.0, v[1] * c if k == 1 else 0.0, v[2] * c if k == 2 else 0.0)
 
-
-@means(drift_hessian, RigidBody)
-def _(model, y, v):
-    i = model.inertia
-    return v[0] * (1.0 / i[0]), v[1] * (1.0 / i[1]), v[2] * (1.0 / i[2])
-
-
-@means(noise_gradient, RigidBody)
-def _(model, k, y):
-    return noise_hessian(model, k, y, y)
-
-
-@means(noise_hessian, RigidBody)
-def _(model, k, y, v):
-    c = 1.0 / model.noise_inertia[k]
-    return (v[0] * c if k == 0 else 0.0, v[1] * c if k == 1 else 0.0, v[2] * c if k == 2 else 0.0)
+    def axis_inertias(model):
+        return model.inertia, model.noise_inertia
 
 
 class RigidBodySharedNoise(NamedTuple):
@@ -127,40 +92,31 @@ class RigidBodySharedNoise(NamedTuple):
     noise_inertia: Annotated[Positives, "moments of inertia Î_1, Î_2, Î_3 of the noise"]
     sigma: Annotated[tuple[NonNegative | None], "strength of the noise; 0 switches it off"] = (1.0,)
 
+    dimension = 3
+    pieces = 3
+    noises = 1
+    conserved = 1
+    squared_length_is_casimir = True
+    exact_flows = False
 
-RigidBodySharedNoise.dimension = 3
-RigidBodySharedNoise.pieces = 3
-RigidBodySharedNoise.noises = 1
-RigidBodySharedNoise.conserved = 1
-RigidBodySharedNoise.sphere = True  # the first Casimir function is |y|^2
-RigidBodySharedNoise.exact_flows = False
+    # all that does not depend on the noise is the rigid body's
+    drift_angle, drift_flow = RigidBody.drift_angle, RigidBody.drift_flow
+    structure, casimirs = RigidBody.structure, RigidBody.casimirs
+    hamiltonian = RigidBody.hamiltonian
+    drift_gradient, drift_hessian = RigidBody.drift_gradient, RigidBody.drift_hessian
+    noise_gradient = RigidBody.noise_gradient  # the product of the Hessian and y
 
-# all that does not depend on the noise is the rigid body's
-for _word in (drift_angle, drift_flow, drift_gradient, drift_hessian, structure, casimirs, hamiltonian):
-    means(_word, RigidBodySharedNoise)(_word.table[RigidBody])
+    def noise_angle(model, k, t, y):
+        """A bound, since the later rotations act on a state already rotated."""
+        a, b, c = model.noise_inertia
+        return abs(t) * max(1.0 / a, 1.0 / b, 1.0 / c) * (abs(y[0]) + abs(y[1]) + abs(y[2]))
 
+    def noise_flow(model, k, t, y, angles):
+        a, b, c = model.noise_inertia
+        y = rotate(0, t * (1.0 / a) * y[0], y, angles)
+        y = rotate(1, t * (1.0 / b) * y[1], y, angles)
+        return rotate(2, t * (1.0 / c) * y[2], y, angles)
 
-@means(noise_angle, RigidBodySharedNoise)
-def _(model, k, t, y):
-    """A bound, since the later rotations act on a state already rotated."""
-    a, b, c = model.noise_inertia
-    return abs(t) * max(1.0 / a, 1.0 / b, 1.0 / c) * (abs(y[0]) + abs(y[1]) + abs(y[2]))
-
-
-@means(noise_flow, RigidBodySharedNoise)
-def _(model, k, t, y, angles):
-    a, b, c = model.noise_inertia
-    y = rotate(0, t * (1.0 / a) * y[0], y, angles)
-    y = rotate(1, t * (1.0 / b) * y[1], y, angles)
-    return rotate(2, t * (1.0 / c) * y[2], y, angles)
-
-
-@means(noise_gradient, RigidBodySharedNoise)
-def _(model, k, y):
-    return noise_hessian(model, k, y, y)
-
-
-@means(noise_hessian, RigidBodySharedNoise)
-def _(model, k, y, v):
-    a, b, c = model.noise_inertia
-    return v[0] * (1.0 / a), v[1] * (1.0 / b), v[2] * (1.0 / c)
+    def noise_hessian(model, k, y, v):
+        a, b, c = model.noise_inertia
+        return v[0] * (1.0 / a), v[1] * (1.0 / b), v[2] * (1.0 / c)

@@ -15,50 +15,11 @@ The 3-point Fourier transform diagonalises it, with the purely imaginary eigenva
 import math
 from typing import Annotated, NamedTuple
 
-from ..dispatch import inlined, means, tuplewise, word
-from ..protocol import (
-    AnyAngles,
-    NonNegative,
-    ReducedAngles,
-    SmallAngles,
-    TinyAngles,
-    casimirs,
-    drift_angle,
-    drift_flow,
-    drift_gradient,
-    drift_hessian,
-    hamiltonian,
-    noise_angle,
-    noise_flow,
-    noise_gradient,
-    noise_hessian,
-    noise_structure,
-    noise_structure_derivative,
-    sin_versine,
-    structure,
-)
+from ..angles import adding_to_zero, sin_versine
+from ..dispatch import inlined, tuplewise
+from ..protocol import NonNegative, drift_hessian, noise_hessian
 
 Strength = NonNegative | None
-
-
-class SineEuler(NamedTuple):
-    """H = sum_k H_k over the four modes, H_k = Ĥ_k = |omega_k|^2 / |k|^2.
-
-    Casimirs: C_1 = sum_k |omega_k|^2 and the cubic C_2.
-    """
-
-    sigma: Annotated[
-        tuple[Strength, Strength, Strength, Strength],
-        "strengths of the noises of the modes (1,0), (1,1), (0,1), (-1,1); 0 switches one off",
-    ] = (1.0, 1.0, 1.0, 1.0)
-
-
-SineEuler.dimension = 8
-SineEuler.pieces = 4
-SineEuler.noises = 4
-SineEuler.flow_ns = 1.7
-SineEuler.conserved = 2
-SineEuler.sphere = True  # the first Casimir function is |y|^2
 
 _S = math.sqrt(3.0) / 2.0  # sin(2 pi / 3)
 _THIRD = 1.0 / 3.0
@@ -114,76 +75,6 @@ def _turn(angles, theta, z):
     return -(s * z[1] + v * z[0]), s * z[0] - v * z[1]
 
 
-@word
-def _adding_to_zero(angles, p0, p1, p2):
-    """The three angles, whose sum is 0 but for roundings; what is left of it changes C_2."""
-
-
-@means(_adding_to_zero, TinyAngles, SmallAngles)
-def _(angles, p0, p1, p2):
-    return p0, p1, p2
-
-
-@means(_adding_to_zero, ReducedAngles, AnyAngles)
-def _(angles, p0, p1, p2):
-    """As multiples of one small number, so that additions are exact: of large angles the sum must be 0 indeed."""
-    size = abs(p0) + abs(p1) + abs(p2)  # twice the largest, so that all are rounded to the same multiples
-    p0, p1 = (p0 + size) - size, (p1 + size) - size
-    return p0, p1, -(p0 + p1)
-
-
-@inlined
-def _flow(k, t, y, angles):
-    w, c, z0, z1, z2 = _line(k, y)
-    # angles -2 c t Im(w exp(-2 pi i q / 3)) of the Fourier components q = 0, 1, 2
-    f = -2.0 * c * t
-    p0 = f * w[1]
-    half, side = -0.5 * p0, f * _S * w[0]
-    p0, p1, p2 = _adding_to_zero(angles, p0, half - side, half + side)
-    # Fourier components, 3 times too large: q = 1 and 2 are (z0 - sum/2) -+ i sqrt(3)/2 (z1 - z2) of the line
-    sum_re, sum_im = z1[0] + z2[0], z1[1] + z2[1]
-    dif_re, dif_im = _side(z1[0] - z2[0]), _side(z1[1] - z2[1])
-    mid_re, mid_im = z0[0] - 0.5 * sum_re, z0[1] - 0.5 * sum_im
-    u0 = _turn(angles, p0, (z0[0] + sum_re, z0[1] + sum_im))
-    u1 = _turn(angles, p1, (mid_re + dif_im, mid_im - dif_re))
-    u2 = _turn(angles, p2, (mid_re - dif_im, mid_im + dif_re))
-    # and back: what is added to z_j is the mean of u_q exp(2 pi i j q / 3)
-    sum_re, sum_im = u1[0] + u2[0], u1[1] + u2[1]
-    dif_re, dif_im = _side(u1[0] - u2[0]), _side(u1[1] - u2[1])
-    mid_re, mid_im = u0[0] - 0.5 * sum_re, u0[1] - 0.5 * sum_im
-    new0 = (z0[0] + _third(u0[0] + sum_re), z0[1] + _third(u0[1] + sum_im))
-    new1 = (z1[0] + _third(mid_re - dif_im), z1[1] + _third(mid_im + dif_re))
-    new2 = (z2[0] + _third(mid_re + dif_im), z2[1] + _third(mid_im - dif_re))
-    return _unline(k, w, new0, new1, new2)
-
-
-@inlined
-def _largest_angle(k, t, y):
-    """A bound of the three angles, 2 |c t| (|Re omega_k| + |Im omega_k|)."""
-    w, c, _, _, _ = _line(k, y)
-    return abs(2.0 * c * t) * (abs(w[0]) + abs(w[1]))
-
-
-@means(drift_angle, SineEuler)
-def _(model, k, t, y):
-    return _largest_angle(k, t, y)
-
-
-@means(noise_angle, SineEuler)
-def _(model, k, t, y):
-    return _largest_angle(k, t, y)
-
-
-@means(drift_flow, SineEuler)
-def _(model, k, t, y, angles):
-    return _flow(k, t, y, angles)
-
-
-@means(noise_flow, SineEuler)
-def _(model, k, t, y, angles):
-    return _flow(k, t, y, angles)
-
-
 @inlined
 def _cross(w, g):
     """w g for complex numbers as pairs."""
@@ -213,22 +104,6 @@ def _column(k, y, v):
     return _unline(k, (0.0, 0.0), new0, new1, new2)
 
 
-@means(structure, SineEuler)
-def _(model, y, v):
-    """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""
-    return _plus(_plus(_column(0, y, v), _column(1, y, v)), _plus(_column(2, y, v), _column(3, y, v)))
-
-
-@means(noise_structure, SineEuler)
-def _(model, k, y, v):
-    return _column(k, y, v)
-
-
-@means(noise_structure_derivative, SineEuler)
-def _(model, k, y, u, v):
-    return _column(k, u, v)
-
-
 @inlined
 def _squares(y):
     """|omega_k|^2 of the four modes."""
@@ -240,12 +115,6 @@ def _squares(y):
     )
 
 
-@means(hamiltonian, SineEuler)
-def _(model, y):
-    a, b, c, d = _squares(y)
-    return a + 0.5 * b + c + 0.5 * d
-
-
 @inlined
 def _re3(p, q, r):
     """Re(p q r)."""
@@ -253,41 +122,94 @@ def _re3(p, q, r):
     return u[0] * r[0] - u[1] * r[1]
 
 
-@means(casimirs, SineEuler)
-def _(model, y):
-    """C_1, and C_2 = 2 Re(sum_k omega_k^3 - 3 (a b d* + a b* c + a c* d + b c d)), the modes being a, b, c, d.
+class SineEuler(NamedTuple):
+    """H = sum_k H_k over the four modes, H_k = Ĥ_k = |omega_k|^2 / |k|^2.
 
-    The latter is the paper's sum over the cell K, collected.
+    Casimirs: C_1 = sum_k |omega_k|^2 and the cubic C_2.
     """
-    e = _squares(y)
-    a, b, c, d = (y[0], y[1]), (y[2], y[3]), (y[4], y[5]), (y[6], y[7])
-    bc, cc, dc = (y[2], -y[3]), (y[4], -y[5]), (y[6], -y[7])
-    cubes = _re3(a, a, a) + _re3(b, b, b) + _re3(c, c, c) + _re3(d, d, d)
-    mixed = _re3(a, b, dc) + _re3(a, bc, c) + _re3(a, cc, d) + _re3(b, c, d)
-    return e[0] + e[1] + e[2] + e[3], 2.0 * cubes - 6.0 * mixed
 
+    sigma: Annotated[
+        tuple[Strength, Strength, Strength, Strength],
+        "strengths of the noises of the modes (1,0), (1,1), (0,1), (-1,1); 0 switches one off",
+    ] = (1.0, 1.0, 1.0, 1.0)
 
-@means(drift_gradient, SineEuler)
-def _(model, y):
-    return drift_hessian(model, y, y)
+    dimension = 8
+    pieces = 4
+    noises = 4
+    conserved = 2
+    squared_length_is_casimir = True
+    flow_ns = 1.7
 
+    def drift_angle(model, k, t, y):
+        """A bound of the three angles, 2 |c t| (|Re omega_k| + |Im omega_k|)."""
+        w, c, _, _, _ = _line(k, y)
+        return abs(2.0 * c * t) * (abs(w[0]) + abs(w[1]))
 
-@means(drift_hessian, SineEuler)
-def _(model, y, v):
-    return 2.0 * v[0], 2.0 * v[1], v[2], v[3], 2.0 * v[4], 2.0 * v[5], v[6], v[7]
+    def drift_flow(model, k, t, y, angles):
+        w, c, z0, z1, z2 = _line(k, y)
+        # angles -2 c t Im(w exp(-2 pi i q / 3)) of the Fourier components q = 0, 1, 2
+        f = -2.0 * c * t
+        p0 = f * w[1]
+        half, side = -0.5 * p0, f * _S * w[0]
+        p0, p1, p2 = adding_to_zero(angles, p0, half - side, half + side)
+        # Fourier components, 3 times too large: q = 1 and 2 are (z0 - sum/2) -+ i sqrt(3)/2 (z1 - z2) of the line
+        sum_re, sum_im = z1[0] + z2[0], z1[1] + z2[1]
+        dif_re, dif_im = _side(z1[0] - z2[0]), _side(z1[1] - z2[1])
+        mid_re, mid_im = z0[0] - 0.5 * sum_re, z0[1] - 0.5 * sum_im
+        u0 = _turn(angles, p0, (z0[0] + sum_re, z0[1] + sum_im))
+        u1 = _turn(angles, p1, (mid_re + dif_im, mid_im - dif_re))
+        u2 = _turn(angles, p2, (mid_re - dif_im, mid_im + dif_re))
+        # and back: what is added to z_j is the mean of u_q exp(2 pi i j q / 3)
+        sum_re, sum_im = u1[0] + u2[0], u1[1] + u2[1]
+        dif_re, dif_im = _side(u1[0] - u2[0]), _side(u1[1] - u2[1])
+        mid_re, mid_im = u0[0] - 0.5 * sum_re, u0[1] - 0.5 * sum_im
+        new0 = (z0[0] + _third(u0[0] + sum_re), z0[1] + _third(u0[1] + sum_im))
+        new1 = (z1[0] + _third(mid_re - dif_im), z1[1] + _third(mid_im + dif_re))
+        new2 = (z2[0] + _third(mid_re + dif_im), z2[1] + _third(mid_im - dif_re))
+        return _unline(k, w, new0, new1, new2)
 
+    noise_angle, noise_flow = drift_angle, drift_flow  # since Ĥ_k = H_k
 
-@means(noise_gradient, SineEuler)
-def _(model, k, y):
-    return noise_hessian(model, k, y, y)
+    def structure(model, y, v):
+        """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""
+        return _plus(_plus(_column(0, y, v), _column(1, y, v)), _plus(_column(2, y, v), _column(3, y, v)))
 
+    def noise_structure(model, k, y, v):
+        return _column(k, y, v)
 
-@means(noise_hessian, SineEuler)
-def _(model, k, y, v):
-    a, b, c, d = (
-        2.0 if k == 0 else 0.0,
-        1.0 if k == 1 else 0.0,
-        2.0 if k == 2 else 0.0,
-        1.0 if k == 3 else 0.0,
-    )
-    return a * v[0], a * v[1], b * v[2], b * v[3], c * v[4], c * v[5], d * v[6], d * v[7]
+    def noise_structure_derivative(model, k, y, u, v):
+        return _column(k, u, v)
+
+    def hamiltonian(model, y):
+        a, b, c, d = _squares(y)
+        return a + 0.5 * b + c + 0.5 * d
+
+    def casimirs(model, y):
+        """C_1, and C_2 = 2 Re(sum_k omega_k^3 - 3 (a b d* + a b* c + a c* d + b c d)), the modes being a, b, c, d.
+
+        The latter is the paper's sum over the cell K, collected.
+        """
+        e = _squares(y)
+        a, b, c, d = (y[0], y[1]), (y[2], y[3]), (y[4], y[5]), (y[6], y[7])
+        bc, cc, dc = (y[2], -y[3]), (y[4], -y[5]), (y[6], -y[7])
+        cubes = _re3(a, a, a) + _re3(b, b, b) + _re3(c, c, c) + _re3(d, d, d)
+        mixed = _re3(a, b, dc) + _re3(a, bc, c) + _re3(a, cc, d) + _re3(b, c, d)
+        return e[0] + e[1] + e[2] + e[3], 2.0 * cubes - 6.0 * mixed
+
+    def drift_gradient(model, y):
+        return drift_hessian(model, y, y)
+
+    def drift_hessian(model, y, v):
+        return 2.0 * v[0], 2.0 * v[1], v[2], v[3], 2.0 * v[4], 2.0 * v[5], v[6], v[7]
+
+    def noise_gradient(model, k, y):
+        return noise_hessian(model, k, y, y)
+
+    def noise_hessian(model, k, y, v):
+        a, b, c, d = (
+            2.0 if k == 0 else 0.0,
+            1.0 if k == 1 else 0.0,
+            2.0 if k == 2 else 0.0,
+            1.0 if k == 3 else 0.0,
+        )
+        return a * v[0], a * v[1], b * v[2], b * v[3], c * v[4], c * v[5], d * v[6], d * v[7]

@@ -1,12 +1,15 @@
 """The schemes, by the names that experiments use."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
-from ..protocol import noise_indices
+from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir
+from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
-from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, Splitting, compositions
+from .rows import sweeps
+from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
 
 
 class Scheme(NamedTuple):
@@ -14,63 +17,179 @@ class Scheme(NamedTuple):
 
     record: NamedTuple
     label: str
+    formula: str  #: of a step from y to z, one line of plain text
+    reference: str  #: an equation of the paper, or a DOI
+    look: tuple[str, str]  #: marker and colour in figures: the paper's markers, the palette of Okabe and Ito
     strong_order: float  #: with several noises that do not commute
     strong_order_commuting: float  #: with one noise, or several that commute
     weak_order: float
     preserves: str
-    work: float | None  #: of a step, in flows of the model, for estimates of run time; None where flows are counted
+    work: float | None = None  #: of a step, in flows of the model, for estimates of run time; None: flows are counted
+    overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
     needs_eps: bool = False  #: whether eps must not be 0
-    needs_sphere: bool = False  #: whether the first Casimir function of the model must be |y|^2
+    needs: Callable | None = None  #: a fact that must hold for the model
+
+    @property
+    def composition(self):
+        """The rows of flows of which a step consists, None for a scheme that is no composition of flows."""
+        return getattr(self.record, "rows", None)
+
+    @property
+    def solvable_without_sampling(self):
+        """Whether ``spi.kolmogorov`` can do it: a composition, its noise flows with increments of Wiener processes."""
+        return self.composition is not None and not self.multiscale
 
 
-SCHEMES = {
-    "splitting": Scheme(LIE_TROTTER, "splitting", 0.5, 1.0, 1.0, "Casimirs, Poisson structure", None),
-    "splitting_drift_first": Scheme(
-        LIE_TROTTER_EXCHANGED, "splitting, drift first", 0.5, 1.0, 1.0, "Casimirs, Poisson structure", None
-    ),
-    "splitting_order2": Scheme(ORDER_2, "splitting, weak order 2", 0.5, 1.0, 2.0, "Casimirs, Poisson structure", None),
-    "euler_maruyama": Scheme(EulerMaruyama(), "Euler-Maruyama", 0.5, 0.5, 1.0, "nothing", 5.0),
-    "euler_maruyama_renormalised": Scheme(
-        RenormalisedEulerMaruyama(), "Euler-Maruyama, renormalised", 0.5, 0.5, 1.0, "|y|", 5.5, needs_sphere=True
-    ),
-    "midpoint": Scheme(Midpoint(), "midpoint", 0.5, 1.0, 1.0, "quadratic Casimirs", 25.0, needs_truncation=True),
-    "ap_splitting": Scheme(
-        *(AsymptoticPreserving(0.0, ImplicitEuler()), "AP splitting"),
-        *(0.5, 1.0, 1.0, "Casimirs, Poisson structure", None),
-        multiscale=True,
-    ),
-    "ap_splitting_midpoint": Scheme(
-        *(AsymptoticPreserving(0.0, ImplicitMidpoint()), "AP splitting, midpoint"),
-        *(0.5, 1.0, 1.0, "Casimirs, Poisson structure", None),
-        multiscale=True,
-    ),
-    "multiscale_euler": Scheme(
-        *(MultiscaleEuler(0.0, ExplicitEuler()), "explicit Euler-Maruyama"),
-        *(1.0, 1.0, 1.0, "nothing", 4.0),
-        multiscale=True,
-        needs_eps=True,
-    ),
-    "multiscale_euler_semi_implicit": Scheme(
-        *(MultiscaleEuler(0.0, ImplicitEuler()), "semi-implicit Euler-Maruyama"),
-        *(1.0, 1.0, 1.0, "nothing", 4.0),
-        multiscale=True,
-    ),
-}
+SCHEMES: dict[str, Scheme] = {}
+
+
+def register_scheme(name, **row):
+    """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``protocol.py``."""
+    scheme = Scheme(**row)
+    check_class(type(scheme.record), "scheme", name)
+    SCHEMES[name] = scheme
+
+
+_POISSON = {"strong_order": 0.5, "strong_order_commuting": 1.0, "preserves": "Casimirs, Poisson structure"}
+_DRIFT, _NOISE = "exp(h Y_{H_p})...exp(h Y_{H_1})", "exp(sigma_m dW_m Y_{Ĥ_m})...exp(sigma_1 dW_1 Y_{Ĥ_1})"
+
+register_scheme(
+    "splitting",
+    record=LIE_TROTTER,
+    label="splitting",
+    formula=f"z = {_DRIFT} {_NOISE} y",
+    reference="eq. slpI",
+    look=("D", "#009E73"),
+    weak_order=1.0,
+    **_POISSON,
+)
+register_scheme(
+    "splitting_drift_first",
+    record=LIE_TROTTER_EXCHANGED,
+    label="splitting, drift first",
+    formula=f"z = {_NOISE} {_DRIFT} y",
+    reference="remark rem-xchange",
+    look=("s", "#CC79A7"),
+    weak_order=1.0,
+    **_POISSON,
+)
+register_scheme(
+    "splitting_order2",
+    record=ORDER_2,
+    label="splitting, weak order 2",
+    formula="z = S(h/2) N S(h/2) y, S the symmetric composition of the drift flows, N the noise flows in random order",
+    reference="eq. order2",
+    look=("^", "#E69F00"),
+    weak_order=2.0,
+    **_POISSON,
+)
+register_scheme(
+    "euler_maruyama",
+    record=EulerMaruyama(),
+    label="Euler-Maruyama",
+    formula="z = y + h (f(y) + 1/2 sum_k sigma_k^2 f_k'(y) f_k(y)) + sum_k sigma_k dW_k f_k(y)",
+    reference="doi:10.1007/978-3-662-12616-5",
+    look=("x", "#D55E00"),
+    strong_order=0.5,
+    strong_order_commuting=0.5,
+    weak_order=1.0,
+    preserves="nothing",
+    work=5.0,
+)
+register_scheme(
+    "euler_maruyama_renormalised",
+    record=RenormalisedEulerMaruyama(),
+    label="Euler-Maruyama, renormalised",
+    formula="|y| z / |z| with the z of Euler-Maruyama",
+    reference="ours, for comparison",
+    look=("v", "#56B4E9"),
+    strong_order=0.5,
+    strong_order_commuting=0.5,
+    weak_order=1.0,
+    preserves="|y|",
+    work=5.5,
+    needs=squared_length_is_casimir,
+)
+register_scheme(
+    "midpoint",
+    record=Midpoint(),
+    label="midpoint",
+    formula="z = y + h f((y+z)/2) + sum_k sigma_k dW_k f_k((y+z)/2)",
+    reference="doi:10.1137/S0036142901395588",
+    look=("o", "#0072B2"),
+    strong_order=0.5,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="quadratic Casimirs",
+    work=25.0,
+    needs_truncation=True,
+)
+register_scheme(
+    "ap_splitting",
+    record=AsymptoticPreserving(0.0, ImplicitEuler()),
+    label="AP splitting",
+    formula="splitting with h xi_k^n / eps for dW_k, xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps",
+    reference="eq. APscheme",
+    look=("h", "#0072B2"),
+    weak_order=1.0,
+    overhead=1.15,
+    multiscale=True,
+    **_POISSON,
+)
+register_scheme(
+    "ap_splitting_midpoint",
+    record=AsymptoticPreserving(0.0, ImplicitMidpoint()),
+    label="AP splitting, midpoint",
+    formula="splitting with h (xi_k^(n-1) + xi_k^n) / (2 eps) for dW_k, xi^n by the midpoint rule",
+    reference="eq. APscheme, its variant",
+    look=("p", "#56B4E9"),
+    weak_order=1.0,
+    overhead=1.15,
+    multiscale=True,
+    **_POISSON,
+)
+register_scheme(
+    "multiscale_euler",
+    record=MultiscaleEuler(0.0, ExplicitEuler()),
+    label="explicit Euler-Maruyama",
+    formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^(n-1) / eps, xi^n = xi^(n-1) - h/eps^2 xi^(n-1) + dW/eps",
+    reference="ours, for comparison",
+    look=("X", "#D55E00"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="nothing",
+    work=4.0,
+    multiscale=True,
+    needs_eps=True,
+)
+register_scheme(
+    "multiscale_euler_semi_implicit",
+    record=MultiscaleEuler(0.0, ImplicitEuler()),
+    label="semi-implicit Euler-Maruyama",
+    formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^n / eps, xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps",
+    reference="ours, for comparison",
+    look=("P", "#CC79A7"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="nothing",
+    work=4.0,
+    multiscale=True,
+)
 
 
 def has_theory(row, model):
     """Whether the orders of a row hold for a model; not those of a splitting that is not made of exact flows."""
-    return getattr(type(model), "exact_flows", True) or not isinstance(row.record, Splitting)
+    return exact_flows(model) or row.composition is None
 
 
 def scheme_row(name, eps=None):
-    """The row of a scheme, for the multiscale system with this eps in its record and label."""
+    """The row of a scheme, for the multiscale system with this eps in its record."""
     row = SCHEMES[name]
-    if not row.multiscale:
-        return row
-    return row._replace(record=row.record._replace(eps=eps), label=f"{row.label}, eps = {eps:g}")
+    return row._replace(record=row.record._replace(eps=eps)) if row.multiscale else row
 
 
 def reference_record(name, eps):
@@ -79,17 +198,10 @@ def reference_record(name, eps):
 
 
 _DRAW_NS = 0.85  # an increment
-_FLOW_NS = 0.5  # a flow of a model that does not say
 
 
 def typical_ns(name, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
     row = SCHEMES[name]
-    flows = row.work
-    if isinstance(row.record, AsymptoticPreserving):
-        return 1.15 * typical_ns("splitting", model)
-    if isinstance(row.record, Splitting):
-        several = compositions(row.record, model)
-        masked = max(len(noise_indices(model)) - 1, 0) if len(several) > 1 else 0
-        flows = len(several[0][1]) + masked
-    return _DRAW_NS * len(noise_indices(model)) + getattr(type(model), "flow_ns", _FLOW_NS) * flows
+    flows = row.work if row.composition is None else len(sweeps(row.composition, model))
+    return row.overhead * (_DRAW_NS * len(noise_indices(model)) + flow_ns(model) * flows)

@@ -8,24 +8,12 @@ xi_k/eps as its dW_k; this is written without dividing by eps and without cancel
 
 from typing import NamedTuple
 
-from ..dispatch import means, number, unrolled, word
+from ..dispatch import number, unrolled, word
 from ..fields import add_noise_fields, add_scaled, drift_field
-from ..lanes import load, store
-from ..protocol import advance, dimension, memory_size, noise_indices, noises, work_size
+from ..lanes import load_lane, store_lane
+from ..protocol import dimension, noise_indices, noises
 from ..rng import LANES
-from .splitting import LIE_TROTTER, run_stages
-
-
-class ImplicitEuler(NamedTuple):
-    """xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps; increment h xi^n / eps = (z^(n-1) + dW) h / (h + eps^2)."""
-
-
-class ImplicitMidpoint(NamedTuple):
-    """xi^n = xi^(n-1) - h/(2 eps^2) (xi^(n-1) + xi^n) + dW/eps; increment h (xi^(n-1) + xi^n) / (2 eps)."""
-
-
-class ExplicitEuler(NamedTuple):
-    """xi^n = xi^(n-1) - h/eps^2 xi^(n-1) + dW/eps; increment h xi^(n-1) / eps.  Stable for h < 2 eps^2 only."""
+from .splitting import LIE_TROTTER, rows_toss, run_rows
 
 
 @word
@@ -33,23 +21,29 @@ def increment_and_process(rule, eps, h, dW, z):
     """(increment, new z) of one process z = eps xi."""
 
 
-@means(increment_and_process, ImplicitEuler)
-def _(rule, eps, h, dW, z):
-    whole, total = z + dW, h + eps * eps
-    return h / total * whole, eps * eps / total * whole
+class ImplicitEuler(NamedTuple):
+    """xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps; increment h xi^n / eps = (z^(n-1) + dW) h / (h + eps^2)."""
+
+    def increment_and_process(rule, eps, h, dW, z):
+        whole, total = z + dW, h + eps * eps
+        return h / total * whole, eps * eps / total * whole
 
 
-@means(increment_and_process, ImplicitMidpoint)
-def _(rule, eps, h, dW, z):
-    twice = 2.0 * eps * eps
-    total = h + twice
-    return h / total * (2.0 * z + dW), (twice - h) / total * z + twice / total * dW
+class ImplicitMidpoint(NamedTuple):
+    """xi^n = xi^(n-1) - h/(2 eps^2) (xi^(n-1) + xi^n) + dW/eps; increment h (xi^(n-1) + xi^n) / (2 eps)."""
+
+    def increment_and_process(rule, eps, h, dW, z):
+        twice = 2.0 * eps * eps
+        total = h + twice
+        return h / total * (2.0 * z + dW), (twice - h) / total * z + twice / total * dW
 
 
-@means(increment_and_process, ExplicitEuler)
-def _(rule, eps, h, dW, z):
-    increment = h / (eps * eps) * z
-    return increment, z - increment + dW
+class ExplicitEuler(NamedTuple):
+    """xi^n = xi^(n-1) - h/eps^2 xi^(n-1) + dW/eps; increment h xi^(n-1) / eps.  Stable for h < 2 eps^2 only."""
+
+    def increment_and_process(rule, eps, h, dW, z):
+        increment = h / (eps * eps) * z
+        return increment, z - increment + dW
 
 
 @unrolled(noise_indices)
@@ -71,7 +65,20 @@ class AsymptoticPreserving(NamedTuple):
 
     eps: float
     rule: tuple
-    stages: tuple = LIE_TROTTER.stages
+    rows: tuple = LIE_TROTTER.rows
+
+    def tosses(scheme):
+        return rows_toss(scheme)
+
+    def memory_size(scheme, model):
+        return noises(model) * LANES
+
+    def work_size(scheme, model):
+        return (noises(model) + 1) * LANES
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        move_processes(model, y, scheme, h, dW, work)
+        run_rows(scheme.rows, model, h, work, coins, y, work[noises(model) * LANES :], report)
 
 
 class MultiscaleEuler(NamedTuple):
@@ -84,32 +91,15 @@ class MultiscaleEuler(NamedTuple):
     eps: float
     rule: tuple
 
+    def memory_size(scheme, model):
+        return noises(model) * LANES
 
-@means(memory_size, AsymptoticPreserving, MultiscaleEuler)
-def _(scheme, model):
-    return noises(model) * LANES
+    def work_size(scheme, model):
+        return noises(model) * LANES
 
-
-@means(work_size, AsymptoticPreserving)
-def _(scheme, model):
-    return (noises(model) + 1) * LANES
-
-
-@means(work_size, MultiscaleEuler)
-def _(scheme, model):
-    return noises(model) * LANES
-
-
-@means(advance, AsymptoticPreserving)
-def _(scheme, model, h, dW, coins, y, work, report):
-    move_processes(model, y, scheme, h, dW, work)
-    run_stages(scheme.stages, model, h, work, coins, y, work[noises(model) * LANES :], report)
-
-
-@means(advance, MultiscaleEuler)
-def _(scheme, model, h, dW, coins, y, work, report):
-    move_processes(model, y, scheme, h, dW, work)
-    for lane in range(LANES):
-        state = load(model, y, lane)
-        new = add_scaled(state, h, drift_field(model, state))
-        store(y, lane, add_noise_fields(model, new, work, lane, state))
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        move_processes(model, y, scheme, h, dW, work)
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            new = add_scaled(state, h, drift_field(model, state))
+            store_lane(y, lane, add_noise_fields(model, new, work, lane, state))

@@ -4,25 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import inlined, means
+from ..dispatch import inlined
 from ..fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
-from ..lanes import load, store
-from ..protocol import advance
+from ..lanes import load_lane, store_lane
 from ..rng import LANES
-
-
-class EulerMaruyama(NamedTuple):
-    """y + h (f(y) + 1/2 sum_k sigma_k^2 f_k'(y) f_k(y)) + sum_k sigma_k dW_k f_k(y), the system in its Itô form.
-
-    Here f = B grad H and f_k = B grad Ĥ_k.
-    """
-
-
-class RenormalisedEulerMaruyama(NamedTuple):
-    """A step z of Euler-Maruyama scaled back to the length of y, |y| z / |z|, where |y|^2 is a Casimir function.
-
-    It stays on the sphere, and no more: it is no composition of Poisson maps.
-    """
 
 
 @inlined
@@ -33,15 +18,25 @@ def euler_step(model, h, dW, lane, y):
     return add_noise_fields(model, new, dW, lane, y)
 
 
-@means(advance, EulerMaruyama)
-def _(scheme, model, h, dW, coins, y, work, report):
-    for lane in range(LANES):
-        store(y, lane, euler_step(model, h, dW, lane, load(model, y, lane)))
+class EulerMaruyama(NamedTuple):
+    """y + h (f(y) + 1/2 sum_k sigma_k^2 f_k'(y) f_k(y)) + sum_k sigma_k dW_k f_k(y), the system in its Itô form.
+
+    Here f = B grad H and f_k = B grad Ĥ_k.
+    """
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            store_lane(y, lane, euler_step(model, h, dW, lane, load_lane(model, y, lane)))
 
 
-@means(advance, RenormalisedEulerMaruyama)
-def _(scheme, model, h, dW, coins, y, work, report):
-    for lane in range(LANES):
-        state = load(model, y, lane)
-        new = euler_step(model, h, dW, lane, state)
-        store(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))
+class RenormalisedEulerMaruyama(NamedTuple):
+    """A step z of Euler-Maruyama scaled back to the length of y, |y| z / |z|, where |y|^2 is a Casimir function.
+
+    It stays on the sphere, and no more: it is no composition of Poisson maps.
+    """
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            new = euler_step(model, h, dW, lane, state)
+            store_lane(y, lane, scaled(new, np.sqrt(dot(state, state) / dot(new, new))))

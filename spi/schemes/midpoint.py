@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import inlined, means, number, unrolled
+from ..dispatch import inlined, number, unrolled
 from ..elementary import bits, from_bits
 from ..fields import (
     add_scaled,
@@ -15,53 +15,11 @@ from ..fields import (
     step_gradient,
     unit,
 )
-from ..lanes import load, store
-from ..protocol import advance, component_indices, dimension, structure, work_size
+from ..lanes import load_lane, store_lane
+from ..protocol import component_indices, dimension, structure
 from ..rng import LANES
 
-
-class Midpoint(NamedTuple):
-    """z = y + F((y + z)/2) with F = B grad K, K = h H + sum_k sigma_k dW_k Ĥ_k; preserves quadratic Casimirs.
-
-    Newton's method for the midpoint x = y + F(x)/2, started from y + F(y)/2, all lanes of a block together, until the
-    correction of every lane is below 2^-30 |x|: what is left is of the order of its square.  The new state is y + F(x),
-    so that the change of a quadratic Casimir is |F| times what is left of the equation.  A solve with
-    |x - y - F(x)/2| > ``tolerance`` |x| counts as a failure.
-    """
-
-    tolerance: float = 1e-13
-    most_iterations: int = 20
-
-
 _ENOUGH = 2.0**-60  # for squares
-
-
-@means(work_size, Midpoint)
-def _(scheme, model):
-    d = dimension(model)
-    return LANES * (d + d * (d + 1) + 2)
-
-
-@means(advance, Midpoint)
-def _(scheme, model, h, dW, coins, y, work, report):
-    d = dimension(model)
-    x = work[: d * LANES]
-    matrix = work[d * LANES :]
-    for lane in range(LANES):
-        state = load(model, y, lane)
-        store(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
-    iterations = 0
-    unfinished = 1
-    while unfinished > 0 and iterations < scheme.most_iterations:
-        newton_system(model, h, dW, y, x, matrix)
-        eliminate(d, matrix)
-        unfinished = correct(model, x, matrix[d * d * LANES :])
-        iterations += 1
-    failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance)
-    report[0] += LANES
-    report[1] += LANES * iterations
-    report[2] += failures
-    report[3] = np.maximum(report[3], residual)  # keeps NaN
 
 
 @inlined
@@ -69,11 +27,11 @@ def newton_system(model, h, dW, y, x, matrix):
     """Write I - F'(x)/2 and, as one more column, y + F(x)/2 - x; entry (i, j) of a lane at [(j d + i) LANES + lane]."""
     right = matrix[dimension(model) * dimension(model) * LANES :]
     for lane in range(LANES):
-        middle = load(model, x, lane)
+        middle = load_lane(model, x, lane)
         gradient = step_gradient(model, h, dW, lane, middle)
         newton_columns(model, matrix, h, dW, lane, middle, gradient)
-        reached = add_scaled(load(model, y, lane), 0.5, structure(model, middle, gradient))
-        store(right, lane, add_scaled(reached, -1.0, middle))
+        reached = add_scaled(load_lane(model, y, lane), 0.5, structure(model, middle, gradient))
+        store_lane(right, lane, add_scaled(reached, -1.0, middle))
 
 
 @unrolled(component_indices)
@@ -81,16 +39,17 @@ def newton_columns(index, model, matrix, h, dW, lane, x, gradient):
     j = number(index)
     e = unit(component_indices(model), j)
     column = add_scaled(e, -0.5, step_field_derivative(model, h, dW, lane, x, gradient, e))
-    store(matrix[j * dimension(model) * LANES :], lane, column)
+    store_lane(matrix[j * dimension(model) * LANES :], lane, column)
     return matrix
 
 
 @inlined
-def eliminate(d, matrix):
+def eliminate(model, matrix):
     """Solve the d x d systems of all lanes by elimination with partial pivoting; the solution replaces column d.
 
     Rows are exchanged lane by lane: the pivot row is compared with each row below it and keeps the larger entry.
     """
+    d = dimension(model)
     swap = matrix[d * (d + 1) * LANES :]
     factor = matrix[(d * (d + 1) + 1) * LANES :]
     for c in range(d):
@@ -126,9 +85,9 @@ def correct(model, x, correction):
     """Add the corrections to x; how many lanes need another iteration (those that are not finite do not)."""
     unfinished = 0
     for lane in range(LANES):
-        change = load(model, correction, lane)
-        new = add_scaled(load(model, x, lane), 1.0, change)
-        store(x, lane, new)
+        change = load_lane(model, correction, lane)
+        new = add_scaled(load_lane(model, x, lane), 1.0, change)
+        store_lane(x, lane, new)
         unfinished += 1 if dot(change, change) > _ENOUGH * dot(new, new) else 0
     return unfinished
 
@@ -142,11 +101,48 @@ def finish(model, h, dW, y, x, tolerance):
     failures = 0
     largest = 0
     for lane in range(LANES):
-        state, middle = load(model, y, lane), load(model, x, lane)
+        state, middle = load_lane(model, y, lane), load_lane(model, x, lane)
         change = step_field(model, h, dW, lane, middle)
         size = dot(middle, middle)
         residual = squared_distance(middle, add_scaled(state, 0.5, change))
         failures += 0 if residual <= tolerance * size else 1
         largest = max(largest, bits(abs(residual / (size + 1e-300))))
-        store(y, lane, add_scaled(state, 1.0, change))
+        store_lane(y, lane, add_scaled(state, 1.0, change))
     return failures, np.sqrt(from_bits(largest))
+
+
+class Midpoint(NamedTuple):
+    """z = y + F((y + z)/2) with F = B grad K, K = h H + sum_k sigma_k dW_k Ĥ_k; preserves quadratic Casimirs.
+
+    Newton's method for the midpoint x = y + F(x)/2, started from y + F(y)/2, all lanes of a block together, until the
+    correction of every lane is below 2^-30 |x|: what is left is of the order of its square.  The new state is y + F(x),
+    so that the change of a quadratic Casimir is |F| times what is left of the equation.  A solve with
+    |x - y - F(x)/2| > ``tolerance`` |x| counts as a failure.
+    """
+
+    tolerance: float = 1e-13
+    most_iterations: int = 20
+
+    def work_size(scheme, model):
+        d = dimension(model)
+        return LANES * (d + d * (d + 1) + 2)
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        d = dimension(model)
+        x = work[: d * LANES]
+        matrix = work[d * LANES :]
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            store_lane(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
+        iterations = 0
+        unfinished = 1
+        while unfinished > 0 and iterations < scheme.most_iterations:
+            newton_system(model, h, dW, y, x, matrix)
+            eliminate(model, matrix)
+            unfinished = correct(model, x, matrix[d * d * LANES :])
+            iterations += 1
+        failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance)
+        report[0] += LANES
+        report[1] += LANES * iterations
+        report[2] += failures
+        report[3] = np.maximum(report[3], residual)  # keeps NaN

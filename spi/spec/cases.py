@@ -1,17 +1,18 @@
 """What several kinds of experiment have in common: keys, and conditions between them."""
 
 import math
-from typing import ClassVar, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
 from pydantic import model_validator
 
+from ..arithmetic import NumberError
 from ..expressions import canonical, is_constant, parse_expression
+from ..kolmogorov import can_solve
 from ..models import MODELS
-from ..numbers import NumberError
-from ..protocol import Positive
+from ..protocol import Positive, dimension
 from ..schemes import SCHEMES
-from ..schemes.splitting import Splitting
 from .keys import (
     ESTIMATORS,
     Eps,
@@ -37,7 +38,7 @@ _MOST_STEPS = 2**34  # of the reference step: what the counter of the random num
 _ROUNDING = 1e-12  # relative: ratios of steps written as decimals are not exact
 
 
-class Case(Keys):
+class BaseCase(Keys):
     """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
 
     name: str
@@ -47,34 +48,38 @@ class Case(Keys):
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
 
+    if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
+        schemes: tuple[str, ...]
+
     @property
-    def runs(self):
+    def runs(self) -> list[tuple[str, float | None]]:
         """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
         return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
 
     @property
-    def model_name(self):
+    def model_name(self) -> str:
         return name_of(self.model)
 
     @model_validator(mode="after")
-    def _check_initial(self):
-        d, found = type(self.model).dimension, len(self.initial)
+    def _check_initial(self) -> Self:
+        d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
     @model_validator(mode="after")
-    def _check_spheres(self):
+    def _check_needs(self) -> Self:
         for name in (*self.schemes, getattr(self, "reference_scheme", None)):
-            if name and SCHEMES[name].needs_sphere and not getattr(type(self.model), "sphere", False):
-                able = " and ".join(n for n, cls in MODELS.items() if getattr(cls, "sphere", False))
+            needs = SCHEMES[name].needs if name else None
+            if needs and not needs(self.model):
+                able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
                 listed = name in self.schemes
                 what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
                 raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
         return self
 
     @model_validator(mode="after")
-    def _check_eps(self):
+    def _check_eps(self) -> Self:
         multiscale = [s for s in self.schemes if SCHEMES[s].multiscale]
         if multiscale and self.eps is None:
             raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
@@ -89,7 +94,7 @@ class Case(Keys):
         return self
 
 
-class ErrorCase(Case):
+class ErrorCase(BaseCase):
     """What the cases of errors against step sizes have."""
 
     final_time: key_of(Positive, "final time T, a multiple of every step")
@@ -101,11 +106,11 @@ class ErrorCase(Case):
 
     bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
 
-    def _schemes_used(self):
+    def _schemes_used(self) -> tuple[str, ...]:
         return self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
 
     @model_validator(mode="after")
-    def _check_steps(self):
+    def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
         steps = [self._dyadic(h) for h in self.steps]
@@ -116,13 +121,13 @@ class ErrorCase(Case):
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
     @model_validator(mode="after")
-    def _check_reference_scheme(self):
+    def _check_reference_scheme(self) -> Self:
         name = self.reference_scheme
         if name and SCHEMES[name].needs_eps and not all(eps for _, eps in self.runs):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
         return self
 
-    def _dyadic(self, h):
+    def _dyadic(self, h: float) -> float:
         """h as exactly the reference step times a power of two that divides the final time."""
         end, reference = self.final_time, self.reference_step
         if h > end * (1 + _ROUNDING):
@@ -145,18 +150,18 @@ class FunctionsCase(ErrorCase):
     )
 
     @property
-    def expressions(self):
+    def expressions(self) -> tuple:
         """The trees of the test functions, in the order of their names."""
-        return tuple(parse_expression(text, type(self.model).dimension) for text in self.functions.values())
+        return tuple(parse_expression(text, dimension(self.model)) for text in self.functions.values())
 
     @pydantic.field_serializer("functions")
-    def _canonical(self, functions):
+    def _canonical(self, functions: dict[str, str]) -> Any:
         # pairs, because their order decides that of the results, and in the least text that decides the values
         return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
 
     @model_validator(mode="after")
-    def _check_functions(self):
-        d = type(self.model).dimension
+    def _check_functions(self) -> Self:
+        d = dimension(self.model)
         right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
         for name, text in self.functions.items():
             try:
@@ -179,27 +184,27 @@ class SampledCase(FunctionsCase):
     )
 
     @model_validator(mode="after")
-    def _check_estimators(self):
+    def _check_estimators(self) -> Self:
         check_once(self.estimators, "estimators")
         for name in self.estimators:
             getattr(self, f"_check_{name}")()
         return self
 
-    def _check_plain(self):
+    def _check_plain(self) -> None:
         self._need("plain", "samples")
 
-    def _check_multilevel(self):
+    def _check_multilevel(self) -> None:
         self._need("multilevel", "standard_error", "seconds")
         if self.reference_scheme:
             what = "has 'multilevel', which compares each scheme with itself, and reference_scheme is set"
             raise wrong(what, "use plain or leave out reference_scheme", "estimators")
 
-    def _check_kolmogorov(self):
+    def _check_kolmogorov(self) -> None:
         """What the solvers without sampling can do."""
-        if getattr(type(self.model), "surface", None) is None:
-            able = [name for name, cls in MODELS.items() if getattr(cls, "surface", None)]
+        if not can_solve(self.model):
+            able = [name for name, cls in MODELS.items() if can_solve(cls)]
             what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
-        elif not any(isinstance(SCHEMES[s].record, Splitting) for s in self.schemes):
+        elif not any(SCHEMES[s].solvable_without_sampling for s in self.schemes):
             what = f"is for splitting schemes, which '{self.schemes[0]}' is not"
         elif self.truncate_noise:
             what = "has no truncate_noise"
@@ -210,20 +215,20 @@ class SampledCase(FunctionsCase):
         rest = [name for name in ESTIMATORS if name != "kolmogorov"]
         raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
 
-    def _need(self, estimator, *keys):
+    def _need(self, estimator: str, *keys: str) -> None:
         """One of these keys must be given."""
         if all(getattr(self, key) is None for key in keys):
             add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
             raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
 
 
-def check_count(end, step, key):
+def check_count(end: float, step: float, key: str) -> None:
     if end / step > _MOST_STEPS:
         what = "gives more than 2^34 steps until final_time"
         raise wrong(what, f"must be at least {quantity(end / _MOST_STEPS)}", key)
 
 
-def check_multiple(end, h, key, has):
+def check_multiple(end: float, h: float, key: str, has: str) -> None:
     """The final time must be a multiple of h."""
     if h > end * (1 + _ROUNDING) or abs(round(end / h) * h - end) > _ROUNDING * end:
         lower = max(math.floor(end / h), 1) * h
@@ -231,12 +236,14 @@ def check_multiple(end, h, key, has):
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 
-def check_once(listed, key):
+def check_once(listed: Sequence[Any], key: str) -> None:
     if len(set(listed)) < len(listed):
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
 
 
-def check_schemes(listed, used, largest_step, truncated, key):
+def check_schemes(
+    listed: tuple[str, ...], used: tuple[str, ...], largest_step: float, truncated: bool, key: str
+) -> None:
     """No scheme twice; and what the truncation of increments asks for."""
     check_once(listed, "schemes")
     if truncated and largest_step >= 1:

@@ -6,6 +6,7 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 import difflib
 import math
 import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
@@ -16,25 +17,13 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
+from ..arithmetic import NumberError, parse
 from ..models import MODELS
-from ..numbers import NumberError, parse
 from ..protocol import Positive
 from ..schemes import SCHEMES
 
-#: What the figure of a trajectory can show; see ``spi.plot``.
-PANELS = ("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase")
-
 #: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
 ESTIMATORS = ("plain", "multilevel", "kolmogorov")
-
-#: What the figure of weak errors can show.
-WEAK_PANELS = ("errors", "samples", "seconds", "eps")
-
-#: What the figure of stability, and that of long times, can show; see ``spi.plot``.
-STABILITY_PANELS = (
-    *("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle"),
-)
-LONG_TIME_PANELS = ("growth", "law", "distance", "moments")
 
 ABSENT = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -44,7 +33,7 @@ ABSENT = Field(default_factory=lambda: None)  # a key may be left out, but the J
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def shown(value):
+def shown(value: Any) -> str:
     """A value in a message."""
     if isinstance(value, str):
         return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
@@ -53,24 +42,24 @@ def shown(value):
     return {None: "empty", True: "true", False: "false"}[value]
 
 
-def suggestion(word, known):
+def suggestion(word: Any, known: Iterable[str]) -> str:
     """What to write instead of an unknown word."""
     near = difflib.get_close_matches(word, known, 1) if isinstance(word, str) else []
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
 
 
-def entries_in(count):
+def entries_in(count: int) -> str:
     """'3 entries'."""
     return "1 entry" if count == 1 else f"{count} entries"
 
 
-def quantity(value):
+def quantity(value: float) -> str:
     """A number in a message: as a power of two if it is one."""
     mantissa, exponent = math.frexp(value)
     return f"2^{exponent - 1}" if mantissa == 0.5 and abs(exponent - 1) > 1 else f"{value:.12g}"
 
 
-def wrong(what, right, *keys):
+def wrong(what: str, right: str, *keys: str) -> PydanticCustomError:
     """The error that pydantic is to report; `keys` lead from the mapping at hand to what is wrong."""
     return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "keys": keys})
 
@@ -80,7 +69,7 @@ def wrong(what, right, *keys):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _check_keys(data, known, needed):
+def _check_keys(data: Any, known: Iterable[str], needed: Mapping[str, Any]) -> Any:
     """`data`, whose keys are all `known`; `needed` has the fields that must be there."""
     if isinstance(data, dict):
         for key in data:
@@ -99,16 +88,16 @@ class Keys(pydantic.BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _check(cls, data):
+    def _check(cls, data: Any) -> Any:
         return _check_keys(data, cls.model_fields, needed_keys(cls))
 
 
-def needed_keys(cls):
+def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
     """The fields that a mapping of this class must have."""
     return {key: field for key, field in cls.model_fields.items() if field.is_required()}
 
 
-def one_of(classes, key, names):
+def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterable[str]) -> Any:
     """The annotation of a mapping of one of these classes, which `key` tells apart: it has one of `names`."""
     known = dict.fromkeys(k for cls in classes for k in cls.model_fields)
     check = partial(_check_keys, known=known, needed={key: Field(description=" or ".join(names))})
@@ -121,7 +110,7 @@ _NUMBERS = {
 }
 
 
-def _number(kind, value):
+def _number(kind: type, value: Any) -> Any:
     """The number that a text stands for."""
     if not isinstance(value, str):
         raise wrong(f"is {shown(value)}", _NUMBERS[kind])
@@ -136,7 +125,7 @@ def _number(kind, value):
     return kind(number)
 
 
-def _read(hint):
+def _read(hint: Any) -> Any:
     """An annotation with arithmetic in its numbers; models, which know nothing of specs, leave that to us."""
     origin, arguments = get_origin(hint), get_args(hint)
     base = arguments[0] if origin is Annotated else hint
@@ -151,7 +140,7 @@ def _read(hint):
     return hint
 
 
-def _powers_of_two(value):
+def _powers_of_two(value: Any) -> Any:
     """The texts that a range such as 2^-5 .. 2^-13 stands for; other values as they are."""
     if not isinstance(value, str) or ".." not in value:
         return value
@@ -164,7 +153,7 @@ def _powers_of_two(value):
     return [repr(2.0 ** (k - 1)) for k in range(first, last + sign, sign)]
 
 
-def _complex_modes(value):
+def _complex_modes(value: Any) -> Any:
     """A list with complex numbers such as 0.1+0.3i as real and imaginary parts; other values as they are."""
     if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
         return value
@@ -180,7 +169,7 @@ def _complex_modes(value):
 _NAME = "^[A-Za-z0-9_]+$"
 
 
-def _by_name(value):
+def _by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
     if isinstance(value, dict):
         for name in value:
@@ -189,7 +178,7 @@ def _by_name(value):
     return {"phi": value} if isinstance(value, str) else value
 
 
-def key_of(hint, description):
+def key_of(hint: Any, description: str | None) -> Any:
     """The annotation of a key."""
     return Annotated[_read(hint), Field(description=description)]
 
@@ -208,16 +197,6 @@ Eps = Annotated[
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
 Schemes = Annotated[tuple[Literal[tuple(SCHEMES)], ...], MinLen(1)]
-Path = Annotated[int, Ge(0), Le(10**15)]
-Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
-WeakPanels = Annotated[tuple[Literal[WEAK_PANELS], ...], MinLen(1)]
-StabilityPanels = Annotated[tuple[Literal[STABILITY_PANELS], ...], MinLen(1)]
-LongTimePanels = Annotated[tuple[Literal[LONG_TIME_PANELS], ...], MinLen(1)]
-StepCount = Annotated[int, Ge(1), Le(2**34)]
-Repeats = Annotated[int, Ge(3), Le(1000)]
-Targets = Annotated[tuple[Positive, ...], MinLen(1)]
-Swept = dict[str, Annotated[tuple[float, ...], MinLen(1)]]
-Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
 Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=_NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
@@ -229,9 +208,9 @@ CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _parameters(name, cls, complete):
+def _parameters(name: str, cls: Any, complete: bool) -> type[Keys]:
     """The keys of a model: its name and the fields of its record, all of them if `complete`."""
-    fields = {"name": (Literal[name], ... if complete else ABSENT)}
+    fields: dict[str, Any] = {"name": (Literal[name], ... if complete else ABSENT)}
     for key, hint in get_type_hints(cls, include_extras=True).items():
         text = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
         default = cls._field_defaults.get(key, ...) if complete else ABSENT
@@ -239,14 +218,14 @@ def _parameters(name, cls, complete):
     return create_model(cls.__name__ + ("" if complete else "Part"), __base__=Keys, __doc__=cls.__doc__, **fields)
 
 
-def _record(parameters):
+def _record(parameters: Iterable[tuple[str, Any]]) -> Any:
     """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     values = dict(parameters)
     model = MODELS[values.pop("name")](**values)
     return model._replace(sigma=tuple(s or None for s in model.sigma))
 
 
-def name_of(model):
+def name_of(model: Any) -> str:
     return next(name for name, cls in MODELS.items() if cls is type(model))
 
 

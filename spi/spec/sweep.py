@@ -7,9 +7,9 @@ The word may stand in the model, in ``initial`` and in ``eps``.
 """
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from ..numbers import Numbers
+from ..arithmetic import Numbers
 from .keys import shown, wrong
 
 PLACES = ("model", "initial", "eps")
@@ -22,7 +22,7 @@ class Sweep(NamedTuple):
     values: tuple[float, ...]
     cases: tuple
 
-    def effective(self):
+    def effective(self) -> dict[str, Any]:
         """What of it decides results, as plain data."""
         return {
             "word": self.word,
@@ -31,21 +31,19 @@ class Sweep(NamedTuple):
         }
 
 
-def check(data):
+def check(data: dict[str, Any]) -> None:
     """Raise the error about what is to be swept in `data`, if anything is wrong with it."""
     sweep = data["sweep"]
     if len(sweep) != 1:
         raise wrong(f"has {len(sweep)} words", "must have one word and its values, as in sweep: {s: [0.1, 1, 10]}")
-    ((word, values),) = sweep.items()
+    (word,) = sweep
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
         raise wrong(f"{shown(word)} cannot be swept", "must be a word of letters that is no function or constant")
-    if not values:
-        raise wrong(f"has no value of {shown(word)}", "must have at least one")
     if all(_replaced(data[key], word, "") == data[key] for key in PLACES if key in data):
         raise wrong(f"the word {shown(word)} stands nowhere", f"use it in one of {', '.join(PLACES)}")
 
 
-def versions(data):
+def versions(data: dict[str, Any]) -> list[dict[str, Any]]:
     """`data` with each of the values, which are texts, in the place of the word."""
     ((word, values),) = data["sweep"].items()
     return [
@@ -53,7 +51,7 @@ def versions(data):
     ]
 
 
-def _replaced(part, word, value):
+def _replaced(part: Any, word: str, value: str) -> Any:
     if isinstance(part, dict):
         return {key: inner if key == "name" else _replaced(inner, word, value) for key, inner in part.items()}
     if isinstance(part, list):

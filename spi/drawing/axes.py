@@ -1,0 +1,90 @@
+"""What figures of errors against step sizes have in common: their axes, reference slopes and legends."""
+
+import math
+from collections.abc import Iterable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.legend import Legend
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from spi.records import INTERVAL as INTERVAL  # which figures ask for here
+from spi.records import Description
+
+from . import style
+
+SLOPE = "#777777"
+
+PANEL = (5.0, 4.0)  # inches, without the legend under it and the title above
+HUGE = 1e100  # a value beyond that would make axes that cannot be drawn
+LINE = 0.17  # inches of a line of a legend
+
+
+def error_axes(ax: Axes, h: np.ndarray) -> None:
+    """Logarithmic axes, the horizontal one for the step sizes ``h``."""
+    ax.set_xscale("log", base=2)
+    ax.set_yscale("log", nonpositive="clip")
+    if h.size:
+        ax.set_xlim(h.min() / 1.5, h.max() * 1.5)
+        _power_ticks(ax, h)
+    ax.set_xlabel("step size $h$")
+    rules(ax)
+
+
+def panel_title(about: Description, facts: list[str]) -> str:
+    """The title of the panel of a case: the case, and the facts that are its own."""
+    return "\n".join([style.plain(about.case_title), *style.wrapped(facts, ",  ", 9, PANEL[0] - 0.5)])
+
+
+def rules(ax: Axes) -> None:
+    """A grid behind the data."""
+    ax.grid(True, which="major", color="#e6e6e6", linewidth=0.6)
+    ax.set_axisbelow(True)
+
+
+def _power_ticks(ax: Axes, h: np.ndarray) -> None:
+    exponents = np.arange(round(math.log2(h.min())), round(math.log2(h.max())) + 1)
+    step = 1 if len(exponents) <= 5 else 2 if len(exponents) <= 13 else 4
+    powers = (2.0**exponents).tolist()
+    ax.xaxis.set_major_locator(FixedLocator(powers[::-1][::step]))
+    ax.xaxis.set_minor_locator(FixedLocator(powers) if step > 1 else NullLocator())
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"${style.number(x, steps=True)}$"))
+    ax.xaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
+
+
+def slopes(ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, str, bool]]) -> None:
+    """Reference lines that touch the cloud of points from above or below, at a distance, so that they cover none.
+
+    ``orders``: (order, line style, whether the line lies above the points or below) of each.
+    """
+    ends = np.array(ax.get_xlim())
+    for order, line, above in orders:
+        ratio = points[:, 1] / points[:, 0] ** order
+        factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
+        label = f"slope {Fraction(order)}"
+        ax.plot(ends, factor * ends**order, line, color=SLOPE, linewidth=1, zorder=1, label=label)
+
+
+def limits(values: np.ndarray) -> tuple[float, float]:
+    """The limits of a logarithmic axis: the values with some room, and at least two whole decades' labels."""
+    low, high = np.log10(values.min() / 3), np.log10(values.max() * 3)
+    while math.floor(high) - math.ceil(low) < 1:
+        low, high = low - 0.05, high + 0.05
+    return 10**low, 10**high
+
+
+def legend_under(ax: Axes) -> Legend:
+    """A legend under the panel, where it never covers data; the schemes first, their markers without bars."""
+    entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda e: not isinstance(e[0], tuple))
+    handles = [handle[0] if isinstance(handle, tuple) else handle for handle, _ in entries]
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "handlelength": 2.4}
+    return ax.legend(handles, [label for _, label in entries], frameon=False, **place)
+
+
+def with_order(label: str, order: float, low: float, high: float) -> str:
+    """An entry of a legend: a label and the fitted order with its interval."""
+    if not math.isfinite(order):
+        return f"{label}: order not resolved"
+    return f"{label}: order {order:.2f} [{low:.2f}, {high:.2f}]"

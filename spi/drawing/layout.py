@@ -1,0 +1,174 @@
+"""Lines of panels one under the other, each line with a title and a legend of its own."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.markers import CARETDOWN, CARETUP
+from matplotlib.textpath import TextPath
+from matplotlib.transforms import ScaledTranslation
+
+from spi.records import Description
+
+from . import style
+from .axes import LINE
+
+Panel = Callable[[Axes], None]  #: draws on an axes
+Entry = tuple[Artist, str]  #: of a legend, a handle and a text
+
+NARROWEST = 5.0  # inches of a figure
+SIDE_BY_SIDE = 3  # panels
+PALEST = 0.62  # of white in the last of several shades
+BLANK: Entry = Line2D([], [], linestyle="none"), " "  # fills a row of a legend
+
+
+class Line(NamedTuple):
+    """Panels side by side."""
+
+    panels: Sequence[Panel]
+    size: tuple[float, float]  #: inches of one panel, with all that stands under it
+    title: str = ""
+    legend: Sequence[list[Entry]] = ()  #: under the panels: rows of entries
+
+
+def arranged(title: str, lines: list[Line], facts: list[str]) -> Figure:
+    """The figure of ``lines`` under a title and a line of facts."""
+    if not lines:
+        raise ValueError("the results name no panel that could be drawn")
+    lines = side_by_side(lines)
+    width = max(NARROWEST, *(len(line.panels) * line.size[0] for line in lines))
+    heights = [_height(line, width) for line in lines]
+    fig = Figure()
+    style.dress(fig, width, sum(heights), title, facts)
+    areas = fig.subfigures(len(lines), 1, height_ratios=heights, squeeze=False).flat
+    for area, line in zip(areas, lines, strict=True):
+        _draw(area, line, width)
+    return fig
+
+
+def check_panels(words: Iterable[str], known: Iterable[str]) -> None:
+    """ValueError if a figure is asked for a panel that is not among the `known` ones."""
+    for word in words:
+        if word not in known:
+            raise ValueError(f"there is no panel {word!r}; known panels: {', '.join(known)}")
+
+
+def side_by_side(lines: list[Line]) -> list[Line]:
+    """Lines of one panel each, if there are several, in fewer lines, their titles above the panels."""
+    if len(lines) == 1 or any(len(line.panels) != 1 for line in lines):
+        return lines
+    columns = 2 if len(lines) == 4 else min(len(lines), SIDE_BY_SIDE)
+    size = tuple(np.max([line.size for line in lines], axis=0).tolist())
+    panels = [partial(_titled, panel=line.panels[0], title=line.title, room=size[0] - 0.4) for line in lines]
+    parts = [panels[i : i + columns] for i in range(0, len(lines), columns)]
+    return [Line(part, size, legend=lines[-1].legend if part is parts[-1] else ()) for part in parts]
+
+
+def _titled(ax: Axes, panel: Panel, title: str, room: float) -> None:
+    panel(ax)
+    titles = [line for line in [*title.split("\n"), ax.get_title()] if line]
+    ax.set_title("\n".join(part for line in titles for part in style.wrapped(line.split(",  "), ",  ", 9, room)))
+
+
+def _rows(line: Line, width: float) -> list[list[Entry]]:
+    """The rows of the legend, broken into shorter ones as far as the width demands, all filled up to one length."""
+    for most in range(max(map(len, line.legend)), 0, -1):
+        rows = [part for row in line.legend for part in _broken(row, most)]
+        longest = max(map(len, rows))
+        rows = [[*row, *[BLANK] * (longest - len(row))] for row in rows]
+        columns = [max(_width(text) for _, text in column) for column in zip(*rows, strict=True)]
+        if sum(columns) + 0.65 * longest < width - 0.2:
+            break
+    return rows
+
+
+def _broken(row: list[Entry], most: int) -> list[list[Entry]]:
+    columns = math.ceil(len(row) / math.ceil(len(row) / most))
+    return [row[i : i + columns] for i in range(0, len(row), columns)]
+
+
+@lru_cache(maxsize=1000)
+def _width(text: str) -> float:
+    """Inches of a text in a legend."""
+    return TextPath((0, 0), text, size=8).get_extents().width / 72 if text.strip() else 0.0
+
+
+def _height(line: Line, width: float) -> float:
+    titles = len(line.title.split("\n")) if line.title else 0
+    legend = 0.12 + LINE * len(_rows(line, width)) if line.legend else 0.0
+    return line.size[1] + 0.2 * titles + legend
+
+
+def _draw(area: SubFigure, line: Line, width: float) -> None:
+    own = len(line.panels) * line.size[0]
+    inner = area
+    if own < width:
+        spare = (width - own) / 2
+        inner = area.subfigures(1, 3, width_ratios=[spare, own, spare], squeeze=False)[0, 1]
+    for panel, ax in zip(line.panels, inner.subplots(1, len(line.panels), squeeze=False).flat, strict=True):
+        panel(ax)
+    if line.title:
+        area.suptitle(line.title, x=0.015, ha="left", fontsize=9, fontweight="bold")
+    if line.legend:
+        rows = _rows(line, width)
+        by_column = [entry for column in zip(*rows, strict=True) for entry in column]
+        handles, texts = zip(*by_column, strict=True)
+        look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
+        area.legend(handles, texts, loc="outside lower center", ncols=len(rows[0]), **look)
+
+
+def case_title(about: Description, facts: list[str], width: float) -> str:
+    """The title of a case and its own facts, in lines as wide as its panels."""
+    title = style.plain(about.case_title)
+    return "\n".join(style.wrapped([title, *facts], ",  ", 9, width))
+
+
+def shade(colour: str, i: int, count: int) -> str:
+    """Number i of ``count`` shades of a colour, from itself to a pale one."""
+    white = PALEST * i / max(count - 1, 1)
+    red, green, blue = ((1 - white) * np.array(to_rgb(colour)) + white).tolist()
+    return to_hex((red, green, blue))
+
+
+def spread(count: int, most: int = 4) -> list[int]:
+    """At most so many of the numbers 0, ..., count - 1, among them the first and the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
+
+
+def edge_marks(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
+    """Mark at the upper edge what lies above it or is no number, hollow at the lower edge what lies below it."""
+    bottom, top = ax.get_ylim()
+    look: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 4}
+    look |= {"color": colour, "linestyle": "none"}
+    above, below = ~(y <= top), y < bottom
+    if above.any():
+        ax.plot(x[above], np.ones(above.sum()), marker=CARETUP, **look)
+    if below.any():
+        ax.plot(x[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", **look)
+
+
+def legend_below(ax: Axes) -> None:
+    """A legend of the panel's own entries under its axis label, their markers without bars."""
+    handles, labels = ax.get_legend_handles_labels()
+    handles = [handle[0] if isinstance(handle, tuple) else handle for handle in handles]
+    place = ax.transAxes + ScaledTranslation(0, -0.45, ax.figure.dpi_scale_trans)
+    look: dict[str, Any] = {"handlelength": 2.2, "borderaxespad": 0, "frameon": False}
+    ax.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=place, **look)
+
+
+def mark(marker: str, text: str, **look: Any) -> Entry:
+    """An entry of a legend: a black mark and what it means."""
+    return Line2D([], [], marker=marker, linestyle="none", color="black", **look), text
+
+
+def empty(ax: Axes, text: str) -> None:
+    """A panel that has nothing to show, and why."""
+    ax.set_axis_off()
+    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", color="#777777")

@@ -1,0 +1,231 @@
+"""How all figures look: colours, markers, titles, numbers and words."""
+
+import contextlib
+import math
+import re
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from typing import Any
+
+import matplotlib
+import matplotlib.style
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.textpath import TextPath
+
+from ..records import Description, Reading
+from ..schemes import SCHEMES
+
+Look = tuple[str, str]  #: marker and colour
+Looks = dict[str, Look]  #: by variant
+
+#: Marker and colour of schemes that are not in the table of schemes, which a file from elsewhere may have.
+OTHERS = (("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2"), ("<", "#009E73"))
+
+#: The markers of one scheme at several eps, from large to small eps, and for each such scheme its sequence of colours.
+SEQUENCE = ("o", "s", "^", "v", "p", "h")
+RAMPS = ("plasma", "viridis", "cividis")
+
+#: What estimators of weak errors are called.
+ESTIMATORS = {"plain": "plain Monte Carlo", "multilevel": "multilevel", "kolmogorov": "Kolmogorov, no sampling"}
+
+STYLE = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib, so that a figure looks the same everywhere
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.labelsize": 10,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 6,
+    "agg.path.chunksize": 10_000,  # long paths are drawn in parts
+    "pdf.fonttype": 42,
+    "savefig.dpi": 200,
+}
+
+SYMBOLS = {
+    "sigma": r"\sigma",
+    "inertia": "I",
+    "noise_inertia": r"\hat{I}",
+    "epsilon": r"\varepsilon",
+    "eps": r"\varepsilon",
+    "beta": r"\beta",
+    "nu": r"\nu",
+}
+
+#: Models whose state is the (Re, Im) of complex modes: symbol and modes.
+COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
+
+
+@contextlib.contextmanager
+def applied() -> Iterator[None]:
+    """Our style on matplotlib's own, whatever the user's settings are."""
+    with matplotlib.style.context(["default", STYLE]):
+        yield
+
+
+def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
+    """Marker and colour of every variant in the readings of all cases, the same in all panels.
+
+    Of a scheme at several eps each variant has its own, in an order; at one eps it looks like the scheme.
+    """
+    members: dict[str, dict[str, float | None]] = {}
+    for about in (reading.about for readings in cases for reading in readings):
+        members.setdefault(about.scheme, {})[about.variant] = about.eps
+    unknown = [name for name in members if name not in SCHEMES]
+    found: Looks = {name: row.look for name, row in SCHEMES.items()}
+    found |= {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
+    ramps = 0
+    for scheme, variants in members.items():
+        if len(variants) == 1:
+            found |= dict.fromkeys(variants, found[scheme])
+            continue
+        ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
+        ramps += 1
+        for i, variant in enumerate(sorted(variants, key=lambda variant: -(variants[variant] or 0.0))):
+            found[variant] = SEQUENCE[i % len(SEQUENCE)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
+    return found
+
+
+def label(about: Description, with_eps: bool = True) -> str:
+    """What the scheme of a reading is called, in mathtext; `about` is its description."""
+    text = plain(about.scheme_label)
+    return rf"{text}, $\varepsilon={power(about.eps)}$" if with_eps and about.eps is not None else text
+
+
+def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:
+    """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them."""
+    titles = wrapped(plain(title).split(), " ", 11, width)
+    lines = wrapped(parameters, ",  ", 8, width)
+    top = 0.1 + 0.22 * len(titles) + 0.18 * len(lines)
+    height += top
+    fig.set_size_inches(width, height)
+    fig.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - top / height), w_pad=0.08, h_pad=0.06))
+    middle: dict[str, Any] = {"x": 0.5, "ha": "center", "va": "top", "linespacing": 1.3}
+    fig.text(y=1 - 0.1 / height, s="\n".join(titles), fontsize=11, **middle)
+    under = 0.12 + 0.22 * len(titles)
+    fig.text(y=1 - under / height, s="\n".join(lines), fontsize=8, color="#444444", **middle)
+
+
+def wrapped(items: Iterable[str], separator: str, size: float, width: float) -> list[str]:
+    """``items`` joined in lines that are no wider than ``width`` inches, with a margin, at font size ``size``."""
+    lines: list[str] = []
+    for item in items:
+        longer = separator.join([*lines[-1:], item])
+        if lines and TextPath((0, 0), longer, size=size).get_extents().width < 72 * (width - 0.4):
+            lines[-1] = longer
+        else:
+            lines.append(item)
+    return lines
+
+
+def split_facts(told: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:
+    """The facts that all cases share, and those of each case that are its own; `told` has the :func:`facts` of each."""
+    shared = {name: text for name, text in told[0].items() if all(other.get(name) == text for other in told)}
+    return list(shared.values()), [[text for name, text in one.items() if name not in shared] for one in told]
+
+
+def facts(
+    about: Description,
+    *,
+    step: float | None = None,
+    reference_step: float | None = None,
+    reference_scheme: str | None = None,
+    samples: int | None = None,
+    estimator: str | None = None,
+    functions: tuple[str, ...] = (),
+    path: int | None = None,
+) -> dict[str, str]:
+    """The parameters that stand above a figure, name -> mathtext; of the reading's own fields those that are given."""
+    told = {}
+    for name, value in about.parameters.items():
+        if not isinstance(value, str | bool):
+            told[f"model_{name}"] = f"${SYMBOLS.get(name) or upright(name)}={number(value)}$"
+    if about.initial is not None:
+        told["initial"] = f"${initial_value(about)}$"
+    if about.final_time is not None:
+        told["final_time"] = f"$T={number(about.final_time)}$"
+    for name, symbol, value in (("step", "h", step), ("reference_step", r"h_{\mathrm{ref}}", reference_step)):
+        if value is not None:
+            told[name] = f"${symbol}={number(value, steps=True)}$"
+    if reference_scheme:
+        told["reference_scheme"] = plain(f"reference: {reference_scheme.replace('_', ' ')}")
+    if samples is not None:
+        told["samples"] = f"{count(samples)} samples"
+    if about.truncate_noise:
+        told["truncate_noise"] = "truncated noise"
+    if estimator:
+        told["estimator"] = ESTIMATORS.get(estimator, estimator)
+    if len(functions) == 1:
+        told["function"] = rf"$\varphi(y)={formula(functions[0])}$"
+    if path is not None:
+        told["path"] = f"path {path} of seed {about.seed}"
+    return told
+
+
+def initial_value(about: Description) -> str:
+    """y_0 in mathtext, of complex modes as complex numbers."""
+    y = about.initial or ()
+    if about.model not in COMPLEX:
+        return f"y_0={number(y)}"
+    modes = [f"{number(re)}{'+' if im >= 0 else '-'}{number(abs(im))}i" for re, im in zip(*[iter(y)] * 2, strict=True)]
+    return f"{COMPLEX[about.model][0]}(0)=(" + r",\,".join(modes) + ")"
+
+
+def component_names(about: Description, count: int) -> list[str]:
+    """What the components of the state are called, in mathtext."""
+    if about.model not in COMPLEX:
+        return [f"$y_{{{i + 1}}}$" for i in range(count)]
+    symbol, modes = COMPLEX[about.model]
+    return [rf"${part}\,{symbol}_{{{mode}}}$" for mode in modes for part in (r"\mathrm{Re}", r"\mathrm{Im}")][:count]
+
+
+def number(value: float | tuple[float | None, ...] | list[float | None] | None, steps: bool = False) -> str:
+    """A number or a tuple of numbers in mathtext: simple decimals and fractions as such, steps as powers of two."""
+    if isinstance(value, tuple | list):
+        return number(value[0]) if len(value) == 1 else "(" + r",\,".join(number(v) for v in value) + ")"
+    if value is None or math.isnan(value):
+        return r"\mathrm{off}"
+    if steps and math.frexp(value)[0] == 0.5:
+        return f"2^{{{math.frexp(value)[1] - 1}}}"
+    digits, e, exponent = f"{value:.3g}".partition("e")
+    nearest = Fraction(value).limit_denominator(12)
+    if float(f"{value:.3g}") != value and nearest and abs(nearest - value) < 1e-12 * abs(value):
+        return str(nearest)
+    return rf"{digits}\cdot10^{{{int(exponent)}}}" if e else digits
+
+
+def power(value: float) -> str:
+    """A number in mathtext, powers of ten as such."""
+    exponent = round(math.log10(value)) if value > 0 else 0
+    return f"10^{{{exponent}}}" if exponent and math.isclose(value, 10.0**exponent) else number(value)
+
+
+def count(number: int) -> str:
+    """How many, with large powers of ten as such."""
+    exponent = len(str(number)) - 1
+    return f"$10^{{{exponent}}}$" if number == 10**exponent and exponent > 3 else f"{number}"
+
+
+def formula(text: str) -> str:
+    """A test function, as the text of an expression, in mathtext."""
+    text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
+    text = re.sub(r"\by(\d+)", r"y_{\1}", text)
+    text = re.sub(r"\b([a-z]{2,})\(", lambda match: rf"\mathrm{{{match.group(1)}}}(", text)
+    return re.sub(r"\^(\d+)", r"^{\1}", text).replace("*", r"\,")
+
+
+def _constant(value: float) -> str:
+    times = value / math.pi
+    if times and times % 1 == 0:
+        return r"\pi" if times == 1 else rf"{times:g}\pi"
+    return number(value)
+
+
+def upright(name: str) -> str:
+    return r"\mathrm{" + name.replace("_", r"\ ") + "}"
+
+
+def plain(text: str) -> str:
+    """Text of the user's, in which a dollar is a dollar."""
+    return text.replace("$", r"\$")

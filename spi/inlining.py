@@ -1,0 +1,156 @@
+"""How Numba compiles the functions of this program, most of which exist only to be inlined.
+
+Numba takes each compiled function to machine code of its own, with a wrapper for Python and one for C, even if all that
+is ever used of it is its copy in the functions that call it.  For the functions of this program, about a hundred in one
+kernel, that took most of the time of compiling.  This is the only file that depends on how Numba works inside: without
+it (with no ``pipeline_class`` in ``spi.dispatch``) everything gives the same results, only starts later.
+"""
+
+import contextlib
+import dis
+from pathlib import Path
+
+from numba.core.caching import FunctionCache
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
+
+#: How often the code of a kernel is optimised.  What was inlined at the end of one round is simplified in the next.
+ROUNDS = 2
+
+
+class InlinedLibrary(JITCodeLibrary):
+    """The code of one function, to be linked into its callers and never run by itself."""
+
+    def __init__(self, codegen, function):
+        super().__init__(codegen, function.__qualname__)
+        self._has_loop = has_loop(function)
+
+    def _optimize_final_module(self):
+        """As Numba's, but only if the function has a loop, which must become vector instructions before it is inlined.
+
+        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.
+        """
+        if self._has_loop:
+            super()._optimize_final_module()
+
+    def _finalize_final_module(self):
+        """As Numba's, without handing the code to the engine that makes machine code of it."""
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name):
+        """There is none."""
+        return 0
+
+    @property
+    def codegen(self):
+        """Where a function that can be run would register its environment with :meth:`set_env`."""
+        return self
+
+    def set_env(self, name, environment):
+        """Nothing: :class:`KernelCompiler` does this for the copies in a kernel."""
+
+
+def has_loop(function):
+    """Whether a function jumps backwards."""
+    return any("JUMP" in i.opname and i.argval <= i.offset for i in dis.get_instructions(function))
+
+
+class InliningCompiler(Compiler):
+    """Compiles a function into an :class:`InlinedLibrary`."""
+
+    def compile_extra(self, function):
+        self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function)
+        return super().compile_extra(function)
+
+
+class LinkedLibrary(InlinedLibrary):
+    """The code of one of the wrappers that Numba puts around a parallel loop; the kernel holds a copy of it."""
+
+    def __init__(self, codegen, name):
+        JITCodeLibrary.__init__(self, codegen, name)
+        self._has_loop = False
+
+
+class KernelLibrary(JITCodeLibrary):
+    """The code of a function that Python calls, with all that was inlined into it."""
+
+    def _optimize_final_module(self):
+        for _ in range(ROUNDS):
+            super()._optimize_final_module()
+
+
+class KernelCompiler(Compiler):
+    """Compiles a function that Python calls into a :class:`KernelLibrary`, which the disk cache can keep.
+
+    Of a function with a parallel loop Numba would optimise and turn into machine code the body, two wrappers of it and
+    the whole, each of which contains the one before; only the whole is ever used.
+    """
+
+    def compile_extra(self, function):
+        codegen = self.state.targetctx.codegen()
+        self.state.library = KernelLibrary(codegen, function.__qualname__)
+        self.state.library.enable_object_caching()
+        usual, codegen._library_class = codegen._library_class, LinkedLibrary
+        try:
+            result = super().compile_extra(function)
+        finally:
+            codegen._library_class = usual
+        # an error that an inlined function raises looks for the environment of that function
+        for environment in result._find_referenced_environments():
+            result.library.codegen.set_env(environment.env_name, environment)
+        return result
+
+
+class SharedCache(FunctionCache):
+    """Numba's disk cache of the compiled versions of one function, into which several processes may write at once.
+
+    Numba reads an index, chooses the next free file name and writes both.  Two processes that do so at once choose the
+    same name, and one kernel would be loaded as the other.
+    """
+
+    def save_overload(self, types, result):
+        with _alone_in(Path(self.cache_path)):
+            super().save_overload(types, result)
+
+    def holds(self, dispatcher, types):
+        """Whether there is an entry for these types of arguments."""
+        return self._index_key(types, dispatcher.targetctx.codegen()) in self._cache_file._load_index()
+
+
+@contextlib.contextmanager
+def _alone_in(folder):
+    """Within it no other process is; where the system has no such locks nothing is done."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as file:
+        if fcntl:
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield  # closing the file gives the lock back, and so does the end of the process
+
+
+def keep_in_shared_cache(dispatcher):
+    """Keep the compiled versions of a function on disk; without a compiler there are none."""
+    if hasattr(dispatcher, "overloads"):
+        dispatcher._cache = SharedCache(dispatcher.py_func)
+    return dispatcher
+
+
+def types_of(dispatcher, arguments):
+    """The types for which a call with these arguments compiles; None without a compiler."""
+    if not hasattr(dispatcher, "overloads"):
+        return None
+    return tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
+
+
+def is_compiled(dispatcher, types):
+    """Whether a function is compiled for these types of arguments, in this process or on disk."""
+    if types in dispatcher.overloads:
+        return True
+    cache = dispatcher._cache
+    return isinstance(cache, SharedCache) and cache.holds(dispatcher, types)

@@ -1,0 +1,93 @@
+"""The kinds of experiment, one folder each: the only place that lists them.
+
+A kind consists of the five modules of its folder that :class:`Kind` names, which are imported when they are first
+needed.  The protocols below say what each of them has to offer.  What stands there as Any is the kind's own: the class
+of its keys and the record that is its reading.
+
+A new kind is such a folder and a line in KINDS.
+"""
+
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
+
+from spi.records import Group, Part, Reading
+
+if TYPE_CHECKING:  # what takes a while to import
+    from spi.drawing import Figure
+    from spi.spec import BaseCase
+
+    from .plans import Plan
+
+
+class KeysModule(Protocol):
+    """``keys``: what may stand in a spec file."""
+
+    @property
+    def Case(self) -> "type[BaseCase]":
+        """The keys of a case."""
+
+
+class StudyModule(Protocol):
+    """``study``: what is computed."""
+
+    def parts(self, case: Any) -> list[Part]:
+        """What is computed one after the other."""
+
+    def plan(self, case: Any, part: Part) -> "Plan[Any]":
+        """One part, ready to run."""
+
+
+class ReadingModule(Protocol):
+    """``reading``: the only module that looks into stored groups."""
+
+    def read(self, group: Group) -> Reading:
+        """What is in a stored group, a record with named fields of documented shapes."""
+
+
+class TableModule(Protocol):
+    """``table``: readings as numbers and text."""
+
+    def rows(self, readings: Sequence[Any]) -> Iterator[dict[str, Any]]:
+        """Flat records of numbers, for JSON and CSV."""
+
+    def show(self, console: Any, heading: str, readings: Sequence[Any]) -> None:
+        """Print the tables of one case to a ``rich.console.Console``."""
+
+
+class FigureModule(Protocol):
+    """``figure``: readings as a figure."""
+
+    def draw(self, title: str, cases: Sequence[Sequence[Any]]) -> "Figure":
+        """The matplotlib figure of the readings of each case."""
+
+
+class Kind:
+    """The modules of a kind of experiment, ``kind.keys`` and so on; `package` is the dotted name of its folder."""
+
+    keys: KeysModule
+    study: StudyModule
+    reading: ReadingModule
+    table: TableModule
+    figure: FigureModule
+
+    MODULES = ("keys", "study", "reading", "table", "figure")
+
+    def __init__(self, package: str):
+        self.package = package
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self.MODULES:
+            raise AttributeError(f"a kind of experiment has no module {name!r}, only {', '.join(self.MODULES)}")
+        return import_module(f"{self.package}.{name}")
+
+
+#: name in a spec file -> kind
+KINDS = {
+    "strong": Kind("spi.kinds.strong"),
+    "trajectory": Kind("spi.kinds.trajectory"),
+    "weak": Kind("spi.kinds.weak"),
+    "work_precision": Kind("spi.kinds.work_precision"),
+    "stability": Kind("spi.kinds.stability"),
+    "long_time": Kind("spi.kinds.long_time"),
+}

@@ -1,0 +1,67 @@
+"""The figure of long times: how errors of the Casimirs grow, and how far the law of long paths is from its limit."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from spi.drawing import layout, style
+from spi.drawing.axes import LINE
+
+from ..reading import LongTimes
+from .growth import growth_panel, marks, steps_shown
+from .laws import chosen, distance_limits, distance_panel, law_limits, law_panel, moments_panel, scheme_entries
+
+LARGE = (4.6, 3.2)  # inches of a panel of growth or moments, without its legend
+SMALL = (2.6, 2.5)  # the same of a panel of one variable
+
+#: What a panel can show, in the words of a spec.
+WORDS = ("growth", "law", "distance", "moments")
+
+
+def draw(title: str, cases: Sequence[Sequence[LongTimes]]) -> Figure:
+    """The figure of a study of kind long_time.
+
+    For each case a line with ``growth``, a panel per Casimir, and ``moments``, and under it lines of ``law`` and of
+    ``distance``, a panel per variable.
+    """
+    looks = style.looks(cases)
+    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    lines = []
+    for readings, facts in zip(cases, own, strict=True):
+        found = _lines(readings, looks)
+        if found and len(cases) > 1:
+            width = len(found[0].panels) * found[0].size[0]
+            found[0] = found[0]._replace(title=layout.case_title(readings[0].about, facts, width))
+        lines += found
+    return layout.arranged(title, lines, shared)
+
+
+def _facts(reading: LongTimes) -> dict[str, str]:
+    steps = style.number(reading.steps_each, steps=True)
+    return {**style.facts(reading.about), "paths": f"{style.count(reading.samples)} paths of ${steps}$ steps"}
+
+
+def _lines(readings: Sequence[LongTimes], looks: style.Looks) -> list[layout.Line]:
+    """The lines of panels of one case; what needs the stationary law is left out where that is not known."""
+    words, law = readings[0].panels, readings[0].law
+    layout.check_panels(words, WORDS)
+    lines: list[layout.Line] = []
+    large: list[layout.Panel] = []
+    if "growth" in words:
+        count = max(readings[0].casimir_count, 1)
+        large += [partial(growth_panel, readings=readings, c=c, looks=looks) for c in range(count)]
+    if law and "moments" in words:
+        large.append(partial(moments_panel, readings=readings, names=law.moments, looks=looks))
+    if large:
+        curves = sum(len(steps_shown(reading)) for reading in readings) if "growth" in words else 0
+        size = LARGE[0], LARGE[1] + LINE * max(len(readings) + 2, curves)
+        lines.append(layout.Line(large, size, legend=[marks(readings)] if "growth" in words else ()))
+    for word, panel, limits in (("law", law_panel, law_limits), ("distance", distance_panel, distance_limits)):
+        if law and word in words:
+            names = chosen(law.variables)
+            told: dict[str, Any] = {"readings": readings, "limits": limits(readings, names), "looks": looks}
+            panels = [partial(panel, name=name, first=i == 0, **told) for i, name in enumerate(names)]
+            lines.append(layout.Line(panels, SMALL, legend=[scheme_entries(readings, looks, word)]))
+    return lines

@@ -1,0 +1,41 @@
+"""The keys of an experiment of kind long_time."""
+
+from typing import Annotated, Literal, Self
+
+import pydantic
+from annotated_types import Ge, Le, MinLen
+from pydantic import model_validator
+
+from spi.rng import STEPS_PER_TOSS
+from spi.schemes import SCHEMES
+from spi.spec.cases import CLIP, BaseCase, check_once, check_schemes
+from spi.spec.keys import Samples, Schemes, Steps, key_of, wrong
+
+#: What the figure can show.
+PANELS = ("growth", "law", "distance", "moments")
+
+Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+StepCount = Annotated[int, Ge(1), Le(2**34)]
+
+
+class Case(BaseCase):
+    """Casimirs over very many steps, and the law of the states after a long time."""
+
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5")
+    step_count: key_of(StepCount, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}")
+    schemes: key_of(Schemes, "a list of schemes")
+    samples: key_of(Samples, "number of Brownian paths")
+    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("growth",)
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    @model_validator(mode="after")
+    def _check_steps(self) -> Self:
+        if self.step_count % STEPS_PER_TOSS:
+            lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
+            nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
+            raise wrong(f"is {self.step_count}", nearest, "step_count")
+        check_once(self.steps, "steps")
+        check_schemes(self.schemes, self.schemes, max(self.steps), self.truncate_noise, "steps")
+        if any(SCHEMES[name].multiscale for name in self.schemes):
+            raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
+        return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})

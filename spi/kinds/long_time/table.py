@@ -1,0 +1,153 @@
+"""Tables of long times: how errors of the Casimirs grow, and how far the law of long paths is from the exact one."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
+
+from .reading import Law, LongTimes, with_laws
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+#: Of several variables the table shows the distances of these.
+SHOWN = ("y3", "H")
+
+_SERIES = ("casimir_mean", "casimir_rms", "casimir_worst", "casimir_one")
+_PER_CASIMIR = ("growth", "growth_low", "growth_high", "bias", "bias_stderr")
+
+
+def rows(readings: Iterable[LongTimes]) -> Iterator[dict[str, Any]]:
+    """A record per step size and number of steps; the last ones of each step size tell all that has no number of steps.
+
+    Of several Casimirs each has its columns, ``casimir_rms_1`` and so on.  Fractions in bins are left out.
+    """
+    for reading in readings:
+        yield from _rows(reading)
+
+
+def _rows(reading: LongTimes) -> Iterator[dict[str, Any]]:
+    # a scheme for the multiscale system is not among those that this kind takes, so that there is no eps
+    whole = {"case": reading.about.case, "scheme": reading.about.scheme, "samples": reading.samples}
+    suffixes = _suffixes(reading)
+    for i, h in enumerate(reading.h.tolist()):
+        for k, steps in enumerate(reading.n.tolist()):
+            record = {**whole, "h": h, "n": steps}
+            for name in _SERIES:
+                record |= {name + suffix: getattr(reading, name)[i, k, c].item() for c, suffix in enumerate(suffixes)}
+            yield record | (_ends(reading, i) if k == len(reading.n) - 1 else {})
+
+
+def _suffixes(reading: LongTimes) -> list[str]:
+    """What is put behind the names of what each Casimir has: nothing if it is the only one."""
+    return [""] if reading.casimir_count == 1 else [f"_{c + 1}" for c in range(reading.casimir_count)]
+
+
+def _ends(reading: LongTimes, i: int) -> dict[str, Any]:
+    """What a step size has besides errors at each number of steps."""
+    record = {"nonfinite": reading.nonfinite[i].item()}
+    for name in _PER_CASIMIR:
+        record |= {name + suffix: getattr(reading, name)[i, c].item() for c, suffix in enumerate(_suffixes(reading))}
+    if law := reading.law:
+        for m, name in enumerate(law.moments):
+            record[f"mean[{name}]"] = law.mean[i, m].item()
+            record[f"mean_stderr[{name}]"] = law.mean_stderr[i, m].item()
+            record[f"mean_exact[{name}]"] = law.mean_exact[m].item()
+        for m, name in enumerate(law.variables):
+            record[f"law_distance[{name}]"] = law.distance[i, m].item()
+            record[f"law_distance_stderr[{name}]"] = law.distance_stderr[i, m].item()
+    return record
+
+
+def show(console: "Console", heading: str, readings: Sequence[LongTimes]) -> None:
+    """Print the tables of a case: errors of the Casimirs, and the stationary law where it is known."""
+    print_whole(console, _casimirs(heading, readings))
+    console.print()
+    if law := readings[0].law:
+        print_whole(console, _laws(readings, law.variables))
+        console.print()
+    for line in _remarks(readings):
+        console.print(line, markup=False, soft_wrap=True)
+    console.print()
+
+
+def _casimirs(heading: str, readings: Sequence[LongTimes]) -> "Table":
+    """Per scheme, step size and Casimir its errors after all steps and how they grew."""
+    from rich.text import Text
+
+    count = readings[0].casimir_count
+    several = count > 1
+    names = ["scheme", "h", "non-\nfinite", *["Cas-\nimir"] * several]
+    columns = ["rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"]
+    table = new_table(heading, [*names, *columns], left=2, labels=0)
+    for reading in readings:
+        label = lines_of(reading.about)
+        for i, h in enumerate(reading.h.tolist()):
+            start: list[str | Text] = [Text(label), power_of_two(h), lost_paths(int(reading.nonfinite[i]))]
+            for c in range(max(count, 1)):
+                cells = _casimir_cells(reading, i, c) if count else ["-"] * 5
+                table.add_row(*start, *[f"C{c + 1}"] * several, *cells)
+                start = ["", "", ""]
+            label = ""
+        table.add_section()
+    return table
+
+
+def _casimir_cells(reading: LongTimes, i: int, c: int) -> list[str]:
+    rms, worst = (float(values[i, -1, c]) for values in (reading.casimir_rms, reading.casimir_worst))
+    p, low, high, bias, stderr = (float(getattr(reading, name)[i, c]) for name in _PER_CASIMIR)
+    growth = f"{p:.2f} [{low:.2f}, {high:.2f}]" if math.isfinite(p) else "not fitted"
+    ratio = f"{bias / stderr:.1f}" if stderr > 0 and math.isfinite(bias / stderr) else "-"
+    return [short(rms), short(worst), growth, short(bias), ratio]
+
+
+def _laws(readings: Sequence[LongTimes], variables: tuple[str, ...]) -> "Table":
+    """Per scheme and step size how far distribution functions and means are from the exact ones."""
+    from rich.text import Text
+
+    chosen = [name for name in variables if name in SHOWN] or variables
+    distances = [f"distance of the\nlaw of {name} (95 %)" for name in chosen]
+    headings = ["scheme", "h", *distances, "largest |z|\nof the means", "of"]
+    table = new_table("stationary law", headings, left=2, labels=0)
+    for reading, law in with_laws(readings):
+        label = lines_of(reading.about)
+        for i, h in enumerate(reading.h.tolist()):
+            pairs = ((law.distance[i, m], law.distance_stderr[i, m]) for m in map(variables.index, chosen))
+            cells = [with_interval(float(value), INTERVAL * float(stderr)) for value, stderr in pairs]
+            table.add_row(Text(label), power_of_two(h), *cells, *map(Text, _largest_z(law, i)))
+            label = ""
+        table.add_section()
+    return table
+
+
+def _largest_z(law: Law, i: int) -> tuple[str, str]:
+    """The largest |mean - exact| in standard errors, and of which moment it is."""
+    z = np.abs(law.z[i])
+    if np.isnan(z).any():
+        return "not finite", ""
+    return f"{z.max():.1f}", law.moments[z.argmax()]
+
+
+def chance(count: int) -> float:
+    """What the largest |z| of `count` independent standard normals stays below in 95 % of cases."""
+    return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))
+
+
+def _remarks(readings: Sequence[LongTimes]) -> Iterator[str]:
+    first = readings[0]
+    snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
+    yield f"{first.samples} paths of {_count(first.steps_each)} steps each{snapshots}"
+    yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
+    if first.law:
+        count = len(first.law.moments)
+        yield f"by chance the largest |z| of {count} independent means is below {chance(count):.1f} in 95 % of cases"
+
+
+def _count(steps: int) -> str:
+    """A number of steps, powers of two also as such."""
+    return f"{power_of_two(steps)} = {steps:.2g}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"

@@ -1,0 +1,165 @@
+"""What a study hands to the run: a plan for each part, and what all plans of sampled paths have in common."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from spi.ensemble import Grid, RandomStream, brownian, empty_report, integrate, shortest
+from spi.records import Group, Part, describe
+from spi.rng import LANES
+from spi.schemes import Scheme, scheme_row
+
+
+class Cost(NamedTuple):
+    """What a part would cost."""
+
+    path_steps: int  #: steps of all paths and step sizes
+    seconds: float  #: of one thread at typical speed; NaN where nothing bounds the work
+    bytes: int  #: of memory
+
+
+class Done(NamedTuple):
+    """How far a part is."""
+
+    done: float  #: in paths, or in seconds of typical speed
+    total: float
+    stderr: float  #: standard error of the first error that the study estimates; NaN before there is one
+
+
+class KernelCall(NamedTuple):
+    """A call that has a kernel compiled, if it has not been."""
+
+    kernel: Callable  #: a function of a module
+    arguments: tuple
+
+
+class State(Protocol):
+    """What is known so far of a part, enough to go on from.
+
+    A ``NamedTuple`` of arrays, numbers, texts and further such tuples, so that a checkpoint can hold it.
+    """
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time spent so far."""
+
+    def _asdict(self) -> dict[str, Any]: ...
+
+
+S = TypeVar("S", bound=State)
+
+
+class Plan(Protocol[S]):
+    """One part of an experiment, ready to run, whose states are of type S."""
+
+    @property
+    def case(self) -> Any:
+        """The keys of the case, a subclass of ``spi.spec.cases.BaseCase``."""
+
+    @property
+    def part(self) -> Part:
+        """Which part of the case it is."""
+
+    def cost(self) -> Cost:
+        """What the part would cost."""
+
+    def start(self) -> S:
+        """The state before anything is done."""
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
+
+        They are made before the plan is run, several at a time, so that nothing needs to be compiled later.  What is
+        not among them is compiled when it is needed.
+        """
+
+    def batches(self, state: S) -> Iterator[S]:
+        """Run what is left, times of steps included; yields the state after each batch of about half a second."""
+
+    def progress(self, state: S) -> Done:
+        """How far a state is."""
+
+    def group(self, state: S) -> Group:
+        """The results, from the final state; nothing is computed at length or measured here."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartPlan:
+    """The head of every plan for one scheme of one case."""
+
+    case: Any  #: the keys of the case, a subclass of ``spi.spec.cases.BaseCase``
+    part: Part
+
+    @property
+    def model(self) -> Any:
+        """The record of the model."""
+        return self.case.model
+
+    @property
+    def initial(self) -> tuple[float, ...]:
+        """y_0."""
+        return self.case.initial
+
+    @property
+    def row(self) -> Scheme:
+        """The scheme's row in the table of schemes, with the eps of the part in its record."""
+        return scheme_row(self.part.scheme, self.part.eps)
+
+    @property
+    def scheme(self) -> Any:
+        """The record of the scheme."""
+        return self.row.record
+
+    def description(self) -> dict[str, Any]:
+        """The attributes that say what was integrated."""
+        return describe(self.case, self.row, self.part)
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """None."""
+        return []
+
+
+@dataclass(frozen=True, kw_only=True)
+class SchemePlan(PartPlan):
+    """The head of every plan that integrates so many paths of one scheme for one case."""
+
+    samples: int  #: number of paths
+
+    @property
+    def stream(self) -> RandomStream:
+        """The increments of the paths of the case's seed."""
+        return brownian(self.case.seed)
+
+    @property
+    def blocks(self) -> int:
+        """How many blocks of LANES paths there are, the last one perhaps partly idle."""
+        return -(-self.samples // LANES)
+
+    def paths_done(self, state: Any) -> int:
+        """How many paths the first ``state.blocks`` blocks have."""
+        return min(state.blocks * LANES, self.samples)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathsPlan(SchemePlan):
+    """The head of every plan whose paths are integrated on one grid."""
+
+    grid: Grid  #: times and step sizes
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(levels,) how many steps each step size of the grid takes."""
+        return self.grid.reference_steps >> self.grid.doublings
+
+    @property
+    def least(self) -> "PathsPlan":
+        """The same plan with one block of as few steps as can be."""
+        return replace(self, grid=shortest(self.grid), samples=LANES)
+
+    def integration(self, observer: Any) -> KernelCall:
+        """The integration of the first block, watched by an observer."""
+        what = self.scheme, self.model, self.initial, self.grid, self.stream
+        report = empty_report(1, len(self.grid.doublings))
+        return KernelCall(integrate, (*what, observer, report, 0, 1, LANES))

@@ -1,0 +1,212 @@
+"""The figure of stability: maps of regimes, and single quantities over the swept parameter."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from spi.drawing import layout, style
+from spi.drawing.axes import HUGE, error_axes, limits, rules
+
+from ..reading import Stability
+from . import maps
+from .quantities import CAP, QUANTITIES, is_zero, values_of
+
+Looks = dict[str, dict[str, Any]]  #: options of lines, by variant
+
+SIZE = (3.3, 2.75)  # inches of a panel
+ALONE = (4.4, 3.3)  # the same where a case has only one
+COLUMNS = 4  # panels side by side
+STEPS = 4  # step sizes shown at most
+WIDE = 20.0  # ratio of swept values above which their axis is logarithmic
+MARKERS = 6.5, 4.5  # from the first scheme's size towards the last one's, so that both are seen where they agree
+
+#: The words of the attribute ``panels``.
+WORDS = ("regimes", *QUANTITIES)
+
+
+def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
+    """The figure of a study of kind stability.
+
+    Of the word ``regimes`` a line of maps per case, a map per scheme; of all other words a panel each, again lines of
+    their own for each case, below the maps.
+    """
+    for readings in cases:
+        layout.check_panels(readings[0].panels, WORDS)
+    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    swept = [_single_value(readings[0]) for readings in cases]
+    if len(set(map(tuple, swept))) == 1:
+        shared = [*swept[0], *shared]
+    else:
+        own = [[*one, *facts] for one, facts in zip(swept, own, strict=True)]
+    looks = _looks(cases)
+    mapped = [i for i, readings in enumerate(cases) if "regimes" in readings[0].panels]
+    variants = {reading.about.variant for i in mapped for reading in cases[i]}
+    several = len(cases) > 1
+    lines = []
+    if mapped:
+        titles = [_title(cases[i], own[i], several, maps.SIZE[0] * len(variants)) for i in mapped]
+        lines += maps.lines([cases[i] for i in mapped], titles)
+    for readings, facts in zip(cases, own, strict=True):
+        chosen = [word for word in readings[0].panels if word != "regimes"]
+        lines += _lines(readings, chosen, looks, partial(_title, readings, facts, several)) if chosen else []
+    return layout.arranged(title, _without_repetition(lines), shared)
+
+
+def _facts(reading: Stability) -> dict[str, str]:
+    told = {name: getattr(reading, name) for name in ("reference_step", "reference_scheme", "samples")}
+    return style.facts(reading.about, **told, functions=reading.law.functions if reading.law else ())
+
+
+def _single_value(reading: Stability) -> list[str]:
+    """The swept value as a fact if it is only one."""
+    values = reading.values
+    return [f"{maps.word_label(reading)}$\\,={style.number(float(values[0]))}$"] if len(values) == 1 else []
+
+
+def _looks(cases: Sequence[Sequence[Stability]]) -> Looks:
+    """How each scheme is drawn; markers differ in size, the last lies on top."""
+    looks = style.looks(cases)
+    variants = dict.fromkeys(reading.about.variant for readings in cases for reading in readings)
+    return {
+        variant: {"marker": looks[variant][0], "color": looks[variant][1], "markersize": float(size)}
+        for variant, size in zip(variants, np.linspace(*MARKERS, len(looks)), strict=False)
+    }
+
+
+def _title(readings: Sequence[Stability], facts: list[str], several: bool, width: float) -> str:
+    return layout.case_title(readings[0].about, facts, width) if several else ""
+
+
+def _lines(
+    readings: Sequence[Stability], words: list[str], looks: Looks, title: Callable[[float], str]
+) -> list[layout.Line]:
+    """The line panels of a case in lines of about the same length."""
+    size = SIZE if len(words) > 1 else ALONE
+    columns = math.ceil(len(words) / math.ceil(len(words) / COLUMNS))
+    found = []
+    for i in range(0, len(words), columns):
+        panels = [partial(_panel, readings=readings, word=word, looks=looks) for word in words[i : i + columns]]
+        found.append(layout.Line(panels, size, "" if i else title(size[0] * columns)))
+    return [*found[:-1], found[-1]._replace(legend=_legend(readings, words, looks))]
+
+
+def _without_repetition(lines: list[layout.Line]) -> list[layout.Line]:
+    """The lines without a legend that is repeated further down."""
+    texts = [[text for row in line.legend for _, text in row] for line in lines]
+    return [line._replace(legend=()) if texts[i] in texts[i + 1 :] else line for i, line in enumerate(lines)]
+
+
+def _shown(reading: Stability) -> list[int] | list[None]:
+    """Numbers of the step sizes that are lines; None, alone, where the step size is the horizontal axis."""
+    return layout.spread(len(reading.h), STEPS) if len(reading.values) > 1 else [None]
+
+
+def _legend(readings: Sequence[Stability], words: list[str], looks: Looks) -> list[list[layout.Entry]]:
+    """What markers, shades and edge marks mean, of all panels of a case."""
+    abouts = [reading.about for reading in readings]
+    rows: list[list[layout.Entry]] = [[(Line2D([], [], **looks[one.variant]), style.label(one)) for one in abouts]]
+    shown, h = _shown(readings[0]), readings[0].h
+    if len(shown) > 1:
+        handles = [Line2D([], [], color=layout.shade("#000000", i, len(shown)), linewidth=2) for i in range(len(shown))]
+        names = [f"$h={style.number(float(h[j]), steps=True)}$" for j in shown]
+        rows.append(list(zip(handles, names, strict=True)))
+    marks: list[layout.Entry] = []
+    if "casimir" in words and values_of(readings, "casimir"):
+        marks.append((Line2D([], [], color="black", linestyle="-"), "worst path"))
+        marks.append((Line2D([], [], color="black", linestyle=":"), "median path"))
+    marks += _marks(readings, words)
+    return [*rows, marks] if marks else rows
+
+
+def _marks(readings: Sequence[Stability], words: list[str]) -> list[layout.Entry]:
+    """Entries for what is no ordinary point in some panel."""
+    found = []
+    logs = [one for word in words if QUANTITIES[word].is_log for one in values_of(readings, word)]
+    if any((one.values == 0).any() for one in logs):
+        text = r"0, or an angle $\leq\pi/4$" if "angle" in words else "0"
+        found.append(layout.mark("v", text, markerfacecolor="none"))
+    if any((~(one.values <= CAP)).any() for one in logs):
+        found.append(layout.mark("^", f"not finite, or above ${style.power(CAP)}$"))
+    if "law" in words and any(is_zero(one).any() for one in values_of(readings, "law")):
+        found.append(layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6))
+    return found
+
+
+def _panel(ax: Axes, readings: Sequence[Stability], word: str, looks: Looks) -> None:
+    """One quantity over the swept value, a line per scheme and step size; over the step size if it is the only one."""
+    quantity, found = QUANTITIES[word], values_of(readings, word)
+    if not found:
+        layout.empty(ax, quantity.lacking)
+        return
+    x = _x_axis(ax, found[0].reading)
+    ax.set_ylabel(quantity.label)
+    ax.set_yscale("log" if quantity.is_log else "linear")
+    _y_limits(ax, word, np.concatenate([one.values.ravel() for one in found]))
+    for one in found:
+        look, shown = looks[one.reading.about.variant], _shown(one.reading)
+        for i, j in reversed(list(enumerate(shown))):
+            at = (0, slice(None)) if j is None else (slice(None), j)
+            colour = layout.shade(look["color"], i, len(shown))
+            poor = is_zero(one) if word == "law" else np.zeros(one.values.shape, bool)
+            _line(ax, x, one.values[at], one.half[at], poor[at], look | {"color": colour})
+            if one.dotted is not None:
+                _joined(ax, x, one.dotted[at], {"color": colour, "linestyle": ":"})
+
+
+def _x_axis(ax: Axes, reading: Stability) -> np.ndarray:
+    """Scale, ticks and label of the horizontal axis; returns where its points are."""
+    values = reading.values
+    if len(values) == 1:
+        error_axes(ax, reading.h)
+        return reading.h
+    rules(ax)
+    ax.set_xlabel(maps.word_label(reading))
+    positive = values[values > 0]
+    if positive.size and positive.max() <= WIDE * positive.min() and (values >= 0).all():
+        return values
+    places, is_log = maps.value_places(values)
+    if is_log:
+        ax.set_xscale("log")
+    else:
+        ax.set_xticks(places, [f"${style.number(float(value))}$" for value in values])
+    return places
+
+
+def _y_limits(ax: Axes, word: str, values: np.ndarray) -> None:
+    known = values[np.isfinite(values)]
+    if not QUANTITIES[word].is_log:
+        top = 1.0 if word in ("finite", "positive") else known.max(initial=1.0)
+        ax.set_ylim(-0.05 * top, 1.05 * top)
+        return
+    known = known[(known > 0) & (known <= (HUGE if word == "angle" else CAP))]
+    ax.set_ylim(limits(known if known.size else np.array([1.0])))
+
+
+def _line(
+    ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
+) -> None:
+    """A line with its bars, hollow where it is poor; marks at the edges for what lies outside, nothing for NaN."""
+    bottom, top = ax.get_ylim()
+    known = ~np.isnan(values)
+    inside = (values >= bottom) & (values <= top)
+    _joined(ax, x, values, {"color": look["color"]})
+    bars: dict[str, Any] = {"linestyle": "none", "elinewidth": 0.8, "capsize": 0, "zorder": 3}
+    for chosen, fill in ((inside & ~poor, {}), (inside & poor, {"markerfacecolor": "none", "alpha": 0.6})):
+        if chosen.any():
+            up = np.where(np.isfinite(half), half, 0.0)[chosen]
+            down = np.minimum(up, values[chosen] - bottom)
+            ax.errorbar(x[chosen], values[chosen], np.array([down, up]), **look | bars | fill)
+    layout.edge_marks(ax, x[known], values[known], look["color"])
+
+
+def _joined(ax: Axes, x: np.ndarray, values: np.ndarray, look: dict[str, Any]) -> None:
+    bottom, top = ax.get_ylim()
+    order = np.argsort(x)
+    shown = np.where((values >= bottom) & (values <= top), values, np.nan)
+    ax.plot(x[order], shown[order], linewidth=1.0, zorder=2.5, **look)

@@ -1,0 +1,147 @@
+"""Maps of regimes: what a scheme keeps, over step size and a parameter."""
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, NullLocator
+
+from spi.drawing import style
+from spi.drawing.layout import Entry, Line
+
+from ..reading import CASIMIR_LOST, FAILING, GROWTH, Stability
+
+SIZE = (2.3, 2.45)  # inches of a map
+
+#: Colour and hatch of each regime, from good to bad: blue while the geometry is kept, then warm, then black.
+LOOKS = (
+    ("#0072B2", None),
+    ("#A9D6F2", None),
+    ("#F7E489", "....."),
+    ("#E69F00", None),
+    ("#D55E00", None),
+    ("#CC79A7", "//////"),
+    ("#3a3a3a", "xxxx"),
+)
+HATCHES = "#999999", "#ffffff"  # on a pale colour, and on others
+_UNEVEN = 3.0  # largest gap over smallest, in logarithms
+_TICKS = 9
+
+
+def lines(cases: Sequence[Sequence[Stability]], titles: list[str]) -> list[Line]:
+    """A line of maps per case, a map per scheme; under the last line what the colours mean."""
+    variants = list(dict.fromkeys(reading.about.variant for readings in cases for reading in readings))
+    found = []
+    for readings, title in zip(cases, titles, strict=True):
+        of = {reading.about.variant: reading for reading in readings}
+        first = next(variant for variant in variants if variant in of)
+        panels = [partial(_map, reading=of.get(variant), first=variant == first) for variant in variants]
+        found.append(Line(panels, SIZE, title))
+    return [*found[:-1], found[-1]._replace(legend=[_legend([reading for case in cases for reading in case])])]
+
+
+def _legend(readings: Iterable[Stability]) -> list[Entry]:
+    """Entries of the regimes that occur, from good to bad."""
+    present = sorted({number for reading in readings for number in np.unique(reading.regimes).tolist()})
+    allowed = ", ".join(dict.fromkeys(style.number(reading.accurate) for reading in readings))
+    texts = (
+        rf"accurate: rms error $\leq {allowed}\,|y_0|$",
+        "bounded, not accurate",
+        "bounded, not positive",
+        rf"Casimir lost: relative error $>{style.power(CASIMIR_LOST)}$",
+        rf"not bounded: $|y|$ {style.number(GROWTH)} times too large",
+        f"solver fails in more than {style.number(100 * FAILING)} % of steps",
+        "paths lost: not finite",
+    )
+    return [(Patch(linewidth=0, **_look(number)), texts[number]) for number in present]
+
+
+def _look(number: int) -> dict[str, Any]:
+    colour, hatch = LOOKS[number]
+    return {"facecolor": colour, "hatch": hatch, "edgecolor": HATCHES[number > 2]}
+
+
+def _map(ax: Axes, reading: Stability | None, first: bool) -> None:
+    """Cells over step size and value, each in the colour of its regime."""
+    if reading is None:
+        ax.set_axis_off()
+        return
+    h, values = reading.h, reading.values
+    label = style.label(reading.about)
+    ax.set_title("\n".join(style.wrapped(label.split(), " ", 9, SIZE[0] - 0.1)))
+    places, is_log = cell_places(values)
+    x, y = edges(h, True), edges(places, is_log)
+    _cells(ax, x, y, reading.regimes)
+    ax.set_xscale("log", base=2)
+    if is_log:
+        ax.set_yscale("log")
+    ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()), xlabel="step size $h$")
+    _ticks(ax.xaxis, h, h, steps=True, room=5)
+    _ticks(ax.yaxis, places, values, steps=False, room=_TICKS)
+    ax.tick_params(length=2.5)
+    if first:
+        ax.set_ylabel(word_label(reading))
+    else:
+        ax.tick_params(labelleft=False)
+
+
+def _cells(ax: Axes, x: np.ndarray, y: np.ndarray, regimes: np.ndarray) -> None:
+    """The cell of each step size, between `x` (S, 2), and value, between `y` (V, 2)."""
+    for number in np.unique(regimes).tolist():
+        cells = [_cell(x[j], y[i]) for i, j in np.argwhere(regimes == number)]
+        ax.add_collection(PolyCollection(cells, linewidth=0, label=str(number), **_look(number)))
+    borders = [_cell(x[j], y[i]) for i, j in np.ndindex(regimes.shape)]
+    ax.add_collection(LineCollection(borders, color="white", linewidth=0.5, zorder=2))
+
+
+def value_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
+    if (values > 0).all():
+        return values, True
+    return np.argsort(np.argsort(values)).astype(float), False
+
+
+def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """The same for cells, also by rank if the gaps differ so much that some cells could not be seen."""
+    places, is_log = value_places(values)
+    gaps = np.diff(np.sort(np.log(values))) if is_log else np.ones(1)
+    if len(gaps) > 1 and gaps.max() > _UNEVEN * gaps.min():
+        return np.argsort(np.argsort(values)).astype(float), False
+    return places, is_log
+
+
+def word_label(reading: Stability) -> str:
+    """The axis label of the swept word."""
+    symbol = style.SYMBOLS.get(reading.word, reading.word if len(reading.word) == 1 else None)
+    return f"${symbol}$" if symbol else style.plain(reading.word.replace("_", " "))
+
+
+def edges(places: np.ndarray, is_log: bool) -> np.ndarray:
+    """(low, high) of the cell around each place, half way to its neighbours; shape (places, 2)."""
+    x = np.log2(places) if is_log else np.asarray(places, float)
+    order = np.argsort(x)
+    x = x[order]
+    middle = (x[1:] + x[:-1]) / 2
+    outer = (x[1:] - x[:-1]) / 2 if len(x) > 1 else np.array([0.5])
+    bounds = np.concatenate([[x[0] - outer[0]], middle, [x[-1] + outer[-1]]])
+    found = np.empty((len(x), 2))
+    found[order] = np.column_stack([bounds[:-1], bounds[1:]])
+    return 2.0**found if is_log else found
+
+
+def _cell(x: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
+    return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1]), (x[0], y[0])]
+
+
+def _ticks(axis: Axis, places: np.ndarray, values: np.ndarray, steps: bool, room: int) -> None:
+    """Ticks at the places, named by the values, at most so many of them."""
+    order = np.argsort(places)[:: -1 if steps else 1][:: int(np.ceil(len(places) / room))]
+    names = [f"${style.number(v, steps=True) if steps else style.power(v)}$" for v in map(float, values[order])]
+    axis.set_major_locator(FixedLocator(places[order].tolist()))
+    axis.set_minor_locator(NullLocator())
+    axis.set_ticklabels(names)

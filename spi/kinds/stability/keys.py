@@ -1,0 +1,53 @@
+"""The keys of an experiment of kind stability."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import pydantic
+from annotated_types import MinLen
+from pydantic import model_validator
+
+from spi.protocol import Positive
+from spi.spec.cases import FunctionsCase
+from spi.spec.keys import Samples, key_of, wrong
+from spi.spec.sweep import Sweep
+
+#: What the figure can show.
+PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
+
+Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+Swept = dict[str, Annotated[tuple[float, ...], MinLen(1)]]
+
+
+class Case(FunctionsCase):
+    """What schemes keep of the equation where it is hard: sweeps the step size and a word in the parameters."""
+
+    sweep: key_of(Swept, "a word and its values, as in {s: [0.1, 1, 10]}, to stand in model, initial or eps")
+    samples: key_of(Samples, "number of Brownian paths")
+    accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
+    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
+
+    bounded_increments: ClassVar[bool] = False
+
+    @pydantic.field_validator("sweep")
+    @classmethod
+    def _check_sweep(cls, sweep: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+        for word, values in sweep.items():
+            if len(set(values)) < len(values):
+                raise wrong("has a value twice", "remove one", word)
+        return sweep
+
+    @model_validator(mode="after")
+    def _check_not_zero(self) -> Self:
+        if not any(self.initial):
+            raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
+        return self
+
+    @model_validator(mode="after")
+    def _check_one_eps(self) -> Self:
+        if self.eps is not None and len(self.eps) > 1:
+            raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept word", "eps")
+        return self
+
+    @pydantic.field_serializer("sweep")
+    def _effective_sweep(self, sweep: Any) -> Any:
+        return sweep.effective() if isinstance(sweep, Sweep) else sweep

@@ -1,0 +1,62 @@
+"""Expectations at the final time against their true values."""
+
+import functools
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spi.expressions import as_numpy
+from spi.kolmogorov import can_solve_equation, exact_expectations
+from spi.records import Variables
+
+from .paths import State
+
+if TYPE_CHECKING:
+    from . import StabilityPlan
+
+#: What the true expectations take for one value, on one thread.
+TRUTH_SECONDS = 3.0
+
+_ACCURACY = 1e-3  # numerical error that they may have
+
+
+def has_truth(p: "StabilityPlan") -> bool:
+    """Whether there are test functions, and their true expectations can be found without a scheme."""
+    return bool(p.functions) and can_solve_equation(p.first.model)
+
+
+@functools.lru_cache(maxsize=256)
+def _truth(
+    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple
+) -> tuple[np.ndarray, np.ndarray]:
+    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes."""
+    return exact_expectations(model, initial, final_time, [as_numpy(f) for f in functions], _ACCURACY)
+
+
+def with_truth(p: "StabilityPlan", state: State, i: int) -> State:
+    """The state with the true expectations of value number i."""
+    began = time.perf_counter()
+    truth, bound = state.truth.copy(), state.truth_bound.copy()
+    point = p.points[i]
+    truth[i], bound[i] = _truth(point.model, point.initial, p.case.final_time, p.functions)
+    return state._replace(truth=truth, truth_bound=bound, seconds=state.seconds + time.perf_counter() - began)
+
+
+def law_variables(state: State) -> Variables:
+    """Expectations of the test functions, and how far from the truth they are, as variables of a group."""
+    mean, stderr, truth, bound = state.expectation, state.expectation_stderr, state.truth, state.truth_bound
+    with np.errstate(invalid="ignore"):
+        away = np.abs(mean - truth[:, None])
+        away = np.where(np.isfinite(truth)[:, None] & np.isnan(away), np.inf, away)
+    farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=2)[..., None]
+    doubt = np.hypot(stderr, bound[:, None])
+    axes = ("value", "h", "function")
+    return {
+        "expectation": (axes, mean),
+        "expectation_stderr": (axes, stderr),
+        "truth": (axes[::2], truth),
+        "truth_bound": (axes[::2], bound),
+        "law_distance": (axes[:2], np.take_along_axis(away, farthest, 2)[..., 0]),
+        "law_distance_stderr": (axes[:2], np.take_along_axis(doubt, farthest, 2)[..., 0]),
+    }

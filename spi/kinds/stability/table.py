@@ -1,0 +1,144 @@
+"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept word."""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from spi.printing.text import in_order, lines_of, new_table, power_of_two, print_whole, short
+
+from .reading import CASIMIR_KEPT, REGIMES, Stability, largest_step
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+#: The columns of the records, in this order; of what a reading lacks there is none.
+COLUMNS = (
+    *("case", "scheme", "eps", "sweep", "value", "h", "regime", "finite", "largest_norm", "error", "error_stderr"),
+    *("casimir_worst", "casimir_median", "law_distance", "law_distance_stderr", "positive", "largest_angle"),
+    *("solves", "iterations", "failures", "largest_residual", "samples", "reference_step"),
+)
+
+
+def rows(readings: Iterable[Stability]) -> Iterator[dict[str, Any]]:
+    """A record per value and step size; of several Casimirs the largest error."""
+    for reading in readings:
+        whole = {
+            "case": reading.about.case,
+            "scheme": reading.about.scheme,
+            "eps": reading.about.eps,
+            "sweep": reading.word,
+            "samples": reading.samples,
+            "reference_step": reading.reference_step,
+        }
+        arrays, regimes = _arrays(reading), reading.regimes
+        for i, value in enumerate(reading.values.tolist()):
+            for j, h in enumerate(reading.h.tolist()):
+                record = {**whole, "value": value, "h": h, "regime": REGIMES[regimes[i, j]]}
+                yield in_order(record | {name: values[i, j].item() for name, values in arrays.items()}, COLUMNS)
+
+
+def _arrays(reading: Stability) -> dict[str, np.ndarray]:
+    """The columns that are arrays (V, S), by name."""
+    found = {name: getattr(reading, name) for name in ("finite", "largest_norm", "error", "error_stderr")}
+    if reading.casimirs:
+        found |= {"casimir_worst": reading.casimirs.largest_worst, "casimir_median": reading.casimirs.largest_median}
+    if reading.law:
+        found |= {"law_distance": reading.law.distance, "law_distance_stderr": reading.law.distance_stderr}
+    optional = {name: getattr(reading, name) for name in ("positive", "largest_angle")}
+    found |= {name: values for name, values in optional.items() if values is not None}
+    return found | (reading.solver._asdict() if reading.solver else {})
+
+
+def show(console: "Console", heading: str, readings: Sequence[Stability]) -> None:
+    """Print the table of a case: a line per scheme and value."""
+    from rich.text import Text
+
+    told = [list(_summary(reading)) for reading in readings]
+    shown = [name for name in _HEADINGS if any(name in line for lines in told for line in lines)]
+    headings = ["scheme", readings[0].word, *(_HEADINGS[name] for name in shown)]
+    table = new_table(heading, headings, left=1, labels=0)
+    for reading, lines in zip(readings, told, strict=True):
+        label = lines_of(reading.about)
+        for value, line in zip(reading.values.tolist(), lines, strict=True):
+            table.add_row(Text(label), f"{value:g}", *(Text(line.get(name, "")) for name in shown))
+            label = ""
+        table.add_section()
+    print_whole(console, table)
+    console.print()
+    for remark in _remarks(readings):
+        console.print(remark, markup=False, soft_wrap=True)
+    console.print()
+
+
+#: What a line of the table may say, and the heading of its column.
+_HEADINGS = {
+    "finite": "all paths\nfinite, h",
+    "kept": "Casimir\nkept, h",
+    "accurate": "accurate,\nh",
+    "casimir": "worst\nCasimir",
+    "failures": "solver\nfailures",
+    "iterations": "iter-\nations",
+    "positive": "positive\npaths",
+    "angle": "largest\nangle",
+}
+
+
+def _summary(reading: Stability) -> Iterator[dict[str, str]]:
+    """What the table says of each value: the text of each of its columns."""
+    for i in range(len(reading.values)):
+        line = {
+            "finite": _step(reading.h, reading.all_finite[i]),
+            "accurate": _step(reading.h, reading.is_accurate[i]),
+        }
+        if reading.casimirs:
+            casimir = reading.casimirs.largest_worst[i]
+            line["kept"] = _step(reading.h, casimir < CASIMIR_KEPT)
+            line["casimir"] = short(float(casimir.max(initial=0.0)))
+        if reading.solver:
+            line["failures"] = _percent(float(reading.solver.failing_fraction[i].max(initial=0.0)))
+            line["iterations"] = _range(reading.solver.iterations_per_solve[i])
+        if reading.positive is not None:
+            line["positive"] = _percent(float(reading.positive[i].min(initial=1.0)))
+        if reading.largest_angle is not None:
+            angle = float(reading.largest_angle[i].max(initial=0.0))
+            line["angle"] = f"{angle:.2g}" if angle else "< pi/4"
+        yield line
+
+
+def _step(h: np.ndarray, good: np.ndarray) -> str:
+    """The largest step size up to which all is good; with >= if all were, since the true one may be larger."""
+    largest, is_all = largest_step(h, good)
+    return "none" if math.isnan(largest) else f"{'>= ' * is_all}{power_of_two(largest)}"
+
+
+def _percent(fraction: float) -> str:
+    """A fraction in per cent with two digits; 0 and 100 only if it is that."""
+    if fraction in (0.0, 1.0) or not math.isfinite(fraction):
+        return f"{100 * fraction:g} %"
+    return f"{100 * fraction:.2g} %" if fraction < 0.99 else f"{100 - float(f'{100 - 100 * fraction:.1g}'):.10g} %"
+
+
+def _range(values: np.ndarray) -> str:
+    """From the smallest to the largest number, with one decimal."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return ""
+    low, high = f"{known.min():.1f}", f"{known.max():.1f}"
+    return low if low == high else f"{low}-{high}"
+
+
+def _remarks(readings: Sequence[Stability]) -> Iterator[str]:
+    """What holds for the whole table."""
+    first = readings[0]
+    kept = f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; " if first.casimirs else ""
+    yield (
+        f"h: the largest step size at which this holds, as at all smaller ones; {kept}"
+        f"accurate: root mean square error at T <= {first.accurate:g} |y_0|; all else: worst over h"
+    )
+    seconds = sum(reading.seconds for reading in readings)
+    yield (
+        f"{first.samples} paths each; errors against the scheme at {power_of_two(first.reference_step)}; "
+        f"{seconds:.3g} s on {first.threads} threads"
+    )

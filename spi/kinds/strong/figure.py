@@ -1,0 +1,101 @@
+"""The figure of strong errors: error against step size, with 95 % intervals and reference slopes."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.markers import CARETUP
+
+from spi.drawing import style
+from spi.drawing.axes import INTERVAL, LINE, PANEL, error_axes, legend_under, limits, panel_title, slopes, with_order
+
+from .reading import StrongErrors
+
+UNRESOLVED = "#999999"
+ERROR = r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$"
+
+#: The reference slopes: (order, line style, whether the line lies above the data or below).
+SLOPES = ((1 / 2, "--", True), (1, ":", False))
+
+
+def draw(title: str, cases: Sequence[Sequence[StrongErrors]]) -> Figure:
+    """The figure of a study of kind strong: a panel per case."""
+    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    looks = style.looks(cases)
+    columns = 2 if len(cases) == 4 else min(len(cases), 3)
+    rows = math.ceil(len(cases) / columns)
+    fig = Figure()
+    height = rows * (PANEL[1] + LINE * (max(map(len, cases)) + len(SLOPES)))
+    style.dress(fig, columns * PANEL[0], height, title, shared)
+    axes = list(fig.subplots(rows, columns, squeeze=False).flat)
+    for i, (ax, readings, facts) in enumerate(zip(axes, cases, own, strict=False)):
+        if len(cases) > 1:
+            ax.set_title(panel_title(readings[0].about, facts))
+        _panel(ax, readings, looks)
+        if i % columns == 0:
+            ax.set_ylabel(ERROR)
+    for ax in axes[len(cases) :]:
+        ax.remove()
+    return fig
+
+
+def _facts(reading: StrongErrors) -> dict[str, str]:
+    told = {name: getattr(reading, name) for name in ("reference_step", "reference_scheme", "samples")}
+    return style.facts(reading.about, **told)
+
+
+def _panel(ax: Axes, readings: Sequence[StrongErrors], looks: style.Looks) -> None:
+    error_axes(ax, np.concatenate([reading.h for reading in readings]))
+    resolved = np.concatenate([_points(reading, resolved=True) for reading in readings])
+    drawn = resolved if len(resolved) else np.concatenate([_points(reading, resolved=False) for reading in readings])
+    if len(drawn):
+        slopes(ax, drawn, SLOPES)
+        ax.set_ylim(limits(drawn[:, 1]))
+    for reading in readings:
+        _scheme(ax, reading, *looks[reading.about.variant])
+    _remarks(ax, readings)
+    legend_under(ax)
+
+
+def _points(reading: StrongErrors, resolved: bool) -> np.ndarray:
+    """The finite points (h, error) of a scheme that are resolved, or those that are not."""
+    chosen = np.isfinite(reading.error) & (reading.error > 0) & (reading.resolved == resolved)
+    return np.column_stack([reading.h, reading.error])[chosen]
+
+
+def _scheme(ax: Axes, reading: StrongErrors, marker: str, colour: str) -> None:
+    """Draw one scheme; what lies beyond the top of the panel becomes a mark at its edge."""
+    h, error, resolved = reading.h, reading.error, reading.resolved
+    beyond = ~(error <= ax.get_ylim()[1])
+    bars = INTERVAL * np.where(np.isfinite(reading.error_stderr), reading.error_stderr, 0.0)
+    look: dict[str, Any] = {
+        "marker": marker,
+        "markerfacecolor": "none",
+        "elinewidth": 0.7,
+        "capsize": 0,
+        "markeredgewidth": 1.2,
+    }
+    good, poor = resolved & (error > 0), ~resolved & ~beyond & (error > 0)
+    label = with_order(style.label(reading.about), *reading.order[:3])
+    ax.errorbar(h[good], error[good], bars[good], color=colour, label=label, zorder=3, **look)
+    if poor.any():
+        ax.errorbar(h[poor], error[poor], bars[poor], color=colour, alpha=0.4, linestyle="none", zorder=2, **look)
+    if beyond.any():
+        top: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+        ax.plot(h[beyond], np.ones(beyond.sum()), marker=CARETUP, color=colour, linestyle="none", zorder=4, **top)
+
+
+def _remarks(ax: Axes, readings: Sequence[StrongErrors]) -> None:
+    """Legend entries for what is not an ordinary point."""
+    top = ax.get_ylim()[1]
+    errors = np.concatenate([reading.error for reading in readings])
+    resolved = np.concatenate([reading.resolved for reading in readings])
+    if ((errors <= top) & ~resolved).any():
+        look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none"}
+        ax.plot([], [], "o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
+    if not (errors <= top).all():
+        label = "paths left the finite numbers or nearly so"
+        ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)

@@ -1,0 +1,146 @@
+"""Strong errors from sums over paths, and the group of results."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble import report_columns, thread_count
+from spi.estimators import (
+    RESOLVED,
+    fit_order,
+    group_counts,
+    is_resolved,
+    jackknife_stderr,
+    root_mean_square,
+    samples_needed,
+)
+from spi.fields import noise_field, noise_field_derivative
+from spi.protocol import noise_indices
+from spi.records import Group, Variables
+from spi.schemes import Scheme, has_theory
+
+from .paths import State
+
+if TYPE_CHECKING:
+    from . import StrongPlan
+
+_LOST = 0.25  # of |y_0|: larger errors are left out of the order
+
+
+class Errors(NamedTuple):
+    """Errors per step size, S of them from large to small, with leave-one-out values (groups, S).
+
+    Leaving out groups is done at the time where the supremum over all paths is reached.
+    """
+
+    sup: np.ndarray  #: (S,) largest root mean square distance over the grid
+    sup_without: np.ndarray
+    at: np.ndarray  #: (S,) number of the grid point where it is reached
+    final: np.ndarray  #: (S,) the same at the final time
+    final_without: np.ndarray
+    counts: np.ndarray  #: (GROUPS,) paths of each group
+
+
+def errors(p: "StrongPlan", state: State) -> Errors:
+    """The errors that a state tells."""
+    counts = group_counts(p.paths_done(state))
+    value, without = root_mean_square(state.squares, counts)
+    ends = np.cumsum(p.steps[1:])
+    # a path that left the finite numbers makes the mean square infinite
+    curves = [np.nan_to_num(curve, nan=np.inf, posinf=np.inf) for curve in np.split(value, ends[:-1])]
+    at = np.array([np.argmax(curve) for curve in curves], dtype=int)
+    return Errors(
+        sup=np.array([curve[i] for curve, i in zip(curves, at, strict=True)])[::-1],
+        sup_without=without[:, ends - p.steps[1:] + at][:, ::-1],
+        at=at[::-1],
+        final=np.array([curve[-1] for curve in curves])[::-1],
+        final_without=without[:, ends - 1][:, ::-1],
+        counts=counts,
+    )
+
+
+def group(p: "StrongPlan", state: State) -> Group:
+    """The results of one scheme of a case, from its final state."""
+    case, found = p.case, errors(p, state)
+    h = np.array(case.steps)
+    stderr = jackknife_stderr(found.sup, found.sup_without, found.counts)
+    resolved = is_resolved(found.sup, stderr)
+    # paths that are farther apart than this have lost one another: the error no longer grows as the step does
+    together = found.sup <= _LOST * np.linalg.norm(case.initial)
+    own_reference = 0.0 if case.reference_scheme else case.reference_step
+    order = fit_order(h, found.sup, found.sup_without, found.counts, resolved & together, own_reference)
+    attributes = {
+        **p.description(),
+        "order": order.order,
+        "order_ci": (order.low, order.high),
+        "points_in_fit": order.points,
+        "expected_order": _expected_order(p.row, case),
+        "samples": case.samples,
+        "reference_step": case.reference_step,
+        "reference_scheme": case.reference_scheme,
+        "reference_nonfinite": int(state.nonfinite[0]),
+        "reference_casimir_drift": tuple(float(x) for x in state.drift[0]),
+        "wall_seconds": state.seconds,
+        "threads": thread_count(),
+        "note": _note(found.sup, stderr, resolved, case.samples),
+    }
+    coordinates = {"h": h, "casimir": np.arange(state.drift.shape[1])}
+    return Group(case.name, p.part.variant, coordinates, _variables(p, state, found, stderr, resolved), attributes)
+
+
+def _variables(p: "StrongPlan", state: State, found: Errors, stderr: np.ndarray, resolved: np.ndarray) -> Variables:
+    """All variables, step sizes from large to small."""
+    down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
+    of_h = {
+        "error": found.sup,
+        "error_stderr": stderr,
+        "error_time": (found.at + 1) * np.array(p.case.steps),
+        "error_final": found.final,
+        "error_final_stderr": jackknife_stderr(found.final, found.final_without, found.counts),
+        "nonfinite": state.nonfinite[down],
+        "resolved": resolved,
+        **report_columns(state.report[down]),
+    }
+    if p.timed:
+        ns = state.ns_per_step
+        of_h |= {"seconds": ns * 1e-9 * p.steps[down] * p.samples, "ns_per_step": ns}
+    variables = {name: (("h",), values) for name, values in of_h.items()}
+    return variables | {"casimir_drift": (("h", "casimir"), state.drift[down])}
+
+
+def _expected_order(row: Scheme, case: Any) -> float | None:
+    """What theory says; None where it says nothing, because a splitting is not made of exact flows.
+
+    The order with several noises rises to that with one where they commute, f_k' f_l = f_l' f_k, and for every scheme
+    to 1 where f_k' f_l = 0, since Euler-Maruyama is then Milstein's scheme.
+    """
+    model = case.model
+    if not has_theory(row, model):
+        return None
+    states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
+    derivative, field = noise_field_derivative.__wrapped__, noise_field.__wrapped__  # not worth compiling
+    products = np.array(
+        [
+            [[derivative(model, k, y, field(model, m, y)) for m in noise_indices(model)] for k in noise_indices(model)]
+            for y in map(tuple, np.abs(states).tolist())  # populations are positive
+        ]
+    )
+    if not np.any(products):
+        return 1.0
+    commute = np.allclose(products, np.swapaxes(products, 1, 2), rtol=1e-12, atol=1e-12)
+    return row.strong_order_commuting if commute else row.strong_order
+
+
+def _note(error: np.ndarray, stderr: np.ndarray, resolved: np.ndarray, samples: int) -> str:
+    """What a reader must know about points that are not resolved, or an empty text."""
+    finite = np.isfinite(error)
+    if resolved.all():
+        return ""
+    if samples == 1:
+        return "one path has no standard error: not resolved"
+    if not finite.all():
+        return "the mean square is infinite where paths left the finite numbers or nearly so"
+    needed = samples_needed(error, stderr, samples)[~resolved].max()
+    if not np.isfinite(needed) or needed <= 0:
+        return f"in brackets: errors below {RESOLVED:g} standard errors"
+    return f"in brackets: not resolved, would need about {float(f'{needed:.1g}'):.0f} samples"

@@ -1,0 +1,117 @@
+"""The paths of a study of strong errors: what is summed along them, and the time of a step."""
+
+import time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from spi.dispatch import tuplewise
+from spi.ensemble import add_reports, empty_report, grid, integrate, limited_threads, watch_casimirs
+from spi.estimators import GROUPS, PARTS
+from spi.fields import squared_distance
+from spi.lanes import load_lane
+from spi.protocol import casimirs
+from spi.rng import LANES
+
+if TYPE_CHECKING:
+    from . import StrongPlan
+
+BLOCKS_PER_ROUND = GROUPS // PARTS  #: after so many blocks all groups have had equally many paths
+_TIMED_STEPS = 2048  # of one block, for the time of a step
+
+
+class StrongSums(NamedTuple):
+    """What one batch of blocks contributes; a row per block.
+
+    `squares[row, offsets[l] + n - 1, part]` is the sum of |y_h - y_ref|^2 at time n h over the lanes of a part, for
+    step size number l > 0; `drift[row, l, c, lane]` the largest |C_c(y) - C_c(y_0)| so far (for the reference: at the
+    end); `nonfinite[row, l]` the number of paths that are not finite at the end.
+    """
+
+    squares: np.ndarray
+    drift: np.ndarray
+    nonfinite: np.ndarray
+    offsets: np.ndarray  #: (levels,) int64
+    steps: np.ndarray  #: (levels,) int64, how many steps each step size takes
+    initial_casimirs: tuple
+
+    def observe(observer, model, row, paths, level, n, y, reference):
+        if level > 0:
+            squares = observer.squares[row, observer.offsets[level] + n - 1]
+            for first in range(0, LANES, PARTS):
+                for part in range(PARTS):
+                    lane = first + part
+                    square = squared_distance(load_lane(model, y, lane), load_lane(model, reference, lane))
+                    squares[part] += square if lane < paths else 0.0
+        last = n == observer.steps[level]
+        if level > 0 or last:
+            watch_casimirs(model, observer.drift[row, level], observer.initial_casimirs, y)
+        if last:
+            for lane in range(paths):
+                observer.nonfinite[row, level] += 0 if _zero_if_finite(load_lane(model, y, lane)) == 0.0 else 1
+
+
+@tuplewise("a[i] - a[i]", total=True)
+def _zero_if_finite(a):
+    """0, or NaN if a component is not finite."""
+
+
+def sums_of(model: Any, initial: tuple[float, ...], steps: np.ndarray, rows: int) -> StrongSums:
+    """Empty sums for `rows` blocks; `steps` (levels,) is how many steps each step size takes."""
+    levels, conserved = len(steps), casimirs(model, initial)
+    return StrongSums(
+        np.zeros((rows, max(int(steps[1:].sum()), 1), PARTS)),
+        np.zeros((rows, levels, len(conserved), LANES)),
+        np.zeros((rows, levels), np.int64),
+        np.concatenate(([0, 0], np.cumsum(steps[1:-1])))[:levels].astype(np.int64),
+        steps,
+        conserved,
+    )
+
+
+class State(NamedTuple):
+    """What is known after the blocks 0, ..., blocks - 1; enough to go on from."""
+
+    blocks: int
+    seconds: float  #: wall clock
+    squares: np.ndarray  #: (GROUPS, points)
+    drift: np.ndarray  #: (levels, casimirs)
+    nonfinite: np.ndarray  #: (levels,)
+    report: np.ndarray  #: (levels, len(REPORT))
+    ns_per_step: np.ndarray  #: (levels - 1,) from large to small steps, NaN until measured
+
+
+def advance_state(p: "StrongPlan", state: State, blocks: int) -> State:
+    """The state after the next `blocks` blocks; the same bits however the blocks are divided into calls."""
+    began = time.perf_counter()
+    sums, report = sums_of(p.model, p.initial, p.steps, blocks), empty_report(blocks, len(p.steps))
+    integrate(p.scheme, p.model, p.initial, p.grid, p.stream, sums, report, state.blocks, blocks, p.samples)
+    squares = state.squares.reshape(BLOCKS_PER_ROUND, PARTS, -1).copy()
+    drift = state.drift.copy()
+    for row in range(blocks):
+        block = state.blocks + row
+        squares[block % BLOCKS_PER_ROUND] += sums.squares[row, : p.points].T
+        lanes = min(LANES, p.samples - block * LANES)
+        # a path that left the finite numbers has no last drift but NaN: it is infinitely far
+        drift = np.maximum(drift, np.nan_to_num(sums.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1))
+    return state._replace(
+        blocks=state.blocks + blocks,
+        seconds=state.seconds + time.perf_counter() - began,
+        squares=squares.reshape(GROUPS, -1),
+        drift=drift,
+        nonfinite=state.nonfinite + sums.nonfinite.sum(axis=0),
+        report=add_reports(state.report, report),
+    )
+
+
+def nanoseconds_per_step(p: "StrongPlan", h: float) -> float:
+    """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
+    times = grid(h, _TIMED_STEPS, truncate=p.grid.truncate, reference_scheme=p.grid.reference_scheme, by_reference=(0,))
+    best = np.inf
+    with limited_threads(1):
+        for _ in range(3):
+            sums, report = sums_of(p.model, p.initial, np.array([_TIMED_STEPS]), 1), empty_report(1, 1)
+            began = time.perf_counter()
+            integrate(p.scheme, p.model, p.initial, times, p.stream, sums, report, 0, 1, LANES)
+            best = min(best, time.perf_counter() - began)
+    return 1e9 * best / (_TIMED_STEPS * LANES)

@@ -1,0 +1,91 @@
+"""Tables of strong errors."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from spi.printing.text import (
+    INTERVAL,
+    angle_note,
+    error_and_remark,
+    lines_of,
+    lost_paths,
+    new_table,
+    order_found,
+    power_of_two,
+    print_whole,
+    records_of_steps,
+    short,
+)
+
+from .reading import StrongErrors
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+#: The columns of the records, in this order; those of an implicit solver follow where there are any.
+COLUMNS = (
+    *("case", "scheme", "eps", "h", "error", "error_stderr", "error_final", "error_final_stderr", "casimir_drift"),
+    *("nonfinite", "resolved", "samples", "seconds", "ns_per_step", "order", "order_low", "order_high"),
+    *("expected_order", "solves", "iterations", "failures", "largest_residual"),
+)
+
+_OF_H = ("h", "error", "error_stderr", "error_final", "error_final_stderr", "nonfinite", "resolved")
+
+
+def rows(readings: Iterable[StrongErrors]) -> Iterator[dict[str, Any]]:
+    """A record per step size; of several Casimirs the largest drift."""
+    for reading in readings:
+        arrays = {name: getattr(reading, name) for name in (*_OF_H, "seconds", "ns_per_step")}
+        arrays |= reading.solver._asdict() if reading.solver else {}
+        if reading.casimir_drift.size:
+            arrays["casimir_drift"] = reading.casimir_drift.max(axis=1)
+        yield from records_of_steps(reading, arrays, COLUMNS)
+
+
+def show(console: "Console", heading: str, readings: Sequence[StrongErrors]) -> None:
+    """Print the table of a case."""
+    from rich.text import Text
+
+    headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "non-\nfinite", "ns per\nstep", ""]
+    table = new_table(heading, headings, left=3, labels=0)
+    table.columns[-1].justify = "left"
+    for reading in readings:
+        label = lines_of(reading.about)
+        for record in rows([reading]):
+            error, remark = error_and_remark(record, INTERVAL * record["error_stderr"])
+            table.add_row(
+                Text(label),
+                power_of_two(record["h"]),
+                error,
+                short(record.get("casimir_drift")),
+                lost_paths(record.get("nonfinite", 0)),
+                short(record.get("ns_per_step"), ".1f"),
+                remark,
+            )
+            label = ""
+        table.add_section()
+    print_whole(console, table)
+    console.print()
+    for reading in readings:
+        for line in _summary(reading):
+            console.print(line, markup=False, soft_wrap=True)
+    console.print()
+
+
+def _summary(reading: StrongErrors) -> Iterator[str]:
+    """What is to be said about all step sizes of one scheme."""
+    order, points = reading.order, len(reading.h)
+    few = order.points < points and order.order == order.order
+    through = f", through the finest {order.points} of {points}" if few else ""
+    yield f"{reading.about.label}: {order_found(*order[:3], reading.expected_order)}{through}"
+    if reading.note:
+        yield f"    {reading.note}"
+    if reading.reference_nonfinite:
+        yield f"    {reading.reference_nonfinite} reference paths left the finite numbers"
+    if note := angle_note(reading.largest_angle):
+        yield f"    {note}"
+    if reading.solver:
+        solves, iterations, failures = (values.sum() for values in reading.solver[:3])
+        residual = reading.solver.largest_residual.max(initial=0)
+        mean = iterations / solves if solves else 0.0
+        yield f"    solver: {mean:.1f} iterations a step, {failures:g} failures, largest residual {short(residual)}"

@@ -1,0 +1,123 @@
+"""The figure of trajectories: a row of panels per case."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.textpath import TextPath
+from matplotlib.transforms import ScaledTranslation
+
+from spi.drawing import layout, style
+from spi.drawing.axes import LINE
+from spi.records import Description
+
+from ..reading import Trajectory
+from .curves import Path
+from .panels import WORDS, Panel
+
+#: Inches of a panel, by the number of panels side by side.
+SIZES = {1: (5.6, 3.6), 2: (4.2, 3.1), 3: (3.5, 2.8), 4: (3.0, 2.6)}
+
+
+def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
+    """The figure of a study of kind trajectory."""
+    rows = _rows(cases)
+    columns, lines, places = _places([len(row) for row in rows])
+    if len(rows) == 1 and len(rows[0]) == 4 and cases[0][0].panels == ("components",):
+        columns, lines = 2, 2
+    width, height = SIZES[columns]
+    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    fig = Figure()
+    grid = fig.add_gridspec(lines, columns)
+    below, above = np.zeros(lines), np.zeros(lines)
+    shown: dict[str, Path] = {}
+    for readings, facts, row, place in zip(cases, own, rows, places, strict=True):
+        for i, panel in enumerate(row):
+            line, column = divmod(place + i, columns)
+            ax = fig.add_subplot(grid[line, column], projection="3d" if panel.solid else None)
+            ax.set_title(panel.title)
+            below[line] = max(below[line], _legend(ax, panel.draw(ax), width))
+            if i == 0 and len(cases) > 1:
+                room = width * (1 if place % columns else min(len(row), columns))
+                above[line] = max(above[line], _case_title(ax, readings[0].about, facts, room))
+            shown |= {path.label: path for path in panel.schemes}
+    if shown:
+        handles = [Line2D([], [], **(path.look(0) | {"markevery": None})) for path in shown.values()]
+        fig.legend(handles, list(shown), loc="outside lower center", ncols=len(shown), frameon=False, handlelength=2.4)
+    total = lines * height + LINE * (below.sum() + above.sum()) + (0.3 if shown else 0)
+    style.dress(fig, columns * width, total, title, shared)
+    return fig
+
+
+def _facts(reading: Trajectory) -> dict[str, str]:
+    return style.facts(reading.about, step=reading.step, path=reading.path)
+
+
+def _rows(cases: Sequence[Sequence[Trajectory]]) -> list[list[Panel]]:
+    """The panels of each case."""
+    looks = style.looks(cases)
+    variants = list(dict.fromkeys(reading.about.variant for readings in cases for reading in readings))
+    rows = []
+    for readings in cases:
+        paths = []
+        for reading in readings:
+            marker, colour = looks[reading.about.variant]
+            turn = variants.index(reading.about.variant) / len(variants)
+            paths.append(Path(reading, style.label(reading.about), marker, colour, turn))
+        rows.append(_panels(readings[0].panels, paths))
+    if not any(rows):
+        raise ValueError("the results name no panel that could be drawn")
+    return rows
+
+
+def _panels(words: Iterable[str], paths: list[Path]) -> list[Panel]:
+    """The panels of one case."""
+    layout.check_panels(words, WORDS)
+    return [panel for word in words for panel in WORDS[word](paths)]
+
+
+def _places(counts: list[int]) -> tuple[int, int, list[int]]:
+    """Columns, lines and where each case starts, for cases of ``counts`` panels each.
+
+    Each case starts a line, unless all of them have one panel: those stand side by side.
+    """
+    strip = max(counts) == 1
+    widest = len(counts) if strip else max(counts)
+    columns = math.ceil(widest / math.ceil(widest / max(SIZES)))
+    each = [1] * len(counts) if strip else [columns * math.ceil(count / columns) for count in counts]
+    places = np.cumsum([0, *each])
+    return columns, math.ceil(places[-1] / columns), places[:-1].tolist()
+
+
+def _legend(ax: Axes, notes: list[layout.Entry], width: float) -> int:
+    """Put a panel's own entries, short and long ones, into legends under its axis label; returns how many lines."""
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": 0, "frameon": False}
+    spacing: dict[str, Any] = {"columnspacing": 1.2, "handlelength": 1.8, "labelspacing": 0.3}
+    lines = 0
+    room = [TextPath((0, 0), text, size=8).get_extents().width / 72 + 0.45 for _, text in notes]
+    for short in (True, False):
+        chosen = [i for i, inches in enumerate(room) if (inches < 1.3) == short]
+        if not chosen:
+            continue
+        columns = min(len(chosen), 4, max(1, int(width / max(room[i] for i in chosen))))
+        aside = 0 if short else -0.22  # long ones in the middle of panel and axis label
+        under = ScaledTranslation(aside, -0.42 - LINE * lines, ax.figure.dpi_scale_trans)
+        before = ax.get_legend()
+        handles, texts = zip(*(notes[i] for i in chosen), strict=True)
+        legend = ax.legend(handles, texts, ncols=columns, **place, **spacing)
+        legend.set_bbox_to_anchor((0.5, 0), ax.transAxes + under)
+        if before:  # axes keep only their latest legend by themselves, and cut other artists off at the frame
+            ax.add_artist(before).set_clip_on(False)
+        lines += math.ceil(len(chosen) / columns)
+    return lines
+
+
+def _case_title(ax: Axes, about: Description, facts: list[str], width: float) -> int:
+    """Write the title of a case above the title of its first panel; returns how many lines it has."""
+    title = layout.case_title(about, facts, width)
+    ax.set_title(f"{title}\n ", loc="left", fontweight="bold")
+    return title.count("\n") + 1

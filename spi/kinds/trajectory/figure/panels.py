@@ -1,0 +1,171 @@
+"""What the panels of a trajectory can show."""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from spi.drawing import style
+from spi.drawing.layout import Entry
+
+from .curves import Path, curve, departure, dress_axes, dress_time, tamed, window
+from .sphere import draw_sphere
+
+OUTSIDE, ZERO = "#f6e6e1", "#555555"  #: negative populations, and the line where they begin
+
+#: Colours and lines of the components of one path.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
+
+START: dict[str, Any] = {"marker": "*", "color": "black", "markersize": 9, "linestyle": "none"}
+
+
+class Panel(NamedTuple):
+    """One axes that is to be drawn."""
+
+    title: str
+    draw: Callable  #: draws on an axes and returns the entries of its legend, (handle, text) each
+    schemes: list[Path]  #: the paths whose colours and markers must be explained
+    solid: bool = False  #: whether it is three-dimensional
+
+
+def casimirs(paths: list[Path]) -> Iterator[Panel]:
+    """Each Casimir over time."""
+    for c, name in enumerate(_casimir_names(paths)):
+        curves = [path.reading.casimirs[:, c] for path in paths]
+        yield Panel(f"Casimir ${name}$", partial(_over_time, paths, curves, f"${name}(y)$"), paths)
+
+
+def casimir_errors(paths: list[Path]) -> Iterator[Panel]:
+    """How each Casimir changes over time."""
+    for c, name in enumerate(_casimir_names(paths)):
+        with np.errstate(invalid="ignore", over="ignore"):
+            curves = [path.reading.casimirs[:, c] - path.reading.casimirs[0, c] for path in paths]
+        label = f"${name}(y)-{name}(y_0)$"
+        yield Panel(f"change of the Casimir ${name}$", partial(_over_time, paths, curves, label, errors=True), paths)
+
+
+def _casimir_names(paths: list[Path]) -> list[str]:
+    count = paths[0].reading.casimirs.shape[1]
+    return ["C"] if count == 1 else [f"C_{c + 1}" for c in range(count)]
+
+
+def _component_names(paths: list[Path]) -> list[str]:
+    return style.component_names(paths[0].reading.about, paths[0].reading.y.shape[1])
+
+
+def hamiltonian(paths: list[Path]) -> Iterator[Panel]:
+    """The Hamiltonian over time."""
+    curves = [path.reading.hamiltonian for path in paths]
+    yield Panel("Hamiltonian $H$", partial(_over_time, paths, curves, "$H(y)$"), paths)
+
+
+def _over_time(paths: list[Path], curves: list[np.ndarray], label: str, ax: Axes, errors: bool = False) -> list[Entry]:
+    frame = window([(path.reading, values) for path, values in zip(paths, curves, strict=True)], errors)
+    notes = [note for path, values in zip(paths, curves, strict=True) for note in curve(ax, path, values, frame)]
+    dress_time(ax, paths[0].reading.t, frame, label, -15 if errors else None)
+    return notes
+
+
+def populations(paths: list[Path]) -> Iterator[Panel]:
+    """Each component over time, all schemes."""
+    for i, name in enumerate(_component_names(paths)):
+        yield Panel(f"population {name}", partial(_population, paths, i, name), paths)
+
+
+def _population(paths: list[Path], i: int, name: str, ax: Axes) -> list[Entry]:
+    notes = _over_time(paths, [path.reading.y[:, i] for path in paths], name, ax)
+    if _lowest(paths, i) < 0:
+        notes = [_negative(ax, [ax.axhspan], [ax.axhline], [ax.get_ylim()]), *notes]
+    return notes
+
+
+def _lowest(paths: list[Path], component: int) -> float:
+    return min(path.reading.lowest[component] for path in paths)
+
+
+def _negative(
+    ax: Axes, spans: Iterable[Callable], lines: Iterable[Callable], limits: Iterable[tuple[float, float]]
+) -> Entry:
+    """Shade what is below zero, and return a note of it."""
+    for span, line, (low, _) in zip(spans, lines, limits, strict=True):
+        if low < 0:
+            span(low, 0, color=OUTSIDE, linewidth=0, zorder=0)
+            line(0, color=ZERO, linewidth=0.7, zorder=1)
+    return Patch(color=OUTSIDE), "negative population"
+
+
+def components(paths: list[Path]) -> Iterator[Panel]:
+    """All components over time, an axes per scheme."""
+    names, pairs = _component_names(paths), paths[0].reading.about.model in style.COMPLEX
+    frame = window([(path.reading, path.reading.y) for path in paths])
+    for path in paths:
+        yield Panel(path.label, partial(_components, path, names, frame, pairs), [])
+
+
+def _components(path: Path, names: list[str], frame: tuple[float, float], pairs: bool, ax: Axes) -> list[Entry]:
+    notes, drawn = [], tamed(path.reading.y, frame)
+    for i, name in enumerate(names):
+        colour, line = divmod(i, 2) if pairs else (i, i % len(LINES))  # a colour per mode, or per component
+        look: dict[str, Any] = {"color": COLOURS[colour % len(COLOURS)], "linestyle": LINES[line]}
+        notes += [(handle, name) for handle in ax.plot(path.reading.t, drawn[:, i], zorder=3, **look)]
+    dress_time(ax, path.reading.t, frame, "components")
+    return notes + departure(ax, path._replace(colour="black"), path.reading.y, frame)
+
+
+def phase(paths: list[Path]) -> Iterator[Panel]:
+    """The plane of the first two components, all schemes."""
+    names = _component_names(paths)
+    if len(names) < 2:
+        raise ValueError("the panel 'phase' needs two components")
+    positive = "populations" in paths[0].reading.panels
+    yield Panel("phase plane", partial(_plane, paths, names[:2], positive), paths)
+
+
+def _plane(paths: list[Path], names: list[str], positive: bool, ax: Axes) -> list[Entry]:
+    frames = [window([(path.reading, path.reading.y[:, i]) for path in paths]) for i in (0, 1)]
+    low, high = np.array(frames).T
+    limits = low, high
+    for path in paths:
+        ax.plot(*tamed(path.reading.y[:, :2], limits).T, zorder=3, **path.look(len(path.reading.t)))
+    ax.set(xlim=frames[0], ylim=frames[1], xlabel=names[0], ylabel=names[1])
+    dress_axes(ax)
+    ax.plot(*paths[0].reading.y[0, :2], zorder=5, **START)
+    notes: list[Entry] = [(Line2D([], [], **START), "start")]
+    negative = [_lowest(paths, i) < 0 for i in (0, 1)]
+    if positive and any(negative):
+        notes.append(_negative(ax, [ax.axvspan, ax.axhspan], [ax.axvline, ax.axhline], frames))
+    else:
+        for line, crossed in zip((ax.axvline, ax.axhline), negative, strict=True):
+            if crossed:
+                line(0, color=ZERO, linewidth=0.7, zorder=1)
+    return notes + [note for path in paths for note in departure(ax, path, path.reading.y[:, :2], limits, plane=True)]
+
+
+def sphere(paths: list[Path]) -> Iterator[Panel]:
+    """The first path that its scheme keeps on the sphere, or the first of all."""
+    path = next((path for path in paths if path.reading.preserves_casimirs), paths[0])
+    if path.reading.y.shape[1] != 3:
+        raise ValueError("the panel 'sphere' needs three components")
+    yield Panel(f"{path.label} on the sphere $|y|=|y_0|$", partial(_sphere, path), [path], True)
+
+
+def _sphere(path: Path, ax: Any) -> list[Entry]:
+    draw_sphere(ax, path.reading.y, path.colour, START)
+    return [(Line2D([], [], **START), "start")]
+
+
+#: The panels, by the words of a spec.
+WORDS = {
+    "casimirs": casimirs,
+    "casimir_errors": casimir_errors,
+    "hamiltonian": hamiltonian,
+    "components": components,
+    "populations": populations,
+    "sphere": sphere,
+    "phase": phase,
+}

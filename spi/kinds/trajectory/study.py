@@ -1,0 +1,151 @@
+"""Trajectories: one path of each scheme, all on the same Brownian path, with the Hamiltonian and the Casimirs."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.dispatch import kernel, number, unrolled
+from spi.ensemble import empty_report, grid, integrate, report_columns, thread_count
+from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan
+from spi.lanes import load_lane
+from spi.protocol import REPORT, casimir_indices, casimirs, hamiltonian
+from spi.records import Group, Part
+from spi.rng import LANES
+from spi.schemes import typical_ns
+
+
+class Recorder(NamedTuple):
+    """The states of one lane after every step."""
+
+    y: np.ndarray  #: (steps + 1, d)
+    lane: int
+
+    def observe(observer, model, row, paths, level, n, y, reference):
+        for i in range(observer.y.shape[1]):
+            observer.y[n, i] = y[i * LANES + observer.lane]
+
+
+class State(NamedTuple):
+    """Nothing (0 blocks) or all (1) is done."""
+
+    blocks: int
+    seconds: float  #: wall clock
+    y: np.ndarray  #: (steps + 1, d), at first (0, d)
+    report: np.ndarray  #: (len(REPORT),) of the whole block
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme."""
+    return [Part(scheme, eps=eps) for scheme, eps in case.runs]
+
+
+def plan(case: Any, part: Part) -> "TrajectoryPlan":
+    """The plan for one scheme of a case."""
+    times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise)
+    return TrajectoryPlan(case=case, part=part, grid=times, samples=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryPlan(PathsPlan):
+    """One path of one scheme: number ``case.path`` of the seed."""
+
+    def cost(self) -> Cost:
+        """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory."""
+        steps = self.grid.reference_steps
+        seconds = steps * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
+        return Cost(steps * LANES, seconds, 8 * (steps + 1) * (len(self.initial) + 4))
+
+    def start(self) -> State:
+        """The state before anything is done."""
+        return State(blocks=0, seconds=0.0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step, and its invariants."""
+        y = np.zeros((2, len(self.initial)))
+        energy, conserved = np.empty(2), np.empty((2, len(casimir_indices(self.model))))
+        of_states = KernelCall(invariants, (self.model, y, energy, conserved))
+        return [self.least.integration(Recorder(y, 0)), of_states]
+
+    def batches(self, state: State) -> Iterator[State]:
+        """Run the path, if it has not been; one batch."""
+        if state.blocks:
+            return
+        began = time.perf_counter()
+        block, lane = divmod(self.case.path, LANES)
+        y = np.empty((self.grid.reference_steps + 1, len(self.initial)))
+        y[0] = self.initial
+        report, end = empty_report(1, 1), self.case.path + 1
+        integrate(
+            self.scheme, self.model, self.initial, self.grid, self.stream, Recorder(y, lane), report, block, 1, end
+        )
+        yield State(blocks=1, seconds=time.perf_counter() - began, y=y, report=report[0, 0])
+
+    def progress(self, state: State) -> Done:
+        """0 or 1 paths of 1, and no standard error."""
+        return Done(self.paths_done(state), self.samples, float("nan"))
+
+    def group(self, state: State) -> Group:
+        """The results of one scheme of a case, from its final state."""
+        n, d = state.y.shape
+        energy, conserved = np.empty(n), np.empty((n, len(casimir_indices(self.model))))
+        invariants(self.model, state.y, energy, conserved)
+        t = np.arange(n) * self.case.step
+        lost = np.flatnonzero(~np.isfinite(state.y).all(axis=1))
+        with np.errstate(invalid="ignore"):
+            drift = np.abs(conserved - conserved[0]).max(axis=0)
+        return Group(
+            self.case.name,
+            self.part.variant,
+            {"t": t, "component": np.arange(d), "casimir": np.arange(conserved.shape[1])},
+            {
+                "y": (("t", "component"), state.y),
+                "hamiltonian": (("t",), energy),
+                "casimirs": (("t", "casimir"), conserved),
+            },
+            {
+                **self.description(),
+                "preserves": self.row.preserves,
+                "step": self.case.step,
+                "path": self.case.path,
+                "panels": self.case.panels,
+                "nonfinite_from": float(t[lost[0]]) if len(lost) else float("nan"),
+                "casimir_drift": tuple(float(x) for x in drift),
+                "wall_seconds": state.seconds,
+                "threads": thread_count(),
+                **_reported(state.report),
+            },
+        )
+
+
+@unrolled(casimir_indices)
+def _keep_casimir(index, model, values, row, y):
+    c = number(index)
+    values[row, c] = casimirs(model, y)[c]
+    return values
+
+
+@kernel
+def invariants(model, states, energy, conserved):
+    """H and the Casimirs of each row of `states` (n, d), in `energy` (n,) and `conserved` (n, C)."""
+    block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
+    for row in range(len(states)):
+        block[::LANES] = states[row]
+        y = load_lane(model, block, 0)
+        energy[row] = hamiltonian(model, y)
+        _keep_casimir(model, conserved, row, y)
+
+
+def _reported(report: np.ndarray) -> dict[str, Any]:
+    """What the scheme reports of its equations and of angles, as attributes; nothing where there is nothing."""
+    told = report_columns(report)
+    found = {}
+    if "solves" in told:
+        found["solver_failures"] = int(told["failures"])
+        found["solver_iterations_mean"] = told["iterations"] / told["solves"]
+        found["solver_largest_residual"] = told["largest_residual"]
+    if "largest_angle" in told:
+        found["largest_angle"] = told["largest_angle"]
+    return found

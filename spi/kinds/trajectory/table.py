@@ -1,0 +1,49 @@
+"""Tables of trajectories."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from spi.printing.text import in_order, new_table, power_of_two, print_whole, short
+
+from .reading import Trajectory
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def rows(readings: Iterable[Trajectory]) -> Iterator[dict[str, Any]]:
+    """A record per time."""
+    for reading in readings:
+        about, names = reading.about, ("case", "scheme", "eps")
+        whole = in_order({name: getattr(about, name) for name in names}, names)
+        columns = {"t": reading.t, **{f"y_{i + 1}": v for i, v in enumerate(reading.y.T)}}
+        columns["hamiltonian"] = reading.hamiltonian
+        columns |= {f"casimir_{c + 1}": v for c, v in enumerate(reading.casimirs.T)}
+        for values in zip(*(v.tolist() for v in columns.values()), strict=True):
+            yield {**whole, **dict(zip(columns, values, strict=True))}
+
+
+def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> None:
+    """Print the table of a case."""
+    from rich.text import Text
+
+    count = len(readings[0].casimir_drift)
+    drifts = [f"drift\nof C{c + 1 if count > 1 else ''}" for c in range(count)]
+    headings = ["scheme", "step", "steps", "H at the\nend", *drifts, "smallest\ncomponent", "not finite\nfrom t ="]
+    implicit = any(reading.solver for reading in readings)
+    table = new_table(heading, headings + ["solver\nfailures", "iterations\na step"] * implicit, left=1)
+    for reading in readings:
+        lost, solver = reading.nonfinite_from, reading.solver
+        cells = [str(solver.failures), short(solver.iterations_per_step, ".1f")] if solver else ["", ""]
+        table.add_row(
+            Text(reading.about.label),
+            power_of_two(reading.step),
+            str(len(reading.y) - 1),
+            short(float(reading.hamiltonian[-1]), ".6g"),
+            *map(short, reading.casimir_drift),
+            short(float(reading.lowest.min()), ".3g"),
+            Text("" if lost is None else f"{lost:g}", style="bold red"),
+            *map(Text, cells * implicit),
+        )
+    print_whole(console, table)
+    console.print()

@@ -1,0 +1,44 @@
+"""The keys of an experiment of kind weak."""
+
+from itertools import pairwise
+from typing import Annotated, Literal, Self
+
+from annotated_types import MinLen
+from pydantic import model_validator
+
+from spi.spec.cases import SampledCase
+from spi.spec.keys import ESTIMATORS, Estimators, Functions, Samples, key_of, wrong
+
+#: What the figure can show.
+PANELS = ("errors", "samples", "seconds", "eps")
+
+Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
+
+
+class Case(SampledCase):
+    """Weak errors of schemes: E phi(y_N) for test functions phi, against the same at the reference step."""
+
+    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi")
+    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}")
+    prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
+    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
+
+    @model_validator(mode="after")
+    def _check_prefixes(self) -> Self:
+        for before, n in pairwise(self.prefixes or ()):
+            if n <= before:
+                raise wrong(f"has {n} after {before}", "must increase", "prefixes")
+        if self.prefixes and "plain" in self.estimators and self.prefixes[-1] > self.samples:
+            raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
+        return self
+
+    @model_validator(mode="after")
+    def _check_panels(self) -> Self:
+        if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
+            raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")
+        if {"samples", "seconds"} & set(self.panels) and not ("plain" in self.estimators and self.prefixes):
+            panel = next(p for p in self.panels if p in ("samples", "seconds"))
+            right = "needs the estimator plain and prefixes, as in prefixes: [10^3, 10^4]"
+            raise wrong(f"has '{panel}', but there are no results of fewer samples", right, "panels")
+        return self

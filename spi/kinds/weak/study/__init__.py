@@ -1,0 +1,37 @@
+"""Weak errors E phi(y_h(T)) - E phi(y(T)) of test functions phi, by three estimators that check one another.
+
+``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step; what that reference
+lacks is extrapolated by the scheme's known order.  ``kolmogorov`` does not sample and measures against the law of the
+equation.
+"""
+
+from typing import Any
+
+from spi.records import Part
+from spi.schemes import SCHEMES
+
+from .kolmogorov import KolmogorovPlan
+from .multilevel import MultilevelPlan
+from .plain import PlainPlan
+
+#: name of an estimator in a spec file -> class of its plans
+ESTIMATORS: dict[str, type[PlainPlan] | type[MultilevelPlan] | type[KolmogorovPlan]] = {
+    "plain": PlainPlan,
+    "multilevel": MultilevelPlan,
+    "kolmogorov": KolmogorovPlan,
+}
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme with each estimator that can do it."""
+    return [
+        Part(scheme, estimator, eps)
+        for scheme, eps in case.runs
+        for estimator in case.estimators
+        if estimator != "kolmogorov" or SCHEMES[scheme].solvable_without_sampling
+    ]
+
+
+def plan(case: Any, part: Part) -> PlainPlan | MultilevelPlan | KolmogorovPlan:
+    """The plan for one scheme of a case with one estimator."""
+    return ESTIMATORS[part.estimator].of(case, part)

@@ -1,0 +1,143 @@
+"""Weak errors without sampling, from ``spi.kolmogorov``."""
+
+import functools
+import json
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble import thread_count
+from spi.expressions import as_numpy
+from spi.kinds.plans import Cost, Done, PartPlan
+from spi.kolmogorov import Expectations, expectations, typical_seconds
+from spi.records import Group, Order, Part
+from spi.schemes.rows import compositions
+
+from .groups import PER_POINT, order_variables, weak_group
+
+_CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
+
+
+class State(NamedTuple):
+    """Nothing or everything is done, for F test functions at S step sizes; the bounds are of numerical errors."""
+
+    done: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    value: np.ndarray  #: (F, S) E phi(y_N)
+    value_bound: np.ndarray  #: (F, S)
+    limit: np.ndarray  #: (F,) E phi(y(T))
+    limit_bound: np.ndarray  #: (F,)
+    error: np.ndarray  #: (F, S)
+    error_bound: np.ndarray  #: (F, S)
+    notes: str  #: JSON
+
+
+@dataclass(frozen=True, kw_only=True)
+class KolmogorovPlan(PartPlan):
+    """Weak errors of one splitting scheme from its backward operators."""
+
+    @classmethod
+    def of(cls, case: Any, part: Part) -> "KolmogorovPlan":
+        """The plan for one scheme of a case."""
+        return cls(case=case, part=part)
+
+    def cost(self) -> Cost:
+        """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
+        return Cost(0, typical_seconds(self.model) * thread_count(), int(2e9))
+
+    def start(self) -> State:
+        """The state before anything is done."""
+        per_function = np.zeros(len(self.case.functions))
+        per_point = np.zeros((len(per_function), len(self.case.steps)))
+        return State(
+            done=0,
+            seconds=0.0,
+            cpu_seconds=0.0,
+            value=per_point,
+            value_bound=per_point,
+            limit=per_function,
+            limit_bound=per_function,
+            error=per_point,
+            error_bound=per_point,
+            notes="",
+        )
+
+    def batches(self, state: State) -> Iterator[State]:
+        """All in one batch."""
+        if state.done:
+            return
+        began, cpu_began = time.perf_counter(), time.process_time()
+        found = solution(self.case, self.row.composition, self.case.steps)
+        yield State(
+            done=1,
+            seconds=time.perf_counter() - began,
+            cpu_seconds=time.process_time() - cpu_began,
+            value=found.value,
+            value_bound=found.value_bound,
+            limit=found.limit,
+            limit_bound=found.limit_bound,
+            error=found.weak_error,
+            error_bound=found.weak_error_bound,
+            notes=json.dumps(found.notes, default=lambda value: value.tolist()),
+        )
+
+    def progress(self, state: State) -> Done:
+        """0 or 1 of 1; no standard error."""
+        return Done(state.done, 1, float("nan"))
+
+    def group(self, state: State) -> Group:
+        """The results of one scheme of a case, from its final state."""
+        h, resolved = np.array(self.case.steps), np.abs(state.error) >= _CLEAR * state.error_bound
+        each = zip(state.error, state.error_bound, resolved, strict=True)
+        orders = [_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each]
+        variables = {
+            "error": (PER_POINT, state.error),
+            "error_bound": (PER_POINT, state.error_bound),
+            "resolved": (PER_POINT, resolved),
+            "expectation": (PER_POINT, state.value),
+            "expectation_bound": (PER_POINT, state.value_bound),
+            "limit": (("function",), state.limit),
+            "limit_bound": (("function",), state.limit_bound),
+            **order_variables(orders),
+        }
+        attributes = {"cpu_seconds": state.cpu_seconds, "wall_seconds": state.seconds, "notes": state.notes}
+        return weak_group(self, {}, variables, attributes)
+
+
+def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
+    """The :class:`~spi.kolmogorov.Expectations` of a composition of flows for a case at the step sizes `steps`."""
+    acting = compositions(rows, case.model)
+    steps = tuple(float(h) for h in steps)
+    return _solution(case.model, acting, case.initial, case.final_time, steps, case.expressions, case.accuracy)
+
+
+@functools.lru_cache(maxsize=8)
+def _solution(
+    model: Any,
+    acting: tuple,
+    initial: tuple[float, ...],
+    final_time: float,
+    steps: tuple[float, ...],
+    functions: tuple,
+    accuracy: float | None,
+) -> Expectations:
+    """Kept, because the control of several eps is the same."""
+    callables = [as_numpy(f) for f in functions]
+    return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
+
+
+def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
+    """The slope between the two finest steps; its interval is one and a half times what the slope before differs.
+
+    Where the error is C h^p + D h^q, slopes tend to p by at least a factor of 2 each time h is halved.
+    """
+    if len(h) < 3:
+        return Order(np.nan, np.nan, np.nan, len(h))
+    slope = np.diff(np.log(error)) / np.diff(np.log(h))
+    trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
+    half = 1.5 * abs(slope[-1] - slope[-2]) + trust
+    return Order(slope[-1], slope[-1] - half, slope[-1] + half, len(h))

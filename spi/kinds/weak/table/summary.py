@@ -1,0 +1,113 @@
+"""What is said under a table of weak errors: orders, standard errors, references, agreement."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from spi.printing.text import fraction, order_found, power_of_two, short, with_interval, with_pi
+
+from ..reading import Sampled, WeakErrors
+from ..reading.comparisons import agreement
+from .eps import limits_shown, over_eps
+from .levels import level_warnings
+
+PAPER = 1e9  #: samples of the paper's weak errors
+TOO_FAR = 4.0  #: standard errors
+
+
+def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    """The lines under the table of a case."""
+    for name, formula in zip(readings[0].functions, readings[0].formulas, strict=True):
+        yield f"{name} = {with_pi(formula)}"
+    for reading in readings:
+        yield from _summary(reading)
+    yield from over_eps(readings)
+    yield from _references(readings)
+    yield from limits_shown(readings)
+
+
+def name_of(reading: WeakErrors, f: int) -> str:
+    """What a line is about: scheme, estimator and, if there are several, the test function."""
+    names = reading.functions
+    return ", ".join([reading.about.label, reading.about.estimator, *[names[f]] * (len(names) > 1)])
+
+
+def _summary(reading: WeakErrors) -> Iterator[str]:
+    """What is to be said about all step sizes of one scheme with one estimator."""
+    points = len(reading.h)
+    for f, function in enumerate(reading.functions):
+        order, low, high, used = reading.orders[f]
+        through = f", through {used} of {points} step sizes" if math.isfinite(order) and used < points else ""
+        yield f"{name_of(reading, f)}: {order_found(order, low, high, reading.expected_order)}{through}"
+        if reading.sampled:
+            yield f"    {_accuracy(reading, reading.sampled, f)}"
+        if reading.unsampled:
+            limit, bound = (values[f].item() for values in (reading.unsampled.limit, reading.unsampled.limit_bound))
+            yield f"    E {function}(y(T)) = {with_interval(limit, bound)} (bound)"
+        if reading.levels:
+            yield from (f"    {line}" for line in level_warnings(reading.levels, f))
+    if reading.unsampled and (resolution := _resolution(reading.unsampled.notes)):
+        yield f"    {resolution}"
+    if reading.reference_nonfinite:
+        yield f"    {reading.reference_nonfinite} reference paths left the finite numbers"
+
+
+def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
+    """The standard error at the largest step beside that of so many independent samples as the paper has."""
+    largest, seconds = int(reading.h.argmax()), reading.cpu_seconds
+    stderr = float(sampled.error_stderr[f, largest])
+    told = f"standard error {short(stderr)} at {power_of_two(reading.h[largest])}"
+    told += f" in {seconds:.3g} s of processor time"
+    paper = math.nan if sampled.sd is None else float(sampled.sd[f]) / math.sqrt(PAPER)
+    if math.isfinite(paper):
+        told += f"; 10^9 independent samples would give {short(paper)}"
+        if stderr > paper > 0 and math.isfinite(stderr):
+            told += f", which would take about {_two_digits(seconds * (stderr / paper) ** 2)} s here"
+    return told
+
+
+def _two_digits(x: float) -> str:
+    return short(float(f"{x:.2g}"), "g")
+
+
+def _resolution(notes: dict[str, Any]) -> str:
+    """The short ones of the notes of a solver without sampling."""
+    short_ones = {key: json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
+    return ", ".join(f"{key.replace('_', ' ')} {text}" for key, text in short_ones.items() if len(text) <= 12)
+
+
+def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    """How much of the errors the references of a case lack."""
+    sampled = [reading for reading in readings if reading.sampled]
+    told = dict.fromkeys((r.reference_step, r.h.min(), r.expected_order, r.reference_scheme) for r in sampled)
+    for reference, finest, order, scheme in told:
+        where = f"the reference at h_ref = {power_of_two(reference)}"
+        if scheme:
+            yield f"{where} is {scheme}: errors are not corrected for what it lacks"
+        elif order:
+            share = 100 * (reference / finest) ** order
+            ratio = "h_ref/h" if order == 1 else f"(h_ref/h)^{fraction(order)}"
+            yield f"{where} lacks {ratio} = {share:.2g} % of the finest error (order {fraction(order)}); corrected"
+        else:
+            yield f"{where}: errors are corrected for what it lacks as if the scheme had its usual order"
+
+
+def agreement_line(reading: WeakErrors, readings: Sequence[WeakErrors], f: int) -> Iterator[tuple[str, bool]]:
+    """What is to be said about one test function, and whether the errors disagree; nothing if they are not compared."""
+    found = agreement(reading, readings)
+    if found is None or not any(map(math.isfinite, found.deviation[f])):
+        return
+    far = [power_of_two(h) for h, value in zip(reading.h, found.deviation[f], strict=True) if abs(value) > TOO_FAR]
+    told = f"sampled minus deterministic, in standard errors: {_each(reading.h, found.deviation[f], 'z.1f')}"
+    told += f"; standard error / weak error: {_each(reading.h, found.share[f], '.2g')}"
+    yield told + f"; DISAGREE at {', '.join(far)}" * bool(far), bool(far)
+
+
+def _each(h: np.ndarray, values: np.ndarray, form: str) -> str:
+    pairs = zip(h, values, strict=True)
+    return ", ".join(
+        f"{power_of_two(step)}: {short(float(value), form)}" for step, value in pairs if math.isfinite(value)
+    )

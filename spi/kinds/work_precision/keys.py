@@ -1,0 +1,37 @@
+"""The keys of an experiment of kind work_precision."""
+
+from typing import Annotated, ClassVar, Self
+
+from annotated_types import Ge, Le, MinLen
+from pydantic import model_validator
+
+from spi.protocol import Positive
+from spi.spec.cases import SampledCase
+from spi.spec.keys import ESTIMATORS, key_of, wrong
+
+Targets = Annotated[tuple[Positive, ...], MinLen(1)]
+Repeats = Annotated[int, Ge(3), Le(1000)]
+
+
+class Case(SampledCase):
+    """Errors of schemes against the time that a path takes: strong errors, or weak ones of one test function."""
+
+    targets: key_of(Targets | None, "errors for which the cheapest scheme is asked; default: powers of ten") = None
+    repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
+
+    prefixes: ClassVar[None] = None
+    panels: ClassVar[tuple] = ()
+
+    @model_validator(mode="after")
+    def _check_measure(self) -> Self:
+        if not self.functions:
+            if self.estimators:
+                raise wrong("is for weak errors", "leave it out, or give functions", "estimators")
+            if self.samples is None:
+                add = f"add samples: {type(self).model_fields['samples'].description}"
+                raise wrong("missing key 'samples'", add, "samples")
+        elif len(self.functions) > 1:
+            raise wrong(f"has {len(self.functions)} functions", "must have one, for one error", "functions")
+        elif not self.estimators:
+            raise wrong("missing key 'estimators'", f"add estimators: some of {', '.join(ESTIMATORS)}", "estimators")
+        return self

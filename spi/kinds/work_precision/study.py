@@ -1,0 +1,200 @@
+"""Work and precision: the errors of schemes against the processor time that one path takes.
+
+Errors are those of an experiment of kind strong or, where there is a test function, weak.  The time is measured for
+each step size alone, on one thread, after everything is compiled.  It is the median of several repeats, in each of
+which all step sizes take their turn, so that a machine that is slow for a while is so for all of them.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads
+from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, Plan
+from spi.kinds.strong import study as strong
+from spi.kinds.strong.study.paths import StrongSums, sums_of
+from spi.kinds.weak import study as weak
+from spi.records import Group, Part, Variables
+from spi.rng import LANES
+from spi.schemes import reference_record, typical_ns
+
+#: Steps of paths that a step size takes in one repeat: some milliseconds.
+_PATH_STEPS = 2**20
+#: What variables of the errors are kept.
+_KEPT = ("error", "error_stderr", "resolved", "nonfinite", "casimir_drift")
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme, weak errors with the first estimator that can do it."""
+    first: dict[str, Part] = {}
+    for part in (weak if case.functions else strong).parts(case):
+        first.setdefault(part.variant, part)
+    return list(first.values())
+
+
+def plan(case: Any, part: Part) -> "WorkPlan":
+    """The plan for one scheme of a case."""
+    errors = weak.plan(case, part) if case.functions else replace(strong.plan(case, part), timed=False)
+    return WorkPlan(case=case, part=part, errors=errors)
+
+
+class State(NamedTuple):
+    """What is known so far; enough to go on from."""
+
+    errors: Any  #: the state of the plan of the errors
+    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured
+    timing_seconds: float  #: wall clock
+
+    @property
+    def seconds(self) -> float:
+        """Wall clock, of errors and times together."""
+        return self.errors.seconds + self.timing_seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkPlan(PartPlan):
+    """Errors of one scheme, and then the time of a path at each step size."""
+
+    errors: Plan  #: of the strong or weak errors
+
+    def cost(self) -> Cost:
+        """The cost of the errors; the times take some seconds more."""
+        return self.errors.cost()
+
+    def start(self) -> State:
+        """The state before anything is done."""
+        times = np.full((self.case.repeats, len(self.case.steps)), np.nan)
+        return State(errors=self.errors.start(), times=times, timing_seconds=0.0)
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """Those of the errors, and one step of one block as it is timed."""
+        return [*self.errors.kernel_calls(), KernelCall(integrate, _arguments(self, self.case.steps[0], 1, 1))]
+
+    def batches(self, state: State) -> Iterator[State]:
+        """Compute the errors, then measure the times that are left; yields the state after each batch or repeat."""
+        for errors in self.errors.batches(state.errors):
+            state = state._replace(errors=errors)
+            yield state
+        yield from _timings(self, state)
+
+    def progress(self, state: State) -> Done:
+        """How far the errors are and, from the first repeat on, the times, in seconds of typical speed."""
+        of_errors = self.errors.progress(state.errors)
+        measured = int(np.isfinite(state.times).all(axis=1).sum())
+        if not measured:
+            return of_errors
+        seconds = 1e-9 * typical_ns(self.part.scheme, self.model) * _PATH_STEPS * len(self.case.steps)
+        return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
+
+    def group(self, state: State) -> Group:
+        """The results of one scheme of a case: errors, and the quartiles of the times."""
+        case, found = self.case, self.errors.group(state.errors)
+        variables = _errors_of_one(found)
+        axes = {axis for axes, _ in variables.values() for axis in axes}
+        low, median, high = np.quantile(state.times, (0.25, 0.5, 0.75), axis=0)
+        times = {"seconds_per_path": median, "seconds_per_path_low": low, "seconds_per_path_high": high}
+        times["ns_per_step"] = 1e9 * median * np.array(case.steps) / case.final_time
+        return Group(
+            case.name,
+            self.part.variant,
+            {name: values for name, values in found.coordinates.items() if name in axes},
+            variables | {name: (("h",), values) for name, values in times.items()},
+            {
+                **found.attributes,
+                **_order_of_one(found),
+                "measure": "weak" if case.functions else "strong",
+                "exact": "error_bound" in found.variables,
+                "targets": case.targets or _targets(variables["error"][1][variables["resolved"][1]]),
+                "repeats": case.repeats,
+            },
+        )
+
+
+class _Job(NamedTuple):
+    """What is timed at one step size."""
+
+    paths: int
+    run: Callable[[], Any]  #: integrates so many whole paths from 0 to T
+
+
+def _job(p: WorkPlan, h: float) -> _Job:
+    """Whole paths at step size h, with nothing else to be done than to keep, or to look at, their ends."""
+    case = p.case
+    steps = round(case.final_time / h)
+    blocks = max(1, _PATH_STEPS // (LANES * steps))
+    arguments = _arguments(p, h, steps, blocks)
+    return _Job(blocks * LANES, lambda: integrate(*arguments))
+
+
+def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, ...]:
+    """The arguments of :func:`spi.ensemble.integrate` for so many steps of size h of so many blocks."""
+    case = p.case
+    reference = reference_record(case.reference_scheme, p.part.eps)
+    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, by_reference=(0,))
+    observer: FinalStates | StrongSums
+    if case.functions:
+        observer = FinalStates(np.empty((blocks, 1, len(p.initial) * LANES)), np.array([steps]))
+    else:
+        observer = sums_of(p.model, p.initial, np.array([steps]), blocks)
+    report = empty_report(blocks, 1)
+    return p.scheme, p.model, p.initial, times, brownian(case.seed), observer, report, 0, blocks, blocks * LANES
+
+
+def _timings(p: WorkPlan, state: State) -> Iterator[State]:
+    """Measure what is left of the times; yields the state after each repeat."""
+    left = np.flatnonzero(np.isnan(state.times).any(axis=1))
+    if not len(left):
+        return
+    began = time.perf_counter()
+    jobs = [_job(p, h) for h in p.case.steps]
+    _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
+    for repeat in left:
+        times = state.times.copy()
+        times[repeat] = _seconds_per_path(jobs)
+        now = time.perf_counter()
+        state = state._replace(times=times, timing_seconds=state.timing_seconds + now - began)
+        began = now
+        yield state
+
+
+def _seconds_per_path(jobs: Iterable[_Job]) -> list[float]:
+    """Processor seconds of one path of each job, on one thread, one job after the other."""
+    found = []
+    with limited_threads(1):
+        for job in jobs:
+            began = time.process_time()
+            job.run()
+            found.append((time.process_time() - began) / job.paths)
+    return found
+
+
+def _errors_of_one(found: Group) -> Variables:
+    """The variables that are kept of strong errors, or of weak ones, in modulus, of the only test function."""
+    kept = {}
+    for name, (axes, values) in found.variables.items():
+        if axes[:1] == ("function",):
+            axes, values = axes[1:], values[0]
+        name = "error_stderr" if name == "error_bound" else name
+        if name in _KEPT and axes[:1] == ("h",):
+            kept[name] = axes, np.abs(values) if name == "error" else values
+    return kept
+
+
+def _order_of_one(found: Group) -> dict[str, Any]:
+    """The order of the only test function, under the names that it has among strong errors."""
+    if "order" not in found.variables:
+        return {}
+    order, low, high, points = (found.variables[f"order{end}"][1][0] for end in ("", "_low", "_high", "_points"))
+    return {"order": float(order), "order_ci": (float(low), float(high)), "points_in_fit": int(points)}
+
+
+def _targets(error: np.ndarray) -> tuple[float, ...]:
+    """Powers of ten within the errors that are resolved, or the next below if there is none."""
+    error = error[error > 0.0]
+    if not len(error):
+        return (0.1,)
+    low, high = np.ceil(np.log10(error.min())), np.floor(np.log10(error.max()))
+    return tuple(10.0**e for e in np.arange(high, min(low, high) - 1, -1))

@@ -1,0 +1,76 @@
+"""Compositions of flows as they act on functions: the backward operator of a step, (P f)(y) = E f(y_1) given y_0 = y.
+
+P is the product of one operator for each flow, and the last flow acts on f first.  Flows of a piece of H and of a noise
+with one number commute.
+"""
+
+from collections import Counter
+from itertools import takewhile
+
+
+def numbers_of_steps(final_time, steps):
+    """How many steps of each size there are; ValueError where the final time is no multiple."""
+    numbers = [round(final_time / h) for h in steps]
+    for n, h in zip(numbers, steps, strict=True):
+        if n < 1 or abs(n * h - final_time) > 1e-9 * final_time:
+            raise ValueError(f"the step size {h} does not divide the final time {final_time}")
+    return numbers
+
+
+def acting_on_functions(flows, active):
+    """The flows of a composition in the order in which they act on functions, those left out that are not active.
+
+    `flows` are ("drift" or "noise", k, share of the step), `active(part, k)` says whether such a flow moves anything.
+    """
+    for part, _, _ in flows:
+        if part not in ("drift", "noise"):
+            raise ValueError(f"a composition consists of 'drift' and 'noise', not {part!r}")
+    return tuple(flow for flow in reversed(flows) if active(*flow[:2]))
+
+
+def joined(word):
+    """((k, drift share, noise share), ...): neighbouring flows with one number as one."""
+    groups = []
+    for part, k, share in word:
+        if not groups or groups[-1][0] != k:
+            groups.append((k, 0.0, 0.0))
+        _, drift, noise = groups[-1]
+        groups[-1] = (k, drift + share * (part == "drift"), noise + share * (part == "noise"))
+    return tuple(groups)
+
+
+def words_of(compositions, active):
+    """{flows as they act on functions: probability}, equal ones joined."""
+    words = Counter()
+    for probability, flows in compositions:
+        words[acting_on_functions(flows, active)] += probability
+    return words
+
+
+def weak_order(words):
+    """Weak order of a step, 1 or 2: in the product of the exponentials, X_i X_j must have the coefficient 1/2."""
+    parts = {(part, k) for word in words for part, k, _ in word}
+    for first, second in ((a, b) for a in parts for b in parts if a[1] != b[1]):
+        share = 0.0
+        for word, probability in words.items():
+            pairs = [
+                (a[2] * b[2]) for i, a in enumerate(word) for b in word[i + 1 :] if (a[:2], b[:2]) == (first, second)
+            ]
+            share += probability * sum(pairs)
+        if abs(share - 0.5) > 1e-12:
+            return 1
+    return 2
+
+
+def plan(words):
+    """(begin, branches, end): what all words share is applied once; a branch is (probability, groups)."""
+    if len(words) == 1:
+        return joined(next(iter(words))), (), ()
+    shortest = min(map(len, words))
+    same = [len(set(letters)) == 1 for letters in zip(*words, strict=False)]
+    begin = len(list(takewhile(bool, same)))
+    same = [len(set(letters)) == 1 for letters in zip(*(word[::-1] for word in words), strict=False)]
+    end = min(len(list(takewhile(bool, same))), shortest - begin)
+    word = next(iter(words))
+    branches = tuple((p, joined(w[begin : len(w) - end])) for w, p in words.items())
+    return joined(word[:begin]), branches, joined(word[len(word) - end :])

@@ -1,0 +1,170 @@
+"""Grids on the cylinder: their period, their resolution, and functions on them carried backwards step by step.
+
+A grid is periodic in y_1, and so wide that hardly any path gets to its end; see :mod:`.cylinder`.
+"""
+
+import os
+from math import prod
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+import scipy.fft
+from scipy.special import erfc
+
+POINTS = 2**19  #: no grid has more points
+LAYER = 6.0  #: where paths are killed, in y_1
+REFINEMENT = 1.4  #: ratio of a grid to the coarser one that tells its error
+
+
+class Problem(NamedTuple):
+    """A question in the terms of a cylinder."""
+
+    initial: tuple
+    T: float
+    rates: tuple  #: a, c of the drift
+    sigma: tuple  #: sigma_1 â, sigma_2 ĉ
+    functions: tuple
+
+    @property
+    def r(self):
+        """The radius."""
+        return float(np.hypot(*self.initial[1:]))
+
+    @property
+    def speed(self):
+        """The largest that the drift gives y_1."""
+        return abs(self.rates[1]) * self.r
+
+    def active(self, part, k):
+        """Whether a flow moves anything."""
+        return part == "drift" or self.sigma[k] != 0
+
+
+class Grid:
+    """A grid on the cylinder with y(0) at its node (0, 0).
+
+    A function is held as its Fourier transform in alpha, or in y_1, whichever the last group of flows used.
+    """
+
+    def __init__(self, problem, n1, n_alpha, half_width):
+        self.problem, self.shape, self.results = problem, (n1, n_alpha), {}
+        r = problem.r
+        self.period = 2 * (half_width + LAYER)
+        x = scipy.fft.fftfreq(n1) * self.period
+        alpha = np.arctan2(problem.initial[2], problem.initial[1]) + 2 * np.pi * np.arange(n_alpha) / n_alpha
+        self.y1, self.y2, self.y3 = problem.initial[0] + x[:, None], r * np.cos(alpha), r * np.sin(alpha)
+        self.m = np.arange(n_alpha // 2 + 1)
+        self.k = 2 * np.pi / self.period * np.arange(n1 // 2 + 1)[:, None]
+        depth = (abs(x[:, None]) - half_width) / LAYER
+        window = 0.5 * erfc((depth - 0.35) / 0.07)
+        # Nearly nothing gets across the layer, neither by drift nor by noise.
+        rate = max(75 * problem.speed / LAYER, 0.5 * (30 * problem.sigma[1] * r / LAYER) ** 2)
+        self.killing = 0.5 * rate * erfc((0.45 - depth) / 0.08)
+        state = np.stack([np.broadcast_to(v, self.shape).ravel() for v in (self.y1, self.y2, self.y3)])
+        values = np.stack([np.asarray(phi(state), float).reshape(self.shape) for phi in problem.functions]) * window
+        self.largest = abs(values).max(axis=(1, 2))
+        self.start = scipy.fft.rfft(values, axis=2)
+
+    def run(self, plan, n):
+        """E phi(y_n), one number for each phi, for n steps of size T/n."""
+        if (plan, n) not in self.results:
+            self.results[plan, n] = self._run(plan, n)
+        return self.results[plan, n]
+
+    def _run(self, plan, n):
+        h, factors = self.problem.T / n, {}
+        k, f = 0, self.start.copy()
+        begin, branches, end = plan
+        for _ in range(n):
+            k, f = self._apply(begin, h, factors, k, f)
+            if branches:
+                results = [(p, self._apply(groups, h, factors, k, f.copy())) for p, groups in branches]
+                k, f = 0, sum(p * self._turn(branch_k, 0, g) for p, (branch_k, g) in results)
+            k, f = self._apply(end, h, factors, k, f)
+        f = self._turn(k, 1, f) * _low_pass(self.k)
+        return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * _low_pass(self.m), self.shape[1], axis=1)[:, 0]
+
+    def _apply(self, groups, h, factors, k, f):
+        for group in groups:
+            if group not in factors:
+                factors[group] = self._factor(group[0], group[1] * h, group[2] * h)
+            f = self._turn(k, group[0], f)
+            k = group[0]
+            f *= factors[group]
+        return k, f
+
+    def _turn(self, k, target, f):
+        if k == target:
+            return f
+        threads = len(os.sched_getaffinity(0)) if prod(self.shape) > 2**16 else 1
+        values = scipy.fft.irfft(f, self.shape[1 - k], axis=2 - k, workers=threads, overwrite_x=True)
+        return scipy.fft.rfft(values, axis=2 - target, workers=threads)
+
+    def _factor(self, k, drift, noise):
+        wave = self.m * self.y1 if k == 0 else self.k * self.y2
+        real = -0.5 * noise * (self.problem.sigma[k] * wave) ** 2
+        if k == 0:
+            real = real - drift * self.killing
+        turn = self.problem.rates[k] * (-drift if k == 0 else drift)
+        return np.exp(real + 1j * turn * wave) if drift else np.exp(real)
+
+
+def _low_pass(wave):
+    """1 up to a third of the largest wave number, to rounding; 0 at the largest."""
+    return 0.5 * erfc((wave / wave[-1] - 0.7) / 0.08)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Domain and resolution
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def even(n):
+    return 2 * scipy.fft.next_fast_len(int(np.ceil(n / 2)), real=True)
+
+
+def _first_size(half_width):
+    return even(2 * (half_width + LAYER) * 24 / np.pi), 96
+
+
+def domain(problem, strang, fewest, accuracy):
+    """(X, probability to be killed).
+
+    y_1 - y_1(0) is a drift of at most c r T plus a martingale of quadratic variation at most (sigma_2 ĉ r)^2 T, which
+    gives an exponential bound.  A narrower period is taken where the computed probability to be killed allows it.
+    """
+    T, diffusion = problem.T, abs(problem.sigma[1]) * problem.r
+    target = max(1e-3 * accuracy, 1e-13)
+    safe = problem.speed * T + diffusion * np.sqrt(2 * T * np.log(4 / target))
+    h = T / fewest
+    if problem.speed * h + 8 * diffusion * np.sqrt(h) > 2 * LAYER:  # a step could jump over the layer and not be killed
+        return safe, target
+    one = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
+    for share in (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
+        grid = Grid(one, *_first_size(share * safe), share * safe)
+        killed = max(abs(1 - grid.run(strang, n)[0]) for n in (fewest, max(64, fewest)) if n <= 512)
+        if killed < target:
+            return share * safe, float(killed)
+    return safe, target
+
+
+def resolution(problem, strang, half_width, accuracy):
+    """A grid from which going back by REFINEMENT in one direction or the other changes the values by `accuracy`."""
+    start, n, values = perf_counter(), 16, {}
+
+    def value(size):
+        if size not in values:
+            values[size] = Grid(problem, *size, half_width).run(strang, n)
+        return values[size]
+
+    size = _first_size(half_width)
+    while True:
+        finer = even(size[0] * REFINEMENT), even(size[1] * REFINEMENT)
+        if finer[0] * finer[1] * REFINEMENT > POINTS:
+            break
+        change = [np.max(abs(value(s) - value(size))) for s in ((finer[0], size[1]), (size[0], finer[1]))]
+        if sum(change) < accuracy:
+            break
+        size = (finer[0], size[1]) if change[0] >= change[1] else (size[0], finer[1])
+    return finer, perf_counter() - start

@@ -1,0 +1,63 @@
+"""Numbers as JSON, CSV and text; the catalogue of what there is, and what an experiment would cost."""
+
+import csv
+import io
+import json
+from collections.abc import Iterable
+from typing import IO, TYPE_CHECKING, Any
+
+from .text import fraction, is_odd, new_console, new_table, print_whole
+
+if TYPE_CHECKING:  # a compiler comes with it
+    from ..schemes import Scheme
+
+
+def as_json(records: Iterable[dict[str, Any]]) -> str:
+    """A JSON list of records; as JSON has neither, infinities and nan become null (``nonfinite`` tells why)."""
+    plain = [{key: None if is_odd(value) else value for key, value in record.items()} for record in records]
+    return json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def as_csv(records: list[dict[str, Any]]) -> str:
+    """CSV with a header; infinities and nan are written ``inf`` and ``nan``, what a record lacks stays empty."""
+    columns = list(dict.fromkeys(key for record in records for key in record))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+def print_catalogue(
+    models: dict[str, Any], schemes: dict[str, "Scheme"], experiments: Iterable[Any], file: IO[str] | None = None
+) -> None:
+    """Print what there is: models (name -> record), schemes (name -> row of the table of orders), experiments."""
+    console = new_console(file)
+    table = new_table("models", ["name", "parameters", ""], left=3)
+    for name, record in models.items():
+        table.add_row(name, ", ".join(record._fields), (record.__doc__ or "").splitlines()[0])
+    print_whole(console, table)
+    console.print()
+    orders = ["strong\norder", "with one\nnoise", "weak\norder"]
+    table = new_table("schemes", ["name", "", "preserves", *orders], left=3)
+    for name, row in schemes.items():
+        numbers = (row.strong_order, row.strong_order_commuting, row.weak_order)
+        table.add_row(name, row.label, row.preserves, *map(fraction, numbers))
+    print_whole(console, table)
+    console.print()
+    table = new_table("experiments", ["file", "title", "kind", "figure"], left=3)
+    for e in experiments:
+        table.add_row(str(e.path), e.title, e.kind, str(e.figure or "-"))
+    print_whole(console, table)
+
+
+def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
+    """Print that an experiment is valid and what it would cost (a ``spi.run.Cost``)."""
+    cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
+    new_console(file).print(
+        f"{experiment.path}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
+        f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled, "
+        f"{cost.megabytes:.0f} MB",
+        markup=False,
+        soft_wrap=True,
+    )

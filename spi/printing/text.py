@@ -1,0 +1,188 @@
+"""What all tables share: the console, the look of a table, and how numbers are written."""
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from spi.records import INTERVAL as INTERVAL  # which tables ask for here
+from spi.records import Description
+
+if TYPE_CHECKING:  # rich takes a while
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+#: Angles, in rad, above which a table says what they cost in accuracy.
+LARGE_ANGLE = 1e6
+
+LABEL = 32  #: characters of a column of schemes
+
+_WIDTH = 100  # of a table that goes into a file or a pipe
+
+
+def new_console(file: IO[str] | None) -> "Console":
+    """A console that writes to ``file``, or to standard output if that is None."""
+    from rich.console import Console
+
+    console = Console(file=file, highlight=False)
+    return console if console.is_terminal else Console(file=file, highlight=False, width=_WIDTH)
+
+
+def new_table(title: str, headings: Iterable[str], left: int = 0, labels: int | None = None) -> "Table":
+    """A table without rows, its first ``left`` columns left-justified; labels of schemes wrap in column ``labels``."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    style: dict[str, Any] = {"padding": (0, 1, 0, 0), "pad_edge": False, "show_edge": False}
+    table = Table(title=Text(title) if title else None, title_justify="left", box=box.SIMPLE_HEAD, **style)
+    for i, heading in enumerate(headings):
+        table.add_column(Text(heading), justify="left" if i < left else "right", no_wrap=True)
+    if labels is not None:
+        table.columns[labels].no_wrap, table.columns[labels].max_width = False, LABEL
+    return table
+
+
+def error_and_remark(record: dict[str, Any], half: float) -> tuple["Text", "Text"]:
+    """The cells of an error with half its interval, in brackets if it is not resolved, and of what is to be said."""
+    from rich.text import Text
+
+    resolved, error = record.get("resolved", True), with_interval(record["error"], half)
+    remark = "not finite" if is_odd(record["error"]) else "" if resolved else "not resolved"
+    return Text(error if resolved else f"({error})", style="" if resolved else "dim"), Text(remark, style="dim")
+
+
+def lost_paths(count: int | None) -> "Text":
+    """The cell of how many paths left the finite numbers; empty where that is not known."""
+    from rich.text import Text
+
+    return Text("" if count is None else str(count), style="bold red" if count else "")
+
+
+def lines_of(about: Description) -> str:
+    """The label of a scheme as it stands in a table, its eps in a line of its own if there is no room."""
+    return about.label if len(about.label) <= LABEL else about.label.replace(", eps = ", ",\neps = ")
+
+
+def in_order(record: dict[str, Any], columns: Iterable[str]) -> dict[str, Any]:
+    """The entries of a record that are known, in the order of the columns."""
+    return {key: record[key] for key in columns if record.get(key) is not None}
+
+
+def records_of_steps(
+    reading: Any, arrays: dict[str, np.ndarray | None], columns: Iterable[str], **own: Any
+) -> Iterator[dict[str, Any]]:
+    """A record per step size of a reading of errors, in the order of the columns.
+
+    `arrays`: name -> (S,), or None if not known.  Each record also has what holds for all step sizes, `own` included.
+    """
+    whole = {
+        "case": reading.about.case,
+        "scheme": reading.about.scheme,
+        "eps": reading.about.eps,
+        "samples": reading.samples,
+        "order": reading.order.order,
+        "order_low": reading.order.low,
+        "order_high": reading.order.high,
+        "expected_order": reading.expected_order,
+        **own,
+    }
+    known = {name: values for name, values in arrays.items() if values is not None}
+    for i in range(len(reading.h)):
+        yield in_order({**whole, **{name: values[i].item() for name, values in known.items()}}, columns)
+
+
+def print_whole(console: "Console", table: "Table") -> None:
+    """Print a table at the width its numbers need: one cut short would be another number."""
+    from rich.measure import Measurement
+
+    needed = Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+    console.width = max(console.width, needed)
+    console.print(table)
+
+
+def with_interval(value: float, half: float) -> str:
+    """``3.42e-3 ± 0.07e-3``: the half width with one digit, or two after a leading 1, the value to the same place.
+
+    Of a value with more than seven good digits seven, ``6.612345e-2 ± 2e-13``.
+    """
+    if not math.isfinite(value):
+        return str(value)
+    if not (math.isfinite(half) and half > 0):
+        return short(value, ".3e")
+    scale = math.floor(math.log10(max(abs(value), half)))
+    place = math.floor(math.log10(half))
+    place -= half < 1.95 * 10.0**place
+    digits = max(scale - place, 0)
+    if digits > 6:
+        return f"{short(value, '.6e')} ± {short(half, '.0e')}"
+    exponent = f"e{scale}" if scale else ""
+    return f"{value / 10.0**scale:z.{digits}f}{exponent} ± {half / 10.0**scale:.{digits}f}{exponent}"
+
+
+def power_of_two(h: float) -> str:
+    """``2^-5`` for 0.03125, and other numbers as they are."""
+    mantissa, exponent = math.frexp(h)
+    return f"2^{exponent - 1}" if mantissa == 0.5 else f"{h:g}"
+
+
+def duration(seconds: float) -> str:
+    """``12.3 µs``: a time with three digits in the unit that suits it."""
+    if not (math.isfinite(seconds) and seconds > 0):
+        return f"{seconds:g}"
+    power = math.floor(math.log10(float(f"{seconds:.2e}")) / 3 + 1e-9)
+    power = min(max(power, -4), 0)
+    scaled = seconds / 1000.0**power
+    digits = 2 if scaled < 9.995 else 1 if scaled < 99.95 else 0
+    return f"{scaled:.{digits}f} {('s', 'ms', 'µs', 'ns', 'ps')[-power]}"
+
+
+def with_pi(text: str) -> str:
+    """The text of an expression in which 6.283185307179586 is 2*pi again."""
+    return re.sub(r"[0-9.]+", _multiple_of_pi, text)
+
+
+def _multiple_of_pi(match: re.Match[str]) -> str:
+    text = match.group()
+    times = float(text) / math.pi if re.fullmatch(r"\d+\.\d+", text) else 0.0
+    return text if not times or times % 1 else "pi" if times == 1 else f"{times:g}*pi"
+
+
+def fraction(x: float) -> str:
+    """``1/2`` for 0.5, and numbers that are no simple fraction as they are."""
+    nearest = Fraction(x).limit_denominator(12)
+    return str(nearest) if abs(nearest - x) < 1e-12 else f"{x:g}"
+
+
+def short(x: float | None, form: str = ".1e") -> str:
+    """A number without the leading zeros of its exponent; nothing for None."""
+    if x is None:
+        return ""
+    text = f"{x:{form}}"
+    digits, e, exponent = text.partition("e")
+    return f"{digits}e{int(exponent)}" if e and exponent else text
+
+
+def order_found(order: float, low: float, high: float, expected: float | None = None) -> str:
+    """A fitted order with its interval, and what theory says."""
+    found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
+    return found if expected is None else f"{found} (expected {fraction(expected)})"
+
+
+def angle_note(largest: float) -> str:
+    """What is to be said about rotations by large angles, or an empty text.
+
+    The product that gives an angle is rounded, so that an angle of 10^6 rad is known to about 10^-10 rad.
+    """
+    if not largest > LARGE_ANGLE:
+        return ""
+    return f"angles up to {largest:.1e} rad, which double precision knows to about {largest * 2.0**-52:.0e} rad"
+
+
+def is_odd(value: object) -> bool:
+    """Whether a value is infinite or nan."""
+    return isinstance(value, float) and not math.isfinite(value)

@@ -1,0 +1,134 @@
+"""YAML as plain data that knows where it stands in the file."""
+
+import difflib
+from collections.abc import Callable
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+Location = tuple[str | int, ...]  #: of a value in a document: keys, and indices of lists
+
+_MOST_ENTRIES = 10_000  # aliases of aliases could multiply without bound
+_MERGE = "tag:yaml.org,2002:merge"
+
+
+class SpecError(ValueError):
+    """An invalid spec: one line ``path:line: key: what is wrong; what would be right``."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__("".join(c if c.isprintable() else " " for c in message))
+
+
+class Document:
+    """A YAML text as dicts, lists, texts (numbers too), True, False and None.
+
+    `place` says how a line is named in messages; `top` is the
+    location at which the text stands, so that an override is a document as well.
+    """
+
+    def __init__(self, text: str, place: Callable[[int], str], top: Location = ()) -> None:
+        self.place, self.left = place, _MOST_ENTRIES
+        self.places = {top[:n]: place(1) for n in range(len(top) + 1)}
+        self.data = self._compose(text, top)
+        for key in reversed(top):
+            self.data = {key: self.data}
+
+    def at(self, loc: Location) -> Any:
+        """The value at a location."""
+        return reduce(getitem, loc, self.data)
+
+    def depth(self, loc: Location) -> int:
+        """How far a location can be followed."""
+        return next(n for n in range(len(loc), -1, -1) if loc[:n] in self.places)
+
+    def fail(self, loc: Location, message: str) -> NoReturn:
+        """Raise the SpecError about a location; a key that is missing is reported where its mapping starts."""
+        key = ".".join(name for name in loc if isinstance(name, str))
+        item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
+        raise SpecError(f"{self.places[loc[: self.depth(loc)]]} {key}{': ' if key else ''}{item}{message}")
+
+    def _compose(self, text: str, top: Location) -> Any:
+        try:
+            node = yaml.compose(text, Loader=yaml.SafeLoader)
+            return None if node is None else self._value(node, top, ())
+        except SpecError:
+            raise
+        except yaml.MarkedYAMLError as error:
+            line = (error.problem_mark or error.context_mark).line + 1
+            what = ", ".join(part for part in (error.context, error.problem) if part)
+        except yaml.reader.ReaderError as error:
+            line, what = text.count("\n", 0, error.position) + 1, f"has the character U+{error.character:04X}"
+        except RecursionError:
+            line, what = 1, "is too deeply nested"
+        except (ValueError, OverflowError):
+            line, what = 1, "has an escape that stands for no character"
+        top = top or ("YAML",)
+        self.places[top] = self.place(line)
+        self.fail(top, f"{what}; check brackets, quotes, colons and indentation here")
+
+    def _value(self, node: yaml.Node, loc: Location, around: tuple[yaml.Node, ...]) -> Any:
+        """The value of a node at a location; `around` are the nodes that contain it."""
+        self.left -= 1
+        if self.left < 0 or node in around:
+            self.fail(loc, f"is too long or contains itself; a file may have {_MOST_ENTRIES} entries, aliases included")
+        if not node.tag.startswith("tag:yaml.org,2002:"):
+            self.fail(loc, f"has the tag {node.tag}; remove the tag")
+        if isinstance(node, yaml.MappingNode):
+            return self._mapping(node, loc, (*around, node))
+        if isinstance(node, yaml.SequenceNode):
+            for n, item in enumerate(node.value):
+                self.places[*loc, n] = self.place(item.start_mark.line + 1)
+            return [self._value(item, (*loc, n), (*around, node)) for n, item in enumerate(node.value)]
+        if node.tag.endswith(":bool"):
+            return node.value.lower() in ("true", "yes", "on")
+        return None if node.tag.endswith(":null") else node.value
+
+    def _mapping(self, node: yaml.MappingNode, loc: Location, around: tuple[yaml.Node, ...]) -> dict[str, Any]:
+        """A dict; what ``<<`` merges in is overridden by the mapping's own keys."""
+        merged: dict[str, Any] = {}
+        own: dict[str, Any] = {}
+        # What is merged in comes first, so that the mapping's own keys have the last word on places too.
+        for key, value in sorted(node.value, key=lambda pair: pair[0].tag != _MERGE):
+            if not isinstance(key, yaml.ScalarNode):
+                self.fail(loc, "has a list or mapping as a key; keys must be words")
+            inner = (*loc, key.value)
+            self.places[inner] = self.place(key.start_mark.line + 1)
+            if key.tag == _MERGE:
+                for source in reversed(value.value if isinstance(value, yaml.SequenceNode) else [value]):
+                    if not isinstance(source, yaml.MappingNode):
+                        self.fail(inner, "is no mapping; give the alias of one, as in <<: *name")
+                    merged |= self._value(source, loc, around)
+                continue
+            if key.value in own:
+                self.fail(inner, "is given twice; remove one")
+            own[key.value] = self._value(value, inner, around)
+        return {**merged, **own}
+
+
+def text_of(path: str | Path) -> str:
+    """The text of a file."""
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError:
+        near = difflib.get_close_matches(Path(path).name, [p.name for p in Path(path).parent.glob("*.yaml")], 1)
+        right = f"did you mean {Path(path).with_name(near[0])}?" if near else "give the path of a YAML file"
+        raise SpecError(f"{path}: no such file; {right}") from None
+    except (OSError, ValueError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise SpecError(f"{path}: cannot be read ({reason}); give the path of a YAML file") from None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise SpecError(f"{path}:{line}: encoding: is not UTF-8; save the file as UTF-8") from None
+
+
+def override(path: str | Path, text: str) -> Document:
+    """The document that "a.b=value" stands for."""
+    key, equals, value = text.partition("=")
+    if not key.strip() or not equals:
+        raise SpecError(f"{path}: --set {text}: is no assignment; write --set key=value")
+    return Document(value, lambda line: f"{path}: --set", tuple(key.strip().split(".")))

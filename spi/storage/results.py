@@ -1,0 +1,175 @@
+"""Results files: HDF5 with one group ``/<case>/<variant>`` or ``/<case>/<variant>/<estimator>`` per part.
+
+Every axis has a dimension scale, so that xarray and MATLAB open a file as it is.
+
+How values are kept: strings are UTF-8; arrays of bools are int8 with the attribute ``dtype = "bool"`` (netCDF has no
+bool; xarray turns these back); a bool among the attributes is a uint8, which nothing else is; tuples are arrays;
+an attribute that is None is left out, and a None inside a tuple of numbers (a noise that is off) becomes nan.
+"""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..records import Group, Results
+from .files import DAMAGE, StorageError, aside, create, reason
+
+#: The root attribute by which our results are known, and the version of their layout.
+MARK, VERSION = "spi_results", 2
+
+
+def write(path: str | Path, results: Results) -> None:
+    """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole."""
+    with aside(path) as temporary, create(temporary) as file:
+        file.attrs[MARK] = VERSION
+        _write_attributes(file, results.attributes)
+        for group in results.groups:
+            _write_group(file, group)
+
+
+def read(path: str | Path) -> Results:
+    """The :class:`~spi.records.Results` in ``path``; the groups of one case stand together."""
+    path = Path(path)
+    with _open_results(path) as file:
+        try:
+            groups = tuple(
+                group for case in file for variant in file[case] for group in _read_groups(case, variant, file)
+            )
+            return Results(_read_attributes(file), groups)
+        except DAMAGE as error:
+            raise StorageError(
+                f"{path}: the results file is damaged; delete it and run the experiment again"
+            ) from error
+
+
+def check_same_spec(path: str | Path, spec_hash: str) -> None:
+    """Refuse to go on with a results file of another spec; a missing file is fine."""
+    path = Path(path)
+    if not path.exists():
+        return
+    with _open_results(path) as file:
+        if file.attrs.get("spec_hash") != spec_hash:
+            raise StorageError(
+                f"{path}: holds results of another spec; use --fresh to replace it or --out for another folder"
+            )
+
+
+def _write_group(file: h5py.File, group: Group) -> None:
+    for kind, name in (("case", group.case), ("variant", group.variant), ("estimator", group.estimator or "none")):
+        if not name or name.startswith(".") or "/" in name:
+            raise StorageError(f"the {kind} name {name!r} cannot be stored: choose one without '/' and leading '.'")
+    case = file.get(group.case) or file.create_group(group.case, track_order=True)
+    target = case.get(group.variant) or case.create_group(group.variant, track_order=True)
+    if group.estimator:
+        target = target.create_group(group.estimator, track_order=True)
+    _write_attributes(target, group.attributes)
+    for name, values in group.coordinates.items():
+        _write_array(target, name, values).make_scale(name)
+    for name, (axes, values) in group.variables.items():
+        dataset = _write_array(target, name, values)
+        if len(axes) != dataset.ndim or not set(axes) <= set(group.coordinates):
+            raise ValueError(f"{name}: the axes {axes} do not fit shape {dataset.shape} and {list(group.coordinates)}")
+        for i, axis in enumerate(axes):
+            dataset.dims[i].attach_scale(target[axis])
+
+
+def _read_groups(case: str, variant: str, file: h5py.File) -> list[Group]:
+    """The group of a scheme, or those of its estimators."""
+    source = file[case][variant]
+    if not isinstance(next(iter(source.values()), None), h5py.Group):
+        return [_read_group(case, variant, "", source)]
+    return [_read_group(case, variant, estimator, source[estimator]) for estimator in source]
+
+
+def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> Group:
+    coordinates, variables = {}, {}
+    for name, dataset in source.items():
+        if dataset.is_scale:
+            coordinates[name] = read_array(dataset)
+        else:
+            axes = tuple(Path(dataset.dims[i][0].name).name for i in range(dataset.ndim))
+            variables[name] = (axes, read_array(dataset))
+    return Group(case, variant, coordinates, variables, _read_attributes(source), estimator)
+
+
+def _write_array(target: h5py.Group, name: str, values: Any) -> h5py.Dataset:
+    values = np.asarray(values)
+    if values.dtype.kind == "b":
+        dataset = target.create_dataset(name, data=values.astype(np.int8))
+        dataset.attrs["dtype"] = "bool"
+        return dataset
+    if values.dtype.kind == "U":
+        return target.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype())
+    if values.dtype.kind not in "iuf":
+        raise TypeError(f"{name}: arrays of {values.dtype} cannot be stored")
+    return target.create_dataset(name, data=values)
+
+
+def read_array(dataset: h5py.Dataset) -> np.ndarray:
+    """The array of a dataset, texts and bools as such."""
+    if h5py.check_string_dtype(dataset.dtype):
+        return np.asarray(dataset.asstr()[()], dtype=str)
+    values = np.asarray(dataset[()])
+    return values.astype(bool) if dataset.attrs.get("dtype") == "bool" else values
+
+
+def _write_attributes(target: h5py.Group, attributes: dict[str, Any]) -> None:
+    for name, value in attributes.items():
+        if value is not None:
+            target.attrs[name] = _encode(name, value)
+
+
+def _read_attributes(source: h5py.Group) -> dict[str, Any]:
+    return {name: _decode(value) for name, value in source.attrs.items() if name != MARK}
+
+
+def _encode(name: str, value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    values = np.asarray(value)
+    if values.dtype.kind == "U":
+        return values.astype(h5py.string_dtype())
+    if values.dtype == object and all(isinstance(v, int | float | None) for v in values.flat):
+        values = values.astype(float)  # None becomes nan
+    if values.dtype.kind not in "biuf":
+        raise TypeError(f"attribute {name}: {value!r} cannot be stored")
+    if values.dtype.kind == "b":
+        return values.astype(np.uint8)
+    return values.astype(np.int64) if values.dtype.kind in "iu" and values.dtype != np.uint64 else values
+
+
+def _decode(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    values = np.asarray(value)
+    return _tuples((values.astype(bool) if values.dtype == np.uint8 else values).tolist())
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+@contextlib.contextmanager
+def _open_results(path: Path) -> Iterator[h5py.File]:
+    try:
+        file = h5py.File(path, "r", locking=False)
+    except FileNotFoundError:
+        raise StorageError(f"{path}: no such file; `spi run` writes one") from None
+    except OSError as error:
+        if path.is_file() and os.access(path, os.R_OK):
+            raise StorageError(f"{path}: not a whole HDF5 file; give a results file written by `spi run`") from error
+        raise StorageError(f"{path}: {reason(error)}; give a results file (.h5) that you can read") from error
+    with file:
+        version = file.attrs.get(MARK)
+        if version is None:
+            raise StorageError(f"{path}: an HDF5 file, but not of ours; give a results file written by `spi run`")
+        if version != VERSION:
+            raise StorageError(
+                f"{path}: written in layout {version}, this spi reads {VERSION}; run the experiment again with --fresh"
+            )
+        yield file
