@@ -3,6 +3,7 @@
 import signal
 import sys
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from .run import Progress
+    from .run import Progress, Watch
     from .spec import Experiment
 
 DONE, FAILED, INVALID, STOPPED = 0, 1, 2, 3
@@ -81,7 +82,7 @@ def run(
     stop = _Stop()
     for experiment in experiments:
         with _ProgressLine(experiment.name, stop) as line:
-            path = runner.run(experiment, out, fresh, line.report, line.report_compiling)
+            path = runner.run(experiment, out, fresh, watch=line.watch)
         views.print_tables(storage.read(path))
         typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
 
@@ -227,6 +228,16 @@ class _ProgressLine:
     def __exit__(self, *_: object) -> None:
         if self.bar:
             self.bar.stop()
+
+    @property
+    def watch(self) -> "Watch":
+        """What a run is given to tell how far it is."""
+        from .run import Watch
+
+        return Watch(self.report, self.report_compiling, self.tell)
+
+    def tell(self, news: str) -> None:
+        (self.bar.console.print if self.bar else partial(typer.echo, err=True))(f"spi: {news}")
 
     def report_compiling(self, number: int, total: int, name: str) -> None:
         self.stop.check()

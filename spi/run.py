@@ -1,29 +1,43 @@
 """The one path from a spec to results, shared by the command line, Python users, the Makefile and the tests."""
 
-import functools
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import __version__, compiling, source_digest, spec, storage
+from . import __version__, compiling, engine, source_digest, spec, storage
+from .checkpoint import Checkpoint, Limits, Slice, Stopped, sums_path
 from .ensemble import thread_count
-from .kinds import KINDS
 from .kinds.plans import KernelCall, Plan
+from .kinds.state import State
+from .loading import Source, layers, load, plans
 from .records import Results
 from .rng import STREAM_VERSION
+from .workers import Workers
+
+__all__ = [
+    "Cost",
+    "Limits",
+    "Progress",
+    "Slice",
+    "Stopped",
+    "cost",
+    "layers",
+    "load",
+    "merge",
+    "plans",
+    "results_of",
+    "results_path",
+    "run",
+    "run_slice",
+    "sums_path",
+]
 
 #: What a run takes before and after its study, once everything is compiled.
 STARTING_SECONDS = 2.0
-#: A checkpoint is written after this many seconds, and when the run is interrupted.
-CHECKPOINT_SECONDS = 10.0
-
-
-class Stopped(Exception):
-    """The run was interrupted; the same command goes on from the checkpoint."""
 
 
 class Progress(NamedTuple):
@@ -39,21 +53,16 @@ class Progress(NamedTuple):
     parts: int
 
 
-@functools.cache
-def layers() -> spec.Layers:
-    """How spec files of all kinds are read."""
-    return spec.Layers.of({name: kind.keys.Case for name, kind in KINDS.items()})
+class Watch(NamedTuple):
+    """Who is told what while a run lasts."""
+
+    report: Callable[[Progress], None] = lambda progress: None  #: how far it is
+    #: which of how many kernels is compiled next, and for which scheme
+    report_compiling: Callable[[int, int, str], None] = lambda number, total, name: None
+    tell: Callable[[str], None] = lambda news: None  #: what else a person should know
 
 
-def load(path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> spec.Experiment:
-    """The experiment in a spec file; SpecError if anything is wrong with it, see :func:`spi.spec.load`."""
-    return spec.load(path, layers(), profile, overrides)
-
-
-def plans(experiment: spec.Experiment) -> list[Plan[Any]]:
-    """The plans of all parts of all cases, in the order in which they are run."""
-    study = KINDS[experiment.kind].study
-    return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
+NOBODY, USUAL = Watch(), Limits()
 
 
 def results_path(experiment: spec.Experiment, out: str | Path) -> Path:
@@ -61,52 +70,193 @@ def results_path(experiment: spec.Experiment, out: str | Path) -> Path:
     return Path(out) / f"{experiment.name}.h5"
 
 
-def checkpoint_path(experiment: spec.Experiment, out: str | Path) -> Path:
-    """Where the states of an unfinished run are kept."""
-    return Path(out) / f"{experiment.name}.checkpoint.h5"
-
-
 def run(
     experiment: spec.Experiment,
     out: str | Path = "results",
     fresh: bool = False,
-    report: Callable[[Progress], None] = lambda progress: None,
-    report_compiling: Callable[[int, int, str], None] = lambda number, total, name: None,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+    workers: Callable[[], AbstractContextManager[Workers]] | None = None,
 ) -> Path:
-    """Run an experiment, write its results file and return its path; goes on from a checkpoint if there is one.
+    """Run an experiment, write its results file and return its path.
 
-    With `fresh` nothing earlier is looked at, and results of another spec are replaced.  Where kernels have to be
-    compiled first, `report_compiling` is told which of how many comes next, and for which scheme.  Raises StorageError
-    if the results cannot be written or are those of another spec, Stopped if interrupted.
+    What is known already is not computed again: of an unfinished run, of a finished one, or of one that differs in the
+    number of samples only.  With `fresh` nothing earlier is looked at, and results of another spec are replaced.
+    `workers` makes the processes that compute; without it this one does, on all its threads.
+
+    Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
     """
-    target, checkpoint = results_path(experiment, out), checkpoint_path(experiment, out)
+    target, checkpoint = _begun(experiment, out, fresh, watch, limits)
+    if not fresh:
+        if storage.is_finished(target, _identity(experiment)):
+            watch.tell(f"{target} holds the results of this very spec; nothing is computed (--fresh does it anew)")
+            return target
+        checkpoint.resume()
+    with checkpoint.kept():
+        tick = _tick(checkpoint, watch)
+        if checkpoint.missing():
+            compiling.compile_missing(
+                _kernel_calls([state.plan for state in checkpoint.states]), watch.report_compiling
+            )
+        if workers is None:
+            engine.advance_here(checkpoint.states, tick)
+        else:
+            with workers() as pool:
+                engine.advance_with(pool, Source.of(experiment), checkpoint.states, tick)
+        engine.finish(checkpoint.states, tick)
+        _write(target, checkpoint, fresh)
+    return target
+
+
+def run_slice(
+    experiment: spec.Experiment,
+    one: Slice,
+    out: str | Path = "results",
+    fresh: bool = False,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+) -> Path:
+    """Compute one of several parts of what an experiment wants for now, and return the path of the file it is kept in.
+
+    :func:`merge` puts the parts together.  Raises as :func:`run` does.
+    """
+    _, whole = _begun(experiment, out, fresh, watch, limits)
+    checkpoint = Checkpoint(experiment, sums_path(experiment, out, one), limits, watch.tell)
+    if not fresh:
+        whole.resume()
+        checkpoint.take(whole.path)
+    mine = set(_slices(checkpoint.states, one.count)[one.number - 1])
+    if not fresh:
+        checkpoint.take(checkpoint.path, with_more=False)
+    with checkpoint.kept():
+        if mine.intersection(checkpoint.missing()):
+            compiling.compile_missing(
+                _kernel_calls([state.plan for state in checkpoint.states]), watch.report_compiling
+            )
+        engine.advance_stage_here(
+            checkpoint.states, _tick(checkpoint, watch), lambda number, chunk: (number, chunk) in mine
+        )
+        checkpoint.save()
+    return checkpoint.path
+
+
+def merge(
+    experiment: spec.Experiment,
+    out: str | Path = "results",
+    fresh: bool = False,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+) -> Path:
+    """Put the parts that :func:`run_slice` computed together, write the results file and return its path.
+
+    Raises StorageError as :func:`run` does, or if there are no parts; Stopped if some are missing, or if a multilevel
+    estimator, now that it knows the variances, wants further paths: then the parts are to be run again.
+    """
+    target, checkpoint = _begun(experiment, out, fresh, watch, limits)
+    checkpoint.resume()
+    pattern = f"{checkpoint.path.stem}.part-*-of-*.npz"
+    files = {
+        Slice(*map(int, file.name.removesuffix(".npz").rsplit(".part-", 1)[1].split("-of-"))): file
+        for file in checkpoint.path.parent.glob(pattern)
+    }
+    for file in files.values():
+        checkpoint.take(file, with_more=False)
+    with checkpoint.kept():
+        _need_all(checkpoint, files, experiment)
+        for state in checkpoint.states:
+            while not state.missing() and engine.settle(state):
+                pass
+        if checkpoint.missing():
+            checkpoint.save()
+            _remove(files.values())
+            raise Stopped(
+                f"all parts of this round are in, and {len(checkpoint.missing())} further chunks are wanted: "
+                f"run all parts of {experiment.path} again, then `spi merge`"
+            )
+        engine.finish(checkpoint.states, _tick(checkpoint, watch))
+        _write(target, checkpoint, fresh)
+    _remove(files.values())
+    return target
+
+
+def _need_all(checkpoint: Checkpoint, files: dict[Slice, Path], experiment: spec.Experiment) -> None:
+    """Raise Stopped, with the names of the parts to which missing chunks belong, if there are any."""
+    missing = set(checkpoint.missing())
+    if not missing:
+        return
+    if not files:
+        raise storage.StorageError(
+            f"{checkpoint.path.parent}: no parts of {experiment.path} here; `spi run {experiment.path} --part 1/4` "
+            "computes the first of four"
+        )
+    count = max(one.count for one in files)
+    lacking = []
+    for number, chunks in enumerate(_slices(checkpoint.states, count), 1):
+        if left := missing.intersection(chunks):
+            state = "unfinished" if Slice(number, count) in files else "missing"
+            lacking.append(f"part {number} of {count} is {state} ({len(left)} of its {len(chunks)} chunks)")
+    raise Stopped(f"{'; '.join(lacking)}: run it, then `spi merge` again")
+
+
+def _slices(states: Sequence[State], count: int) -> list[list[tuple[int, Any]]]:
+    """The chunks that are wanted for now, in `count` slices of about equal work: (number of a part, chunk)."""
+    tasks, work = [], []
+    for number, state in enumerate(states):
+        for i, stream in enumerate(state.streams):
+            for chunk in stream.chunks(i):
+                tasks.append((number, chunk))
+                work.append(chunk.blocks / stream.chunk_blocks)
+    middles = np.cumsum(work) - np.array(work) / 2
+    of_task = np.minimum((middles / max(sum(work), 1e-300) * count).astype(int), count - 1)
+    return [[task for task, slice_ in zip(tasks, of_task, strict=True) if slice_ == i] for i in range(count)]
+
+
+def _remove(files: Iterable[Path]) -> None:
+    for file in files:
+        storage.remove_sums(file)
+
+
+def _begun(
+    experiment: spec.Experiment, out: str | Path, fresh: bool, watch: Watch, limits: Limits
+) -> tuple[Path, Checkpoint]:
+    """Where the results go, and the checkpoint of the whole; StorageError if either could not be written."""
+    target = results_path(experiment, out)
     storage.check_writable(target)
     if not fresh:
-        storage.check_same_spec(target, experiment.hash)
-    key_of_states = f"{experiment.hash} {source_digest()}"  # other code might go on with other numbers
-    earlier = {} if fresh else storage.read_checkpoint(checkpoint, key_of_states) or {}
-    ready = plans(experiment)
-    states = {}
-    saved = time.monotonic()
-    try:
-        compiling.compile_missing(_kernel_calls(ready), report_compiling)
-        for number, plan in enumerate(ready):
-            key = _key(plan)
-            states[key] = _resumed(plan.start(), key, earlier)
-            report(_progress(plan, states[key], number, len(ready)))
-            for state in plan.batches(states[key]):
-                states[key] = state
-                report(_progress(plan, state, number, len(ready)))
-                if time.monotonic() - saved > CHECKPOINT_SECONDS:
-                    _write_states(checkpoint, key_of_states, earlier, states)
-                    saved = time.monotonic()
-        groups = tuple(plan.group(states[_key(plan)]) for plan in ready)
-        storage.write(target, Results(_attributes(experiment), groups))
-    except KeyboardInterrupt:
-        _write_states(checkpoint, key_of_states, earlier, states)
-        raise Stopped(f"stopped; what is done is kept in {checkpoint}: the same command goes on from there") from None
-    checkpoint.unlink(missing_ok=True)
-    return target
+        storage.check_replaceable(target, _identity(experiment))
+    checkpoint = Checkpoint(experiment, sums_path(experiment, out), limits, watch.tell)
+    storage.check_writable(checkpoint.path)
+    return target, checkpoint
+
+
+def _write(target: Path, checkpoint: Checkpoint, fresh: bool) -> None:
+    """Keep the sums, write the results, and remove the sums of those results that are replaced."""
+    experiment = checkpoint.experiment
+    checkpoint.save(finished=True)
+    replaced = storage.replaced_hash(target)
+    if not fresh:  # another run may have written there in the meantime
+        storage.check_replaceable(target, _identity(experiment))
+    groups = tuple(state.plan.group(state) for state in checkpoint.states)
+    storage.write(target, Results(_attributes(experiment), groups))
+    if replaced not in (None, experiment.hash):
+        old = checkpoint.path.with_name(f"{experiment.name}-{replaced[:12]}.npz")
+        if (storage.about_sums(old) or {}).get("finished"):
+            storage.remove_sums(old)
+    storage.previous(checkpoint.path).unlink(missing_ok=True)
+
+
+def _compile(checkpoint: Checkpoint, watch: Watch) -> None:
+    """Compile what is missing of all kernels."""
+    calls = _kernel_calls([state.plan for state in checkpoint.states])
+    compiling.compile_missing(calls, watch.report_compiling)
+
+
+def _tick(checkpoint: Checkpoint, watch: Watch) -> engine.Tick:
+    def tick(number: int) -> None:
+        watch.report(_progress(checkpoint.states[number], number, len(checkpoint.states)))
+        checkpoint.tick()
+
+    return tick
 
 
 def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
@@ -146,10 +296,10 @@ def cost(experiment: spec.Experiment) -> Cost:
     )
 
 
-def _kernel_calls(ready: Sequence[Plan[Any]]) -> list[tuple[str, KernelCall]]:
+def _kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
     """(name of a scheme, call) for all kernels; schemes first whose steps take long, as they do to compile as well."""
 
-    def of_a_step(plan: Plan[Any]) -> float:
+    def of_a_step(plan: Plan) -> float:
         cost = plan.cost()
         return float(np.nan_to_num(cost.seconds / max(cost.path_steps, 1)))
 
@@ -157,13 +307,8 @@ def _kernel_calls(ready: Sequence[Plan[Any]]) -> list[tuple[str, KernelCall]]:
     return [(plan.part.scheme, call) for plan in dearest_first for call in plan.kernel_calls()]
 
 
-def _key(plan: Plan[Any]) -> str:
-    """What the state of a plan is called in a checkpoint."""
-    return f"{plan.case.name}/{plan.part.name}"
-
-
-def _progress(plan: Plan[Any], state: Any, number: int, parts: int) -> Progress:
-    done = plan.progress(state)
+def _progress(state: State, number: int, parts: int) -> Progress:
+    plan, done = state.plan, state.plan.progress(state)
     return Progress(
         case=plan.case.name,
         part=plan.part.name,
@@ -176,50 +321,28 @@ def _progress(plan: Plan[Any], state: Any, number: int, parts: int) -> Progress:
     )
 
 
-def _attributes(experiment: spec.Experiment) -> dict[str, Any]:
+def _identity(experiment: spec.Experiment) -> dict[str, Any]:
+    """The root attributes that say of which spec results are."""
     return {
-        "kind": experiment.kind,
-        "title": experiment.title,
-        "figure": experiment.figure,
         "spec": experiment.text,
         "spec_hash": experiment.hash,
+        "paths_hash": experiment.paths_hash,
+        "samples": experiment.samples,
+        "overrides": experiment.overrides,
         "profile": experiment.profile,
-        "seed": experiment.cases[0].seed,
-        "stream_version": STREAM_VERSION,
-        "spi_version": __version__,
         "source_digest": source_digest(),
-        "complete": True,
-        **storage.provenance(),
     }
 
 
-def _write_states(path: Path, key: str, earlier: dict[str, Any], states: dict[str, Any]) -> None:
-    """Keep all states, those of an earlier run that have not been reached again included."""
-    flat = {key: value for name, state in states.items() for key, value in _flat(state, name).items()}
-    storage.write_checkpoint(path, key, earlier | flat)
-
-
-def _flat(state: Any, name: str) -> dict[str, Any]:
-    """What a state and the states within it hold, by name."""
-    flat: dict[str, Any] = {}
-    for field, value in state._asdict().items():
-        key = f"{name}/{field}"
-        flat |= _flat(value, key) if hasattr(value, "_asdict") else {key: value}
-    return flat
-
-
-def _resumed(new: Any, name: str, earlier: dict[str, Any]) -> Any:
-    """The state of a checkpoint, or the new one if there is none or if it is not shaped like that."""
-    fits = all(
-        key in earlier and np.shape(earlier[key]) == np.shape(new_value) for key, new_value in _flat(new, name).items()
-    )
-    return _with_values(new, name, earlier) if fits else new
-
-
-def _with_values(state: Any, name: str, flat: dict[str, Any]) -> Any:
-    """A state like this one that holds what `flat` says, the inverse of :func:`_flat`."""
-    fields = {}
-    for field, value in state._asdict().items():
-        key = f"{name}/{field}"
-        fields[field] = _with_values(value, key, flat) if hasattr(value, "_asdict") else flat[key]
-    return type(state)(**fields)
+def _attributes(experiment: spec.Experiment) -> dict[str, Any]:
+    return {
+        **_identity(experiment),
+        "kind": experiment.kind,
+        "title": experiment.title,
+        "figure": experiment.figure,
+        "seed": experiment.cases[0].seed,
+        "stream_version": STREAM_VERSION,
+        "spi_version": __version__,
+        "complete": True,
+        **storage.provenance(),
+    }

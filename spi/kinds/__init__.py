@@ -34,7 +34,7 @@ class StudyModule(Protocol):
     def parts(self, case: Any) -> list[Part]:
         """What is computed one after the other."""
 
-    def plan(self, case: Any, part: Part) -> "Plan[Any]":
+    def plan(self, case: Any, part: Part) -> "Plan":
         """One part, ready to run."""
 
 

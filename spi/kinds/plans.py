@@ -1,8 +1,14 @@
-"""What a study hands to the run: a plan for each part, and what all plans of sampled paths have in common."""
+"""What a study hands to the run: a plan for each part, and what all plans of sampled paths have in common.
 
-from collections.abc import Callable, Iterator
+A part is computed in three steps.  Its paths belong to streams, which fall into chunks of fixed content
+(``spi.tallies``); a chunk can be computed by any process, and what is known of its paths is summed up in a fixed order.
+Once all chunks are in, the plan may **settle** on further paths, as a multilevel estimator does.  When there are none,
+it **finishes**: it measures times, or finds what needs no paths.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -10,6 +16,9 @@ from spi.ensemble import Grid, RandomStream, brownian, empty_report, integrate, 
 from spi.records import Group, Part, describe
 from spi.rng import LANES
 from spi.schemes import Scheme, scheme_row
+from spi.tallies import Chunk, Stream, Sums
+
+from .state import Nothing, State
 
 
 class Cost(NamedTuple):
@@ -35,24 +44,8 @@ class KernelCall(NamedTuple):
     arguments: tuple
 
 
-class State(Protocol):
-    """What is known so far of a part, enough to go on from.
-
-    A ``NamedTuple`` of arrays, numbers, texts and further such tuples, so that a checkpoint can hold it.
-    """
-
-    @property
-    def seconds(self) -> float:
-        """Wall-clock time spent so far."""
-
-    def _asdict(self) -> dict[str, Any]: ...
-
-
-S = TypeVar("S", bound=State)
-
-
-class Plan(Protocol[S]):
-    """One part of an experiment, ready to run, whose states are of type S."""
+class Plan(Protocol):
+    """One part of an experiment, ready to run."""
 
     @property
     def case(self) -> Any:
@@ -65,9 +58,6 @@ class Plan(Protocol[S]):
     def cost(self) -> Cost:
         """What the part would cost."""
 
-    def start(self) -> S:
-        """The state before anything is done."""
-
     def kernel_calls(self) -> list[KernelCall]:
         """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
 
@@ -75,13 +65,31 @@ class Plan(Protocol[S]):
         not among them is compiled when it is needed.
         """
 
-    def batches(self, state: S) -> Iterator[S]:
-        """Run what is left, times of steps included; yields the state after each batch of about half a second."""
+    def begin(self) -> Any:
+        """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""
 
-    def progress(self, state: S) -> Done:
+    def streams(self, more: Any) -> Sequence[Stream]:
+        """The paths that are wanted for now; `more` is what is known besides sums over paths."""
+
+    def empty(self, number: int) -> Sums:
+        """The sums over no paths of a stream."""
+
+    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Sums]]]:
+        """Compute consecutive chunks of one stream, of the first of which `known` may be known already.
+
+        Yields after each batch of about half a second what it added: chunks with what is now known of them.
+        """
+
+    def settle(self, state: State) -> Any | None:
+        """Once all chunks are in: what is then known besides them, if that asks for more; None if nothing is left."""
+
+    def finish(self, state: State) -> Iterator[Any]:
+        """Measure, or find, what is left when all paths are done; yields `more` after each step of it."""
+
+    def progress(self, state: State) -> Done:
         """How far a state is."""
 
-    def group(self, state: S) -> Group:
+    def group(self, state: State) -> Group:
         """The results, from the final state; nothing is computed at length or measured here."""
 
 
@@ -120,6 +128,18 @@ class PartPlan:
         """None."""
         return []
 
+    def begin(self) -> Any:
+        """Nothing."""
+        return Nothing()
+
+    def settle(self, state: State) -> Any | None:
+        """Nothing is left."""
+        return None
+
+    def finish(self, state: State) -> Iterator[Any]:
+        """Nothing is left."""
+        yield from ()
+
 
 @dataclass(frozen=True, kw_only=True)
 class SchemePlan(PartPlan):
@@ -136,10 +156,6 @@ class SchemePlan(PartPlan):
     def blocks(self) -> int:
         """How many blocks of LANES paths there are, the last one perhaps partly idle."""
         return -(-self.samples // LANES)
-
-    def paths_done(self, state: Any) -> int:
-        """How many paths the first ``state.blocks`` blocks have."""
-        return min(state.blocks * LANES, self.samples)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,17 +45,50 @@ class Experiment(NamedTuple):
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
     effective: dict  #: all that decides the results, so without titles and figure; can be written as JSON
+    overrides: tuple[str, ...]  #: such as "samples=100"
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """The number of samples of each case, 0 where there is none."""
+        return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
+
+    @property
+    def paths_hash(self) -> str:
+        """As `hash`, but the same whatever the numbers of samples: paths are the same then."""
+        return _hash(_without_samples(self.effective))
 
 
-def load(path: str | Path, kinds: Layers, profile: str = "laptop", overrides: Iterable[str] = ()) -> Experiment:
+def _without_samples(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_samples(inner) for key, inner in value.items() if key != "samples"}
+    return [_without_samples(inner) for inner in value] if isinstance(value, list) else value
+
+
+def _canonical(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _hash(value: Any) -> str:
+    return hashlib.sha256(_canonical(value).encode()).hexdigest()
+
+
+def load(
+    path: str | Path,
+    kinds: Layers,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    text: str | None = None,
+) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
+
+    With `text`, that stands in the place of what is in the file, which is not read.
 
     `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]".  Raises SpecError if anything is
     wrong with the file, the profile or an override.
     """
     if profile not in PROFILES:
         raise SpecError(f"{path}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
-    text = text_of(path)
+    text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = Document(text, lambda line: f"{path}:{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
@@ -68,12 +101,12 @@ def load(path: str | Path, kinds: Layers, profile: str = "laptop", overrides: It
     case_class = kinds.cases[file.kind]
     for above in ([], *profiles.values()):
         _cases(case_class, document, owners, above)
-    last: list[Layer] = [(override(path, text), ()) for text in overrides]
+    last: list[Layer] = [(override(path, one), ()) for one in overrides]
     for layer in last:
         _valid(kinds.profiles[file.kind].model_validate, layer[0].data, [layer])
     cases = _cases(case_class, document, owners, profiles.get(profile, []) + last)
     effective = {"kind": file.kind, "cases": {c.name: c.model_dump(exclude={"name", "title"}) for c in cases}}
-    canonical = json.dumps(effective, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    effective = json.loads(_canonical(effective))
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
@@ -83,8 +116,9 @@ def load(path: str | Path, kinds: Layers, profile: str = "laptop", overrides: It
         profile=profile,
         cases=cases,
         text=text,
-        hash=hashlib.sha256(canonical.encode()).hexdigest(),
-        effective=json.loads(canonical),
+        hash=_hash(effective),
+        effective=effective,
+        overrides=overrides,
     )
 
 

@@ -1,17 +1,23 @@
-"""HDF5 in and out: results files, checkpoints, and where the numbers came from."""
+"""Files in and out: results, sums over paths, and where the numbers came from."""
 
-from .checkpoints import read_checkpoint, write_checkpoint
 from .files import StorageError, check_writable
+from .identity import check_replaceable, is_finished, replaced_hash
 from .provenance import provenance
-from .results import check_same_spec, read, write
+from .results import read, write
+from .sums import about_sums, previous, read_sums, remove_sums, write_sums
 
 __all__ = [
     "StorageError",
-    "check_same_spec",
+    "about_sums",
+    "check_replaceable",
     "check_writable",
+    "is_finished",
+    "previous",
     "provenance",
     "read",
-    "read_checkpoint",
+    "read_sums",
+    "remove_sums",
+    "replaced_hash",
     "write",
-    "write_checkpoint",
+    "write_sums",
 ]

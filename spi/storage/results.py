@@ -47,16 +47,10 @@ def read(path: str | Path) -> Results:
             ) from error
 
 
-def check_same_spec(path: str | Path, spec_hash: str) -> None:
-    """Refuse to go on with a results file of another spec; a missing file is fine."""
-    path = Path(path)
-    if not path.exists():
-        return
-    with _open_results(path) as file:
-        if file.attrs.get("spec_hash") != spec_hash:
-            raise StorageError(
-                f"{path}: holds results of another spec; use --fresh to replace it or --out for another folder"
-            )
+def read_root(path: str | Path) -> dict[str, Any]:
+    """The attributes of the whole file, without any results."""
+    with _open_results(Path(path)) as file:
+        return _read_attributes(file)
 
 
 def _write_group(file: h5py.File, group: Group) -> None:

@@ -1,7 +1,5 @@
 """The mean of H(y(T)) over the paths of a scheme, at each step size."""
 
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,18 +7,27 @@ import numpy as np
 
 from spi.ensemble import FinalStates, empty_report, integrate, nested_grid
 from spi.estimators import stderr_of_mean
-from spi.kinds.plans import Cost, Done, PathsPlan
+from spi.kinds.blocks import BlocksPlan
+from spi.kinds.plans import Cost, Done, State
 from spi.protocol import hamiltonian
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import typical_ns
 
 
-class State(NamedTuple):
-    """Nothing, or all, is done."""
+class Energies(NamedTuple):
+    """H at the end of some paths."""
 
+    paths: int
     seconds: float
+    cpu_seconds: float
     energy: np.ndarray  #: (levels, paths)
+
+    def plus(self, later: "Energies") -> "Energies":
+        joined = np.concatenate((self.energy, later.energy), axis=1)
+        return Energies(
+            self.paths + later.paths, self.seconds + later.seconds, self.cpu_seconds + later.cpu_seconds, joined
+        )
 
 
 def parts(case: Any) -> list[Part]:
@@ -33,32 +40,34 @@ def plan(case: Any, part: Part) -> "EnergyPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnergyPlan(PathsPlan):
+class EnergyPlan(BlocksPlan):
     def cost(self) -> Cost:
         steps = int(self.steps.sum()) * self.samples
         return Cost(steps, steps * 1e-9 * typical_ns(self.part.scheme, self.model), 8 * self.samples)
 
-    def start(self) -> State:
-        return State(seconds=0.0, energy=np.zeros((len(self.steps), 0)))
+    def empty(self, number: int) -> Energies:
+        return Energies(0, 0.0, 0.0, np.zeros((len(self.steps), 0)))
 
-    def batches(self, state: State) -> Iterator[State]:
-        if state.energy.size:
-            return
-        began = time.perf_counter()
+    def most_blocks(self, number: int) -> int:
+        return 64
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         levels, d = len(self.steps), len(self.initial)
-        last = FinalStates(np.empty((self.blocks, levels, d * LANES)), self.steps)
-        report = empty_report(self.blocks, levels)
-        arguments = self.grid, self.stream, last, report, 0, self.blocks, self.samples
+        last = FinalStates(np.empty((blocks, levels, d * LANES)), self.steps)
+        arguments = self.grid, self.stream, last, empty_report(blocks, levels), first, blocks, end
         integrate(self.scheme, self.model, self.initial, *arguments)
-        y = np.moveaxis(last.y.reshape(self.blocks, levels, d, LANES), 0, -2).reshape(levels, d, -1)
-        energy = np.array([hamiltonian(self.model, tuple(states)) for states in y])[:, : self.samples]
-        yield State(seconds=time.perf_counter() - began, energy=energy)
+        return last.y.reshape(blocks, levels, d, LANES)
+
+    def added(self, sums: Energies, rows: np.ndarray, at: slice, first: int, end: int) -> Energies:
+        y = np.moveaxis(rows[at], 0, -2).reshape(len(self.steps), len(self.initial), -1)
+        energy = np.array([hamiltonian(self.model, tuple(states)) for states in y])[:, : end - first * LANES]
+        return sums._replace(energy=np.concatenate((sums.energy, energy), axis=1))
 
     def progress(self, state: State) -> Done:
-        return Done(state.energy.shape[1], self.samples, float("nan"))
+        return Done(state.so_far().paths, self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
-        energy = state.energy[:0:-1]
+        energy = state.total().energy[:0:-1]
         mean, stderr = energy.mean(axis=1), stderr_of_mean(energy)
         variables: Variables = {"energy": (("h",), mean), "energy_stderr": (("h",), stderr)}
         attributes = {**self.description(), "samples": self.samples}

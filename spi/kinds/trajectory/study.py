@@ -1,7 +1,7 @@
 """Trajectories: one path of each scheme, all on the same Brownian path, with the Hamiltonian and the Casimirs."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,12 +9,13 @@ import numpy as np
 
 from spi.dispatch import kernel, number, unrolled
 from spi.ensemble import empty_report, grid, integrate, report_columns, thread_count
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan
+from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
 from spi.lanes import load_lane
 from spi.protocol import REPORT, casimir_indices, casimirs, hamiltonian
 from spi.records import Group, Part
 from spi.rng import LANES
 from spi.schemes import typical_ns
+from spi.tallies import Chunk, Stream
 
 
 class Recorder(NamedTuple):
@@ -28,13 +29,17 @@ class Recorder(NamedTuple):
             observer.y[n, i] = y[i * LANES + observer.lane]
 
 
-class State(NamedTuple):
-    """Nothing (0 blocks) or all (1) is done."""
+class Path(NamedTuple):
+    """One path, or none."""
 
-    blocks: int
+    paths: int
     seconds: float  #: wall clock
     y: np.ndarray  #: (steps + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),) of the whole block
+
+    def plus(self, later: "Path") -> "Path":
+        """There is only one."""
+        raise TypeError("a trajectory has one path")
 
 
 def parts(case: Any) -> list[Part]:
@@ -58,9 +63,13 @@ class TrajectoryPlan(PathsPlan):
         seconds = steps * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
         return Cost(steps * LANES, seconds, 8 * (steps + 1) * (len(self.initial) + 4))
 
-    def start(self) -> State:
-        """The state before anything is done."""
-        return State(blocks=0, seconds=0.0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
+    def streams(self, more: Any) -> Sequence[Stream]:
+        """One path."""
+        return (Stream(1, 1),)
+
+    def empty(self, number: int) -> Path:
+        """No path."""
+        return Path(paths=0, seconds=0.0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step, and its invariants."""
@@ -69,10 +78,8 @@ class TrajectoryPlan(PathsPlan):
         of_states = KernelCall(invariants, (self.model, y, energy, conserved))
         return [self.least.integration(Recorder(y, 0)), of_states]
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Run the path, if it has not been; one batch."""
-        if state.blocks:
-            return
+    def advance(self, chunks: Sequence[Chunk], known: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
+        """Run the path, at once."""
         began = time.perf_counter()
         block, lane = divmod(self.case.path, LANES)
         y = np.empty((self.grid.reference_steps + 1, len(self.initial)))
@@ -81,19 +88,21 @@ class TrajectoryPlan(PathsPlan):
         integrate(
             self.scheme, self.model, self.initial, self.grid, self.stream, Recorder(y, lane), report, block, 1, end
         )
-        yield State(blocks=1, seconds=time.perf_counter() - began, y=y, report=report[0, 0])
+        path = Path(paths=1, seconds=time.perf_counter() - began, y=y, report=report[0, 0])
+        yield [(chunks[0], path)]
 
     def progress(self, state: State) -> Done:
         """0 or 1 paths of 1, and no standard error."""
-        return Done(self.paths_done(state), self.samples, float("nan"))
+        return Done(state.so_far().paths, self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
-        n, d = state.y.shape
+        path = state.total()
+        n, d = path.y.shape
         energy, conserved = np.empty(n), np.empty((n, len(casimir_indices(self.model))))
-        invariants(self.model, state.y, energy, conserved)
+        invariants(self.model, path.y, energy, conserved)
         t = np.arange(n) * self.case.step
-        lost = np.flatnonzero(~np.isfinite(state.y).all(axis=1))
+        lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
             drift = np.abs(conserved - conserved[0]).max(axis=0)
         return Group(
@@ -101,7 +110,7 @@ class TrajectoryPlan(PathsPlan):
             self.part.variant,
             {"t": t, "component": np.arange(d), "casimir": np.arange(conserved.shape[1])},
             {
-                "y": (("t", "component"), state.y),
+                "y": (("t", "component"), path.y),
                 "hamiltonian": (("t",), energy),
                 "casimirs": (("t", "casimir"), conserved),
             },
@@ -115,7 +124,7 @@ class TrajectoryPlan(PathsPlan):
                 "casimir_drift": tuple(float(x) for x in drift),
                 "wall_seconds": state.seconds,
                 "threads": thread_count(),
-                **_reported(state.report),
+                **_reported(path.report),
             },
         )
 

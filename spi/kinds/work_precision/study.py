@@ -6,20 +6,21 @@ which all step sizes take their turn, so that a machine that is slow for a while
 """
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, Plan
+from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import reference_record, typical_ns
+from spi.tallies import Chunk, Stream
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
@@ -37,53 +38,73 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "WorkPlan":
     """The plan for one scheme of a case."""
-    errors = weak.plan(case, part) if case.functions else replace(strong.plan(case, part), timed=False)
+    errors: Any = weak.plan(case, part) if case.functions else replace(strong.plan(case, part), timed_steps=False)
     return WorkPlan(case=case, part=part, errors=errors)
 
 
-class State(NamedTuple):
-    """What is known so far; enough to go on from."""
+class Times(NamedTuple):
+    """What is known besides the paths of the errors."""
 
-    errors: Any  #: the state of the plan of the errors
+    of_errors: Any  #: what the plan of the errors knows besides its paths
     times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured
     timing_seconds: float  #: wall clock
 
     @property
     def seconds(self) -> float:
-        """Wall clock, of errors and times together."""
-        return self.errors.seconds + self.timing_seconds
+        """Wall clock."""
+        return self.of_errors.seconds + self.timing_seconds
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkPlan(PartPlan):
     """Errors of one scheme, and then the time of a path at each step size."""
 
-    errors: Plan  #: of the strong or weak errors
+    errors: Any  #: the plan of the strong or weak errors
 
     def cost(self) -> Cost:
         """The cost of the errors; the times take some seconds more."""
         return self.errors.cost()
 
-    def start(self) -> State:
-        """The state before anything is done."""
+    def begin(self) -> Times:
+        """No time has been measured."""
         times = np.full((self.case.repeats, len(self.case.steps)), np.nan)
-        return State(errors=self.errors.start(), times=times, timing_seconds=0.0)
+        return Times(of_errors=self.errors.begin(), times=times, timing_seconds=0.0)
+
+    def streams(self, more: Times) -> Sequence[Stream]:
+        """The paths of the errors."""
+        return self.errors.streams(more.of_errors)
+
+    def empty(self, number: int) -> Any:
+        """The sums over no paths."""
+        return self.errors.empty(number)
+
+    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
+        """Compute consecutive chunks of the errors, see :class:`~spi.kinds.plans.Plan`."""
+        return self.errors.advance(chunks, known)
+
+    def settle(self, state: State) -> Times | None:
+        """Whatever the errors ask for."""
+        of_errors = self.errors.settle(self._of_errors(state))
+        return None if of_errors is None else state.more._replace(of_errors=of_errors)
+
+    def _of_errors(self, state: State) -> State:
+        """What is known of the errors."""
+        own = State(self.errors)
+        own.more, own.tallies = state.more.of_errors, state.tallies
+        return own
 
     def kernel_calls(self) -> list[KernelCall]:
         """Those of the errors, and one step of one block as it is timed."""
         return [*self.errors.kernel_calls(), KernelCall(integrate, _arguments(self, self.case.steps[0], 1, 1))]
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Compute the errors, then measure the times that are left; yields the state after each batch or repeat."""
-        for errors in self.errors.batches(state.errors):
-            state = state._replace(errors=errors)
-            yield state
-        yield from _timings(self, state)
+    def finish(self, state: State) -> Iterator[Times]:
+        """Measure the times that are left."""
+        yield from _timings(self, state.more)
 
     def progress(self, state: State) -> Done:
         """How far the errors are and, from the first repeat on, the times, in seconds of typical speed."""
-        of_errors = self.errors.progress(state.errors)
-        measured = int(np.isfinite(state.times).all(axis=1).sum())
+        of_errors = self.errors.progress(self._of_errors(state))
+        measured = int(np.isfinite(state.more.times).all(axis=1).sum())
         if not measured:
             return of_errors
         seconds = 1e-9 * typical_ns(self.part.scheme, self.model) * _PATH_STEPS * len(self.case.steps)
@@ -91,10 +112,10 @@ class WorkPlan(PartPlan):
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
-        case, found = self.case, self.errors.group(state.errors)
+        case, found = self.case, self.errors.group(self._of_errors(state))
         variables = _errors_of_one(found)
         axes = {axis for axes, _ in variables.values() for axis in axes}
-        low, median, high = np.quantile(state.times, (0.25, 0.5, 0.75), axis=0)
+        low, median, high = np.quantile(state.more.times, (0.25, 0.5, 0.75), axis=0)
         times = {"seconds_per_path": median, "seconds_per_path_low": low, "seconds_per_path_high": high}
         times["ns_per_step"] = 1e9 * median * np.array(case.steps) / case.final_time
         return Group(
@@ -143,21 +164,21 @@ def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, .
     return p.scheme, p.model, p.initial, times, brownian(case.seed), observer, report, 0, blocks, blocks * LANES
 
 
-def _timings(p: WorkPlan, state: State) -> Iterator[State]:
-    """Measure what is left of the times; yields the state after each repeat."""
-    left = np.flatnonzero(np.isnan(state.times).any(axis=1))
+def _timings(p: WorkPlan, known: Times) -> Iterator[Times]:
+    """Measure what is left of the times; yields after each repeat."""
+    left = np.flatnonzero(np.isnan(known.times).any(axis=1))
     if not len(left):
         return
     began = time.perf_counter()
     jobs = [_job(p, h) for h in p.case.steps]
     _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
     for repeat in left:
-        times = state.times.copy()
+        times = known.times.copy()
         times[repeat] = _seconds_per_path(jobs)
         now = time.perf_counter()
-        state = state._replace(times=times, timing_seconds=state.timing_seconds + now - began)
+        known = known._replace(times=times, timing_seconds=known.timing_seconds + now - began)
         began = now
-        yield state
+        yield known
 
 
 def _seconds_per_path(jobs: Iterable[_Job]) -> list[float]:

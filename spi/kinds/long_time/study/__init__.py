@@ -7,25 +7,27 @@ their exact values.  Standard errors come from the paths, which are independent 
 """
 
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from spi.ensemble import BATCH_SECONDS, grid, integrate, limited_threads, thread_count
-from spi.kinds.plans import Cost, Done, KernelCall, SchemePlan
-from spi.protocol import REPORT, casimirs
+from spi.kinds.plans import Cost, Done, KernelCall, SchemePlan, State
 from spi.records import Group, Part
 from spi.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
-from spi.sphere_law import BINS, SphereLaw, obstacle
+from spi.sphere_law import SphereLaw, obstacle
+from spi.tallies import Chunk, Stream
 
-from .paths import State, advance_state, initial_rows, integration
+from .paths import Paths, advanced, initial_rows, integration, paths_at_start
 from .results import group
 
 #: About how many snapshots of each path.
 SNAPSHOTS = 8192
+
+_CHUNK_BLOCKS = 16  # which go from the first step to the last together
 
 
 def parts(case: Any) -> list[Part]:
@@ -62,45 +64,43 @@ class LongTimePlan(SchemePlan):
         steps = len(self.case.steps) * self.case.step_count * self.blocks * LANES
         idle = thread_count() / min(thread_count(), self.blocks)  # a block cannot be shared by threads
         seconds = idle * steps * 1e-9 * typical_ns(self.part.scheme, self.model)
-        return Cost(steps, seconds, sum(np.asarray(v).nbytes for v in self.start()))
+        of_a_block = sum(np.asarray(v).nbytes for v in paths_at_start(self, 1))
+        return Cost(steps, seconds, of_a_block * self.blocks * len(self.case.steps))
 
-    def start(self) -> State:
-        """The state before the first step."""
-        levels, paths, conserved = len(self.case.steps), self.blocks * LANES, len(casimirs(self.model, self.initial))
-        moments, variables = (len(self.law.moments), len(self.law.variables)) if self.law else (0, 0)
-        return State(
-            level=0,
-            n=0,
-            seconds=0.0,
-            y=initial_rows(self),
-            casimir=np.full((levels, len(self.records), conserved, paths), np.nan),
-            report=np.zeros((levels, len(REPORT))),
-            nonfinite=np.zeros(levels, np.int64),
-            snapshots=np.zeros(levels, np.int64),
-            moments=np.zeros((levels, moments, paths)),
-            counts=np.zeros((levels, variables, BINS, paths)),
-        )
+    def streams(self, more: Any) -> Sequence[Stream]:
+        """All paths of each step size."""
+        return (Stream(self.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
+
+    def empty(self, number: int) -> Paths:
+        """No paths."""
+        return paths_at_start(self, 0)
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the first block."""
         times = grid(self.case.steps[0], 1, truncate=self.case.truncate_noise)
-        return [KernelCall(integrate, integration(replace(self, samples=LANES), times, initial_rows(self)[:1]))]
+        return [KernelCall(integrate, integration(self, times, initial_rows(self, 1), 0, LANES))]
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Run all that is left; yields the state after each batch of about half a second."""
-        with limited_threads(self.blocks):  # a thread without a block would wait in a busy loop
-            until = time.perf_counter() + BATCH_SECONDS
-            while state.level < len(self.case.steps):
-                state = advance_state(self, state)
-                if time.perf_counter() > until:
-                    yield state
-                    until = time.perf_counter() + BATCH_SECONDS
-            yield state
+    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+        """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
+        for chunk in chunks:
+            paths = known if known and len(known.y) == chunk.blocks else paths_at_start(self, chunk.blocks)
+            known = None
+            with limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
+                until = time.perf_counter() + BATCH_SECONDS
+                while not paths.paths:
+                    paths = advanced(self, chunk, paths)
+                    if time.perf_counter() > until or paths.paths:
+                        yield [(chunk, paths)]
+                        until = time.perf_counter() + BATCH_SECONDS
 
     def progress(self, state: State) -> Done:
         """Steps done and all steps, in paths, and no standard error."""
-        done = (state.level + state.n / self.case.step_count) / len(self.case.steps)
-        return Done(done * self.samples, self.samples, float("nan"))
+        levels, under_way = len(self.case.steps), 0.0
+        for i in range(levels):
+            tally = state.tally(i)
+            for sums in (*tally.nodes.values(), *tally.short.values()):
+                under_way += sums.paths or len(sums.y) * LANES * sums.n / self.case.step_count
+        return Done(min(under_way / levels, self.samples), self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""

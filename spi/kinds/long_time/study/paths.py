@@ -1,14 +1,15 @@
 """The paths of a study of long times, from one snapshot to the next."""
 
 import time
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from spi.ensemble import FinalStates, add_reports, empty_report, grid, integrate
-from spi.protocol import casimirs, memory_size
+from spi.protocol import REPORT, casimirs, memory_size
 from spi.rng import LANES, STEPS_PER_TOSS
-from spi.sphere_law import SphereLaw
+from spi.sphere_law import BINS, SphereLaw
+from spi.tallies import Chunk
 
 if TYPE_CHECKING:
     from . import LongTimePlan
@@ -16,83 +17,121 @@ if TYPE_CHECKING:
 _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 
 
-class State(NamedTuple):
-    """What is known after `n` steps of step size number `level`, and after all steps of those before."""
+class Paths(NamedTuple):
+    """What is known of the paths of some blocks, which stand along the last axes, after `n` steps of one step size.
 
-    level: int
-    n: int
+    Until all steps are done there is nothing to say of whole paths, and `paths` is 0.
+    """
+
+    paths: int
     seconds: float  #: wall clock
-    y: np.ndarray  #: (blocks, d * LANES + memory)
-    casimir: np.ndarray  #: (levels, records, C, paths), relative error
-    report: np.ndarray  #: (levels, len(REPORT))
-    nonfinite: np.ndarray  #: (levels,) int64, paths
-    snapshots: np.ndarray  #: (levels,) int64, those that count for the law
-    moments: np.ndarray  #: (levels, moments, paths), sums over snapshots
-    counts: np.ndarray  #: (levels, variables, bins, paths)
+    n: int
+    y: np.ndarray  #: (blocks, d * LANES + memory), no blocks once all steps are done
+    casimir: np.ndarray  #: (records, C, paths), relative error
+    report: np.ndarray  #: (len(REPORT),)
+    nonfinite: int  #: of the paths
+    snapshots: int  #: how many count for the law
+    moments: np.ndarray  #: (moments, paths), sums over snapshots
+    counts: np.ndarray  #: (variables, bins, paths)
+
+    def plus(self, later: "Paths") -> "Paths":
+        """These paths and some later ones, all steps done."""
+        joined: dict[str, Any] = {
+            name: np.concatenate((getattr(self, name), getattr(later, name)), axis=-1) for name in OF_PATHS
+        }
+        return self._replace(
+            paths=self.paths + later.paths,
+            seconds=self.seconds + later.seconds,
+            report=add_reports(self.report[np.newaxis], later.report[np.newaxis, np.newaxis])[0],
+            nonfinite=self.nonfinite + later.nonfinite,
+            **joined,
+        )
 
 
-def initial_rows(p: "LongTimePlan") -> np.ndarray:
-    """y_0 for all paths, as ``State.y``."""
-    y = np.zeros((p.blocks, len(p.initial) * LANES + memory_size(p.scheme, p.model)))
+OF_PATHS = ("casimir", "moments", "counts")  #: the fields in which the paths stand along the last axis
+
+
+def paths_at_start(p: "LongTimePlan", blocks: int) -> Paths:
+    """So many blocks before their first step."""
+    paths, conserved = blocks * LANES, len(casimirs(p.model, p.initial))
+    moments, variables = (len(p.law.moments), len(p.law.variables)) if p.law else (0, 0)
+    return Paths(
+        paths=0,
+        seconds=0.0,
+        n=0,
+        y=initial_rows(p, blocks),
+        casimir=np.full((len(p.records), conserved, paths), np.nan),
+        report=np.zeros(len(REPORT)),
+        nonfinite=0,
+        snapshots=0,
+        moments=np.zeros((moments, paths)),
+        counts=np.zeros((variables, BINS, paths)),
+    )
+
+
+def initial_rows(p: "LongTimePlan", blocks: int) -> np.ndarray:
+    """y_0 for all paths of so many blocks, as ``Paths.y``."""
+    y = np.zeros((blocks, len(p.initial) * LANES + memory_size(p.scheme, p.model)))
     y[:, : len(p.initial) * LANES] = np.repeat(p.initial, LANES)
     return y
 
 
-def next_stop(p: "LongTimePlan", state: State) -> int:
-    """The number of steps until which the paths are run next."""
-    if state.n < p.spacing:
-        return min(max(2 * state.n, STEPS_PER_TOSS), p.case.step_count)
-    return min((state.n // p.spacing + 1) * p.spacing, p.case.step_count)
+def next_stop(p: "LongTimePlan", n: int) -> int:
+    """The number of steps until which paths are run next that have done n."""
+    if n < p.spacing:
+        return min(max(2 * n, STEPS_PER_TOSS), p.case.step_count)
+    return min((n // p.spacing + 1) * p.spacing, p.case.step_count)
 
 
-def integration(p, times, y):
-    """The arguments of :func:`spi.ensemble.integrate` for all blocks from the states `y` on, with `times` a grid."""
+def integration(p, times, y, first, end):
+    """The arguments of :func:`spi.ensemble.integrate` for blocks from `first` on, from the states `y` on.
+
+    `times` is a grid; paths from number `end` on are idle.
+    """
     stop = times.first_step + times.reference_steps
-    last = FinalStates(np.empty((p.blocks, 1, y.shape[1])), np.array([stop]))
-    return p.scheme, p.model, y, times, p.stream, last, empty_report(p.blocks, 1), 0, p.blocks, p.samples
+    last = FinalStates(np.empty((len(y), 1, y.shape[1])), np.array([stop]))
+    return p.scheme, p.model, y, times, p.stream, last, empty_report(len(y), 1), first, len(y), end
 
 
-def advance_state(p: "LongTimePlan", state: State) -> State:
-    """The state at the next snapshot."""
+def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
+    """The paths of a chunk at the next snapshot."""
     began = time.perf_counter()
-    level, stop = state.level, next_stop(p, state)
-    times = grid(p.case.steps[level], stop - state.n, truncate=p.case.truncate_noise, first_step=state.n)
-    arguments = integration(p, times, state.y)
+    stop = next_stop(p, known.n)
+    times = grid(p.case.steps[chunk.stream], stop - known.n, truncate=p.case.truncate_noise, first_step=known.n)
+    arguments = integration(p, times, known.y, chunk.first, chunk.end)
     integrate(*arguments)
     *_, last, report, _, _, _ = arguments
-    y = last.y[:, 0]
-    d = len(p.initial)
-    states = y[:, : d * LANES].reshape(p.blocks, d, LANES).swapaxes(0, 1).reshape(d, -1)
-    total = state.report.copy()
-    total[level] = add_reports(total[level : level + 1], report)[0]
-    state = state._replace(n=stop, y=y, report=total)
+    y, d = last.y[:, 0], len(p.initial)
+    states = y[:, : d * LANES].reshape(chunk.blocks, d, LANES).swapaxes(0, 1).reshape(d, -1)
+    known = known._replace(n=stop, y=y, report=add_reports(known.report[np.newaxis], report)[0])
     with np.errstate(all="ignore"):
         if stop in p.records:
-            state = _recorded(p, state, states)
+            known = _recorded(p, known, states)
         if p.law and stop > _WARM_UP * p.case.step_count:
-            state = _counted(p.law, state, states)
+            known = _counted(p.law, known, states)
     if stop == p.case.step_count:
-        nonfinite = state.nonfinite.copy()
-        nonfinite[level] = (~np.isfinite(states[:, : p.samples]).all(axis=0)).sum()
-        state = state._replace(level=level + 1, n=0, y=initial_rows(p), nonfinite=nonfinite)
-    return state._replace(seconds=state.seconds + time.perf_counter() - began)
+        known = known._replace(
+            paths=chunk.paths,
+            y=y[:0],
+            nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
+            **{name: getattr(known, name)[..., : chunk.paths] for name in OF_PATHS},
+        )
+    return known._replace(seconds=known.seconds + time.perf_counter() - began)
 
 
-def _recorded(p: "LongTimePlan", state: State, states: np.ndarray) -> State:
-    """The state with the relative errors of the Casimirs at this time."""
-    if not state.casimir.shape[2]:
-        return state
+def _recorded(p: "LongTimePlan", known: Paths, states: np.ndarray) -> Paths:
+    """With the relative errors of the Casimirs at this time."""
+    if not known.casimir.shape[1]:
+        return known
     first = np.array(casimirs(p.model, p.initial))[:, None]
     change = np.array(casimirs(p.model, tuple(states))) - first
-    casimir = state.casimir.copy()
-    casimir[state.level, np.searchsorted(p.records, state.n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
-    return state._replace(casimir=casimir)
+    casimir = known.casimir.copy()
+    casimir[np.searchsorted(p.records, known.n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
+    return known._replace(casimir=casimir)
 
 
-def _counted(law: SphereLaw, state: State, states: np.ndarray) -> State:
-    """The state with one more snapshot in its sums."""
-    moments, counts, snapshots = state.moments.copy(), state.counts.copy(), state.snapshots.copy()
-    moments[state.level] += law.moments_of(states)
-    law.count(states, counts[state.level])
-    snapshots[state.level] += 1
-    return state._replace(moments=moments, counts=counts, snapshots=snapshots)
+def _counted(law: SphereLaw, known: Paths, states: np.ndarray) -> Paths:
+    """With one more snapshot in the sums."""
+    counts = known.counts.copy()
+    law.count(states, counts)
+    return known._replace(moments=known.moments + law.moments_of(states), counts=counts, snapshots=known.snapshots + 1)

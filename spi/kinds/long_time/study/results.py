@@ -1,15 +1,17 @@
 """The group of results of long times: growth and bias of errors of the Casimirs, and the law of the states."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from spi.ensemble import report_columns, thread_count
 from spi.estimators import fit_order, stderr_of_mean
+from spi.kinds.plans import State
 from spi.records import Group, Variables
 from spi.sphere_law import BINS, SphereLaw
 
-from .paths import State
+from .paths import Paths
 
 if TYPE_CHECKING:
     from . import LongTimePlan
@@ -19,15 +21,18 @@ _FIT_FROM = 2**12  # steps, before which rounding errors are too few to fit thei
 
 def group(p: "LongTimePlan", state: State) -> Group:
     """The results of one scheme of a case, from its final state."""
-    casimir = state.casimir[..., : p.samples]
-    variables = {**_errors(casimir), **_growth(p, casimir), "nonfinite": (("h",), state.nonfinite)}
-    variables |= {name: (("h",), values) for name, values in report_columns(state.report).items()}
+    totals = [state.total(i) for i in range(len(p.case.steps))]
+    casimir = np.array([of_one.casimir for of_one in totals])
+    nonfinite = np.array([of_one.nonfinite for of_one in totals])
+    report = np.array([of_one.report for of_one in totals])
+    variables = {**_errors(casimir), **_growth(p, casimir), "nonfinite": (("h",), nonfinite)}
+    variables |= {name: (("h",), values) for name, values in report_columns(report).items()}
     coordinates = {"h": np.array(p.case.steps), "n": p.records, "casimir": np.arange(casimir.shape[2])}
     if p.law:
         coordinates["variable"] = np.array(p.law.variables)
         coordinates["bin"] = np.arange(BINS)
         coordinates["moment"] = np.array(list(p.law.moments))
-        variables |= _law(p.law, p.samples, state)
+        variables |= _law(p.law, totals)
     return Group(
         p.case.name,
         p.part.variant,
@@ -37,7 +42,7 @@ def group(p: "LongTimePlan", state: State) -> Group:
             **p.description(),
             "samples": p.samples,
             "steps_each": p.case.step_count,
-            "snapshots": int(state.snapshots[0]),
+            "snapshots": totals[0].snapshots,
             "panels": p.case.panels,
             "wall_seconds": state.seconds,
             "threads": thread_count(),
@@ -89,11 +94,11 @@ def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
     return -found.order, -found.high, -found.low
 
 
-def _law(law: SphereLaw, samples: int, state: State) -> Variables:
-    """Means and fractions in bins against their exact values."""
-    snapshots = np.maximum(state.snapshots, 1).reshape(-1, 1, 1)
-    moments = state.moments[..., :samples] / snapshots
-    fractions = state.counts[..., :samples] / snapshots[..., None]
+def _law(law: SphereLaw, totals: Sequence[Paths]) -> Variables:
+    """Means and fractions in bins against their exact values, from the paths of each step size."""
+    snapshots = max(totals[0].snapshots, 1)
+    moments = np.array([of_one.moments for of_one in totals]) / snapshots
+    fractions = np.array([of_one.counts for of_one in totals]) / snapshots
     below = np.cumsum(fractions, axis=2)[:, :, :-1]
     away = np.abs(below.mean(axis=3) - np.arange(1, BINS) / BINS)
     farthest = away.argmax(axis=2)[..., None]

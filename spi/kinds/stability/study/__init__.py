@@ -6,21 +6,22 @@ fraction of paths that stay finite, the distance from the scheme's own path at t
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from spi.ensemble import in_batches, nested_grid
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan
-from spi.protocol import REPORT, casimirs
+from spi.ensemble import nested_grid
+from spi.kinds.blocks import BlocksPlan, Blockwise
+from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.protocol import casimirs
 from spi.records import Group, Part
 from spi.schemes import SCHEMES, reference_record, typical_ns
+from spi.tallies import Stream
 
-from .law import TRUTH_SECONDS, has_truth, with_truth
-from .paths import State, advance_state, extremes_of, paths_of_a_value
+from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
+from .paths import Paths, Rows, added, extremes_of, no_paths, rows_of
 from .results import group
 
 _MOST_BLOCKS = 64
@@ -36,24 +37,24 @@ def plan(case: Any, part: Part) -> "StabilityPlan":
     return StabilityPlan(case=case, part=part, points=tuple(_point(one, part.scheme) for one in case.sweep.cases))
 
 
-def _point(case: Any, scheme: str) -> PathsPlan:
+def _point(case: Any, scheme: str) -> BlocksPlan:
     """The paths of one scheme for a case without the swept word."""
     eps = case.eps[0] if SCHEMES[scheme].multiscale else None
     reference = reference_record(case.reference_scheme, eps)
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
-    return PathsPlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
+    return BlocksPlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
 
 
 @dataclass(frozen=True, kw_only=True)
-class StabilityPlan:
+class StabilityPlan(Blockwise):
     """One scheme at all step sizes for all values of the swept word."""
 
     case: Any  #: ``spi.kinds.stability.keys.Case``
     part: Part
-    points: tuple[PathsPlan, ...]  #: the paths for each value; only models, initial states and eps differ
+    points: tuple[BlocksPlan, ...]  #: the paths for each value; only models, initial states and eps differ
 
     @property
-    def first(self) -> PathsPlan:
+    def first(self) -> BlocksPlan:
         """The paths for the first value, which tell what is the same for all."""
         return self.points[0]
 
@@ -73,51 +74,49 @@ class StabilityPlan:
         seconds = steps * 1e-9 * typical_ns(self.part.scheme, self.first.model)
         if has_truth(self) and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
             seconds += TRUTH_SECONDS * len(self.points)
-        return Cost(steps, seconds, sum(v.nbytes for v in self.start() if isinstance(v, np.ndarray)))
+        of_a_path = self.levels * (len(casimirs(self.first.model, self.first.initial)) + 2 + len(self.first.initial))
+        return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
-    def start(self) -> State:
-        """The state before the first block."""
-        values, steps, functions = len(self.points), self.levels - 1, len(self.functions)
-        conserved = len(casimirs(self.first.model, self.first.initial))
-        return State(
-            done=0,
-            blocks=0,
-            seconds=0.0,
-            **paths_of_a_value(self),
-            report=np.zeros((values, self.levels, len(REPORT))),
-            finite=np.zeros((values, steps)),
-            casimir_worst=np.zeros((values, steps, conserved)),
-            casimir_median=np.zeros((values, steps, conserved)),
-            largest_norm=np.zeros((values, steps)),
-            positive=np.zeros((values, steps)),
-            error=np.zeros((values, steps)),
-            error_stderr=np.zeros((values, steps)),
-            expectation=np.zeros((values, steps, functions)),
-            expectation_stderr=np.zeros((values, steps, functions)),
-            truth=np.full((values, functions), np.nan),
-            truth_bound=np.full((values, functions), np.nan),
-        )
+    def begin(self) -> Truth:
+        """No expectation is known."""
+        return unknown_truth(self)
+
+    def streams(self, more: Truth) -> Sequence[Stream]:
+        """All paths for each value."""
+        return tuple(stream for point in self.points for stream in point.streams(more))
+
+    def empty(self, number: int) -> Paths:
+        """No paths for a value."""
+        return no_paths(self.points[number])
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block for each value."""
         least = [point.least for point in self.points]
         return [point.integration(extremes_of(point, 1)) for point in least]
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Run all values that are left, then find the true expectations; yields the state after each batch."""
-        for after in in_batches(state, partial(advance_state, self), self._blocks_left, _MOST_BLOCKS):
-            yield (state := after)
-        for i in np.flatnonzero(np.isnan(state.truth).any(axis=1)).tolist() if has_truth(self) else ():
-            state = with_truth(self, state, i)
-            yield state
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        return _MOST_BLOCKS
 
-    def _blocks_left(self, state: State) -> int:
-        """Of the value at hand."""
-        return self.first.blocks - state.blocks if state.done < len(self.points) else 0
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """What some blocks of a value contribute, see ``paths``."""
+        return rows_of(self.points[number], first, blocks, end)
+
+    def added(self, sums: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
+        """The paths of a value with some more, see ``paths``."""
+        return added(sums, rows, at, first, end)
+
+    def settle(self, state: State) -> None:
+        """Nothing is left."""
+
+    def finish(self, state: State) -> Iterator[Truth]:
+        """Find the true expectations for each value."""
+        for i in np.flatnonzero(np.isnan(state.more.truth).any(axis=1)).tolist() if has_truth(self) else ():
+            yield with_truth(self, state.more, i)
 
     def progress(self, state: State) -> Done:
         """Paths done of all values, all of them, and no standard error."""
-        done = state.done * self.first.samples + self.first.paths_done(state)
+        done = sum(state.so_far(i).paths for i in range(len(self.points)))
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
     def description(self) -> dict[str, Any]:

@@ -2,15 +2,13 @@
 
 import functools
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from spi.expressions import as_numpy
 from spi.kolmogorov import can_solve_equation, exact_expectations
 from spi.records import Variables
-
-from .paths import State
 
 if TYPE_CHECKING:
     from . import StabilityPlan
@@ -34,18 +32,35 @@ def _truth(
     return exact_expectations(model, initial, final_time, [as_numpy(f) for f in functions], _ACCURACY)
 
 
-def with_truth(p: "StabilityPlan", state: State, i: int) -> State:
-    """The state with the true expectations of value number i."""
+class Truth(NamedTuple):
+    """True expectations of F test functions for each value."""
+
+    seconds: float  #: wall clock
+    truth: np.ndarray  #: (values, F), NaN until they are known
+    truth_bound: np.ndarray  #: (values, F), their numerical error
+
+
+def unknown_truth(p: "StabilityPlan") -> Truth:
+    """Nothing is known."""
+    unknown = np.full((len(p.points), len(p.functions)), np.nan)
+    return Truth(0.0, unknown, unknown)
+
+
+def with_truth(p: "StabilityPlan", known: Truth, i: int) -> Truth:
+    """What is known, with the true expectations of value number i."""
     began = time.perf_counter()
-    truth, bound = state.truth.copy(), state.truth_bound.copy()
+    truth, bound = known.truth.copy(), known.truth_bound.copy()
     point = p.points[i]
     truth[i], bound[i] = _truth(point.model, point.initial, p.case.final_time, p.functions)
-    return state._replace(truth=truth, truth_bound=bound, seconds=state.seconds + time.perf_counter() - began)
+    return Truth(known.seconds + time.perf_counter() - began, truth, bound)
 
 
-def law_variables(state: State) -> Variables:
-    """Expectations of the test functions, and how far from the truth they are, as variables of a group."""
-    mean, stderr, truth, bound = state.expectation, state.expectation_stderr, state.truth, state.truth_bound
+def law_variables(mean: np.ndarray, stderr: np.ndarray, known: Truth) -> Variables:
+    """Expectations of the test functions, and how far from the truth they are, as variables of a group.
+
+    `mean` and `stderr` are of shape (values, levels, F).
+    """
+    truth, bound = known.truth, known.truth_bound
     with np.errstate(invalid="ignore"):
         away = np.abs(mean - truth[:, None])
         away = np.where(np.isfinite(truth)[:, None] & np.isnan(away), np.inf, away)

@@ -1,8 +1,7 @@
 """The paths of a stability study: what is watched along them, and its summary for each value of the swept word."""
 
 import math
-import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from spi.kinds.plans import PathsPlan
 from spi.lanes import load_lane
 from spi.protocol import casimirs, observe, populations
 from spi.rng import LANES
-
-if TYPE_CHECKING:
-    from . import StabilityPlan
 
 
 class Extremes(NamedTuple):
@@ -46,40 +42,55 @@ class Extremes(NamedTuple):
         observe(observer.last, model, row, paths, level, n, y, reference)
 
 
-class State(NamedTuple):
-    """The first `done` values, and of the next one the first `blocks` blocks."""
+class Paths(NamedTuple):
+    """What is known of some paths for one value of the swept word; the paths stand along the last axes."""
 
-    done: int
-    blocks: int
-    seconds: float
-    casimir: np.ndarray  #: (levels, C, paths) of the value at hand, as the next three
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    casimir: np.ndarray  #: (levels, C, paths)
     square: np.ndarray  #: (levels, paths)
     least: np.ndarray  #: (levels, paths)
     y: np.ndarray  #: (levels, d, paths)
-    report: np.ndarray  #: (values, levels, columns)
-    finite: np.ndarray  #: (values, levels - 1), from here on of all values; fraction of the paths
-    casimir_worst: np.ndarray  #: (values, levels - 1, C), relative
-    casimir_median: np.ndarray  #: (values, levels - 1, C)
-    largest_norm: np.ndarray  #: (values, levels - 1), relative to |y_0|
-    positive: np.ndarray  #: (values, levels - 1), fraction of the paths
-    error: np.ndarray  #: (values, levels - 1), relative to |y_0|
-    error_stderr: np.ndarray  #: (values, levels - 1)
-    expectation: np.ndarray  #: (values, levels - 1, F), of the test functions
-    expectation_stderr: np.ndarray  #: (values, levels - 1, F)
-    truth: np.ndarray  #: (values, F), true expectations, NaN until they are known
-    truth_bound: np.ndarray  #: (values, F), their numerical error
+    report: np.ndarray  #: (levels, columns)
+
+    def plus(self, later: "Paths") -> "Paths":
+        """These paths and some later ones."""
+        joined: dict[str, Any] = {
+            name: np.concatenate((getattr(self, name), getattr(later, name)), axis=-1) for name in _OF_PATHS
+        }
+        return Paths(
+            paths=self.paths + later.paths,
+            seconds=self.seconds + later.seconds,
+            cpu_seconds=self.cpu_seconds + later.cpu_seconds,
+            report=add_reports(self.report, later.report[np.newaxis]),
+            **joined,
+        )
 
 
-def paths_of_a_value(p: "StabilityPlan") -> dict[str, Any]:
-    """The arrays of the value at hand before its first block, by name."""
-    model, initial = p.first.model, p.first.initial
-    paths = p.first.blocks * LANES
-    return {
-        "casimir": np.zeros((p.levels, len(casimirs(model, initial)), paths)),
-        "square": np.zeros((p.levels, paths)),
-        "least": np.full((p.levels, paths), np.inf),
-        "y": np.zeros((p.levels, len(initial), paths)),
-    }
+_OF_PATHS = ("casimir", "square", "least", "y")
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    found: Extremes
+    report: np.ndarray  #: (blocks, levels, columns)
+
+
+def no_paths(point: PathsPlan) -> Paths:
+    """No paths of `point`."""
+    levels = len(point.steps)
+    return Paths(
+        paths=0,
+        seconds=0.0,
+        cpu_seconds=0.0,
+        casimir=np.zeros((levels, len(casimirs(point.model, point.initial)), 0)),
+        square=np.zeros((levels, 0)),
+        least=np.zeros((levels, 0)),
+        y=np.zeros((levels, len(point.initial), 0)),
+        report=empty_report(1, levels)[0],
+    )
 
 
 def extremes_of(point: PathsPlan, rows: int) -> Extremes:
@@ -95,53 +106,37 @@ def extremes_of(point: PathsPlan, rows: int) -> Extremes:
     )
 
 
-def advance_state(p: "StabilityPlan", state: State, blocks: int) -> State:
-    """The state after the next `blocks` blocks of the value at hand."""
-    began = time.perf_counter()
-    point = p.points[state.done]
-    found, report = extremes_of(point, blocks), empty_report(blocks, p.levels)
+def rows_of(point: PathsPlan, first: int, blocks: int, end: int) -> Rows:
+    """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+    rows = Rows(extremes_of(point, blocks), empty_report(blocks, len(point.steps)))
     what = point.scheme, point.model, point.initial, point.grid, point.stream
-    integrate(*what, found, report, state.blocks, blocks, point.samples)
-    at = slice(state.blocks * LANES, (state.blocks + blocks) * LANES)
-    state = state._replace(
-        blocks=state.blocks + blocks,
-        casimir=_put(state.casimir, at, found.casimir),
-        square=_put(state.square, at, found.square),
-        least=_put(state.least, at, found.least),
-        y=_put(state.y, at, found.last.y.reshape(blocks, p.levels, -1, LANES)),
-        report=_set(state.report, state.done, add_reports(state.report[state.done], report)),
-    )
-    if state.blocks == point.blocks:
-        told = summary(point, p.functions, state)
-        new: dict[str, Any] = {name: _set(getattr(state, name), state.done, value) for name, value in told.items()}
-        state = state._replace(done=state.done + 1, blocks=0, **paths_of_a_value(p), **new)
-    return state._replace(seconds=state.seconds + time.perf_counter() - began)
+    integrate(*what, rows.found, rows.report, first, blocks, end)
+    return rows
 
 
-def _put(kept: np.ndarray, at: slice, found: np.ndarray) -> np.ndarray:
-    """`kept` (..., paths) with the paths `at` from `found` (blocks, ..., LANES)."""
-    kept = kept.copy()
-    kept[..., at] = np.moveaxis(found, 0, -2).reshape(*kept.shape[:-1], at.stop - at.start)
-    return kept
+def added(known: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
+    """The paths known and those of the rows `at`, of which the first is that of block `first`."""
+    found, levels = rows.found, rows.report.shape[1]
+    states = found.last.y.reshape(len(rows.report), levels, -1, LANES)
+    arrays = {"casimir": found.casimir, "square": found.square, "least": found.least, "y": states}
+    joined: dict[str, Any] = {}
+    for name, values in arrays.items():
+        lanes = np.moveaxis(values[at], 0, -2)
+        paths = lanes.reshape(*lanes.shape[:-2], lanes.shape[-2] * LANES)[..., : end - first * LANES]
+        joined[name] = np.concatenate((getattr(known, name), paths), axis=-1)
+    return known._replace(report=add_reports(known.report, rows.report[at]), **joined)
 
 
-def _set(kept: np.ndarray, i: int, value: Any) -> np.ndarray:
-    """`kept` with another row i."""
-    kept = kept.copy()
-    kept[i] = value
-    return kept
-
-
-def summary(point: PathsPlan, functions: tuple, state: State) -> dict[str, np.ndarray]:
-    """What the paths of the value at hand, `point`, tell: by the name of a field its row (levels - 1, ...)."""
+def summary(point: PathsPlan, functions: tuple, known: Paths) -> dict[str, np.ndarray]:
+    """What all paths for one value, `point`, tell: by the name of a quantity its values (levels - 1, ...)."""
     n, size = point.samples, math.hypot(*point.initial)
-    known = np.abs(casimirs(point.model, point.initial))
-    scale = np.where(known > 0, known, 1.0).reshape(1, -1, 1) if len(known) else 1.0
+    conserved = np.abs(casimirs(point.model, point.initial))
+    scale = np.where(conserved > 0, conserved, 1.0).reshape(1, -1, 1) if len(conserved) else 1.0
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        worse = np.nan_to_num(state.casimir[1:, :, :n] / scale, nan=np.inf, posinf=np.inf)
+        worse = np.nan_to_num(known.casimir[1:] / scale, nan=np.inf, posinf=np.inf)
         median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
-        norm = np.nan_to_num(np.sqrt(state.square[1:, :n]), nan=np.inf, posinf=np.inf)
-        y, reference = state.y[1:, :, :n], state.y[:1, :, :n]
+        norm = np.nan_to_num(np.sqrt(known.square[1:]), nan=np.inf, posinf=np.inf)
+        y, reference = known.y[1:], known.y[:1]
         squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
         mean = squares.mean(axis=1)
         error = np.sqrt(mean)
@@ -152,7 +147,7 @@ def summary(point: PathsPlan, functions: tuple, state: State) -> dict[str, np.nd
         "casimir_worst": worse.max(axis=2, initial=0.0),
         "casimir_median": median,
         "largest_norm": norm.max(axis=1),
-        "positive": (state.least[1:, :n] > 0.0).mean(axis=1),
+        "positive": (known.least[1:] > 0.0).mean(axis=1),
         "error": error,
         "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
         "expectation": expectation,

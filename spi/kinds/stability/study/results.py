@@ -6,18 +6,19 @@ import numpy as np
 
 from spi.ensemble import report_columns, thread_count
 from spi.expressions import canonical
-from spi.protocol import REPORT, populations
+from spi.kinds.plans import State
+from spi.protocol import REPORT, casimirs, populations
 from spi.records import Group, Variables
 from spi.schemes import SCHEMES
 
 from .law import law_variables
-from .paths import State
+from .paths import summary
 
 if TYPE_CHECKING:
     from . import StabilityPlan
 
 _AXES = ("value", "h")
-_OF_STATE = ("finite", "largest_norm", "error", "error_stderr")
+_PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
 
 
 def group(p: "StabilityPlan", state: State) -> Group:
@@ -26,7 +27,7 @@ def group(p: "StabilityPlan", state: State) -> Group:
     coordinates = {
         "value": np.array(case.sweep.values),
         "h": np.array(case.steps),
-        "casimir": np.arange(state.casimir.shape[1]),
+        "casimir": np.arange(len(casimirs(p.first.model, p.first.initial))),
     }
     if case.functions:
         coordinates["function"] = np.array(list(case.functions))
@@ -57,12 +58,17 @@ def group(p: "StabilityPlan", state: State) -> Group:
 
 def _variables(p: "StabilityPlan", state: State) -> Variables:
     """All variables, step sizes from small to large."""
-    found: dict[str, tuple[tuple[str, ...], np.ndarray]] = {name: (_AXES, getattr(state, name)) for name in _OF_STATE}
+    totals = [state.total(i) for i in range(len(p.points))]
+    each = [summary(point, p.functions, known) for point, known in zip(p.points, totals, strict=True)]
+    told = {name: np.array([one[name] for one in each]) for name in each[0]}
+    found: dict[str, tuple[tuple[str, ...], np.ndarray]] = {name: (_AXES, told[name]) for name in _PER_POINT}
     if populations(p.first.model):
-        found["positive"] = _AXES, state.positive
-    found |= {name: ((*_AXES, "casimir"), getattr(state, name)) for name in ("casimir_worst", "casimir_median")}
-    report = state.report[:, 1:]
+        found["positive"] = _AXES, told["positive"]
+    found |= {name: ((*_AXES, "casimir"), told[name]) for name in ("casimir_worst", "casimir_median")}
+    report = np.array([known.report[1:] for known in totals])
     found |= {name: (_AXES, values) for name, values in report_columns(report).items()}
     if SCHEMES[p.part.scheme].composition is not None:  # its flows may rotate
         found["largest_angle"] = _AXES, report[..., REPORT.index("largest_angle")]
-    return found | (law_variables(state) if p.functions else {})
+    if p.functions:
+        found |= law_variables(told["expectation"], told["expectation_stderr"], state.more)
+    return found

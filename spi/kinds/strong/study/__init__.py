@@ -5,22 +5,23 @@ the final time is kept as well.  The reference is the scheme itself, as in the p
 (``reference_scheme``), which shows whether schemes have the same limit.
 """
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import in_batches, nested_grid
+from spi.ensemble import nested_grid
 from spi.estimators import GROUPS, PARTS, group_counts, jackknife_stderr, root_mean_square
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan
+from spi.kinds.blocks import BlocksPlan
+from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.protocol import REPORT, casimirs
 from spi.records import Group, Part
 from spi.schemes import reference_record, typical_ns
 
 from .errors import group
-from .paths import BLOCKS_PER_ROUND, State, advance_state, nanoseconds_per_step, sums_of
+from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of, sums_of
 
 _BATCH_BYTES = 64e6
 
@@ -37,11 +38,18 @@ def plan(case: Any, part: Part) -> "StrongPlan":
     return StrongPlan(case=case, part=part, grid=times, samples=case.samples)
 
 
-@dataclass(frozen=True, kw_only=True)
-class StrongPlan(PathsPlan):
-    """Strong errors of one scheme; `timed` says whether the time of a step is measured once all paths are done."""
+class Times(NamedTuple):
+    """What is measured once all paths are done."""
 
-    timed: bool = True
+    seconds: float  #: wall clock
+    ns_per_step: np.ndarray  #: (levels - 1,) from large to small steps, NaN until measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrongPlan(BlocksPlan):
+    """Strong errors of one scheme; `timed_steps` says whether the time of a step is measured at the end."""
+
+    timed_steps: bool = True
 
     @property
     def points(self) -> int:
@@ -54,42 +62,55 @@ class StrongPlan(PathsPlan):
         seconds = steps * 1e-9 * typical_ns(self.part.scheme, self.model)
         return Cost(steps, seconds, int(_BATCH_BYTES) + 8 * GROUPS * self.points)
 
-    def start(self) -> State:
-        """The state before the first block."""
-        levels = len(self.steps)
-        return State(
-            blocks=0,
-            seconds=0.0,
-            squares=np.zeros((GROUPS, self.points)),
-            drift=np.zeros((levels, len(casimirs(self.model, self.initial)))),
-            nonfinite=np.zeros(levels, np.int64),
-            report=np.zeros((levels, len(REPORT))),
-            ns_per_step=np.full(levels - 1, np.nan),
-        )
-
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, which also serves the measurement of times."""
         least = self.least
         return [least.integration(sums_of(least.model, least.initial, least.steps, 1))]
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Run all blocks that are left, then measure the time of a step; yields the state after each batch."""
-        most = max(1, min(BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(self.points, 1)))))
-        for state in in_batches(state, partial(advance_state, self), lambda state: self.blocks - state.blocks, most):
-            yield state
-        for i in np.flatnonzero(np.isnan(state.ns_per_step)) if self.timed else ():
-            ns = state.ns_per_step.copy()
+    def begin(self) -> Times:
+        """No time has been measured."""
+        return Times(0.0, np.full(len(self.steps) - 1, np.nan))
+
+    def empty(self, number: int) -> Totals:
+        """The totals over no paths."""
+        levels = len(self.steps)
+        return Totals(
+            paths=0,
+            seconds=0.0,
+            cpu_seconds=0.0,
+            squares=np.zeros((GROUPS, self.points)),
+            drift=np.zeros((levels, len(casimirs(self.model, self.initial)))),
+            nonfinite=np.zeros(levels, np.int64),
+            report=np.zeros((levels, len(REPORT))),
+        )
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        return max(1, min(BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(self.points, 1)))))
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """What some blocks contribute, see ``paths``."""
+        return rows_of(self, first, blocks, end)
+
+    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
+        """The totals with some rows, see ``paths``."""
+        return added(self, sums, rows, at, first, end)
+
+    def finish(self, state: State) -> Iterator[Times]:
+        """Measure the time of a step at each step size."""
+        for i in np.flatnonzero(np.isnan(state.more.ns_per_step)) if self.timed_steps else ():
+            began, ns = time.perf_counter(), state.more.ns_per_step.copy()
             ns[i] = nanoseconds_per_step(self, self.case.steps[i])
-            state = state._replace(ns_per_step=ns)
-            yield state
+            yield Times(state.more.seconds + time.perf_counter() - began, ns)
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
-        done = self.paths_done(state)
-        if not done:
+        known = state.so_far()
+        if not known.paths:
             return Done(0, self.samples, float("nan"))
-        value, without = root_mean_square(state.squares[:, -1], group_counts(done))
-        return Done(done, self.samples, float(jackknife_stderr(value, without, group_counts(done))))
+        counts = group_counts(known.paths)
+        value, without = root_mean_square(known.squares[:, -1], counts)
+        return Done(known.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""

@@ -15,11 +15,12 @@ from spi.estimators import (
     samples_needed,
 )
 from spi.fields import noise_field, noise_field_derivative
+from spi.kinds.plans import State
 from spi.protocol import noise_indices
 from spi.records import Group, Variables
 from spi.schemes import Scheme, has_theory
 
-from .paths import State
+from .paths import Totals
 
 if TYPE_CHECKING:
     from . import StrongPlan
@@ -41,10 +42,10 @@ class Errors(NamedTuple):
     counts: np.ndarray  #: (GROUPS,) paths of each group
 
 
-def errors(p: "StrongPlan", state: State) -> Errors:
-    """The errors that a state tells."""
-    counts = group_counts(p.paths_done(state))
-    value, without = root_mean_square(state.squares, counts)
+def errors(p: "StrongPlan", totals: Totals) -> Errors:
+    """The errors that some paths tell."""
+    counts = group_counts(totals.paths)
+    value, without = root_mean_square(totals.squares, counts)
     ends = np.cumsum(p.steps[1:])
     # a path that left the finite numbers makes the mean square infinite
     curves = [np.nan_to_num(curve, nan=np.inf, posinf=np.inf) for curve in np.split(value, ends[:-1])]
@@ -61,7 +62,8 @@ def errors(p: "StrongPlan", state: State) -> Errors:
 
 def group(p: "StrongPlan", state: State) -> Group:
     """The results of one scheme of a case, from its final state."""
-    case, found = p.case, errors(p, state)
+    case, totals = p.case, state.total()
+    found = errors(p, totals)
     h = np.array(case.steps)
     stderr = jackknife_stderr(found.sup, found.sup_without, found.counts)
     resolved = is_resolved(found.sup, stderr)
@@ -78,17 +80,20 @@ def group(p: "StrongPlan", state: State) -> Group:
         "samples": case.samples,
         "reference_step": case.reference_step,
         "reference_scheme": case.reference_scheme,
-        "reference_nonfinite": int(state.nonfinite[0]),
-        "reference_casimir_drift": tuple(float(x) for x in state.drift[0]),
+        "reference_nonfinite": int(totals.nonfinite[0]),
+        "reference_casimir_drift": tuple(float(x) for x in totals.drift[0]),
         "wall_seconds": state.seconds,
         "threads": thread_count(),
         "note": _note(found.sup, stderr, resolved, case.samples),
     }
-    coordinates = {"h": h, "casimir": np.arange(state.drift.shape[1])}
-    return Group(case.name, p.part.variant, coordinates, _variables(p, state, found, stderr, resolved), attributes)
+    variables = _variables(p, state.more.ns_per_step, totals, found, stderr, resolved)
+    coordinates = {"h": h, "casimir": np.arange(totals.drift.shape[1])}
+    return Group(case.name, p.part.variant, coordinates, variables, attributes)
 
 
-def _variables(p: "StrongPlan", state: State, found: Errors, stderr: np.ndarray, resolved: np.ndarray) -> Variables:
+def _variables(
+    p: "StrongPlan", times: np.ndarray, totals: Totals, found: Errors, stderr: np.ndarray, resolved: np.ndarray
+) -> Variables:
     """All variables, step sizes from large to small."""
     down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
     of_h = {
@@ -97,15 +102,14 @@ def _variables(p: "StrongPlan", state: State, found: Errors, stderr: np.ndarray,
         "error_time": (found.at + 1) * np.array(p.case.steps),
         "error_final": found.final,
         "error_final_stderr": jackknife_stderr(found.final, found.final_without, found.counts),
-        "nonfinite": state.nonfinite[down],
+        "nonfinite": totals.nonfinite[down],
         "resolved": resolved,
-        **report_columns(state.report[down]),
+        **report_columns(totals.report[down]),
     }
-    if p.timed:
-        ns = state.ns_per_step
-        of_h |= {"seconds": ns * 1e-9 * p.steps[down] * p.samples, "ns_per_step": ns}
+    if p.timed_steps:
+        of_h |= {"seconds": times * 1e-9 * p.steps[down] * p.samples, "ns_per_step": times}
     variables = {name: (("h",), values) for name, values in of_h.items()}
-    return variables | {"casimir_drift": (("h", "casimir"), state.drift[down])}
+    return variables | {"casimir_drift": (("h", "casimir"), totals.drift[down])}
 
 
 def _expected_order(row: Scheme, case: Any) -> float | None:

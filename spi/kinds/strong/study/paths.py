@@ -69,38 +69,59 @@ def sums_of(model: Any, initial: tuple[float, ...], steps: np.ndarray, rows: int
     )
 
 
-class State(NamedTuple):
-    """What is known after the blocks 0, ..., blocks - 1; enough to go on from."""
+class Totals(NamedTuple):
+    """What is known of some paths."""
 
-    blocks: int
+    paths: int
     seconds: float  #: wall clock
+    cpu_seconds: float
     squares: np.ndarray  #: (GROUPS, points)
     drift: np.ndarray  #: (levels, casimirs)
     nonfinite: np.ndarray  #: (levels,)
     report: np.ndarray  #: (levels, len(REPORT))
-    ns_per_step: np.ndarray  #: (levels - 1,) from large to small steps, NaN until measured
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These paths and some later ones."""
+        return Totals(
+            paths=self.paths + later.paths,
+            seconds=self.seconds + later.seconds,
+            cpu_seconds=self.cpu_seconds + later.cpu_seconds,
+            squares=self.squares + later.squares,
+            drift=np.maximum(self.drift, later.drift),
+            nonfinite=self.nonfinite + later.nonfinite,
+            report=add_reports(self.report, later.report[np.newaxis]),
+        )
 
 
-def advance_state(p: "StrongPlan", state: State, blocks: int) -> State:
-    """The state after the next `blocks` blocks; the same bits however the blocks are divided into calls."""
-    began = time.perf_counter()
-    sums, report = sums_of(p.model, p.initial, p.steps, blocks), empty_report(blocks, len(p.steps))
-    integrate(p.scheme, p.model, p.initial, p.grid, p.stream, sums, report, state.blocks, blocks, p.samples)
-    squares = state.squares.reshape(BLOCKS_PER_ROUND, PARTS, -1).copy()
-    drift = state.drift.copy()
-    for row in range(blocks):
-        block = state.blocks + row
-        squares[block % BLOCKS_PER_ROUND] += sums.squares[row, : p.points].T
-        lanes = min(LANES, p.samples - block * LANES)
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    sums: StrongSums
+    report: np.ndarray  #: (blocks, levels, len(REPORT))
+
+
+def rows_of(p: "StrongPlan", first: int, blocks: int, end: int) -> Rows:
+    """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+    rows = Rows(sums_of(p.model, p.initial, p.steps, blocks), empty_report(blocks, len(p.steps)))
+    integrate(p.scheme, p.model, p.initial, p.grid, p.stream, rows.sums, rows.report, first, blocks, end)
+    return rows
+
+
+def added(p: "StrongPlan", known: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
+    """The totals with the rows `at`, of which the first is that of block `first`."""
+    squares = known.squares.reshape(BLOCKS_PER_ROUND, PARTS, -1).copy()
+    drift = known.drift.copy()
+    for block, row in enumerate(range(at.start, at.stop), first):
+        squares[block % BLOCKS_PER_ROUND] += rows.sums.squares[row, : p.points].T
+        lanes = min(LANES, end - block * LANES)
         # a path that left the finite numbers has no last drift but NaN: it is infinitely far
-        drift = np.maximum(drift, np.nan_to_num(sums.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1))
-    return state._replace(
-        blocks=state.blocks + blocks,
-        seconds=state.seconds + time.perf_counter() - began,
+        worst = np.nan_to_num(rows.sums.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1)
+        drift = np.maximum(drift, worst)
+    return known._replace(
         squares=squares.reshape(GROUPS, -1),
         drift=drift,
-        nonfinite=state.nonfinite + sums.nonfinite.sum(axis=0),
-        report=add_reports(state.report, report),
+        nonfinite=known.nonfinite + rows.sums.nonfinite[at].sum(axis=0),
+        report=add_reports(known.report, rows.report[at]),
     )
 
 

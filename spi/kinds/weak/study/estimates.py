@@ -14,7 +14,7 @@ from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
 from .sums import mean_over_paths, standard_deviation
 
 if TYPE_CHECKING:
-    from .multilevel import MultilevelPlan, State
+    from .multilevel import Levels, MultilevelPlan
 
 _CLEAR = 4.0  # a mean difference counts for the rate of means if it is so many times its standard error
 _EQUAL = np.full(GROUPS, PARTS)  # all groups of a level are equally large, so any equal counts will do
@@ -36,73 +36,73 @@ class Moments(NamedTuple):
     kurtosis: np.ndarray  #: of the difference Y itself, at the last level of the value
 
 
-def errors(p: "MultilevelPlan", state: "State") -> Errors:
-    """The errors that a state tells."""
-    mean, without = _averages(p, state)
+def errors(p: "MultilevelPlan", levels: "Levels") -> Errors:
+    """The errors that the levels tell."""
+    mean, without = _averages(p, levels)
     below = np.array([round(np.log2(h / p.case.reference_step)) for h in p.case.steps]) - 1  # last level of each error
     error = np.cumsum(mean[:-1], axis=0)[below].T * extension(p)
     without = np.moveaxis(np.cumsum(without[:, :-1], axis=1)[:, below], 1, 2) * extension(p)
     return Errors(error, without, _EQUAL)
 
 
-def moments(p: "MultilevelPlan", state: "State") -> Moments:
-    """The moments that a state tells."""
+def moments(p: "MultilevelPlan", levels: "Levels") -> Moments:
+    """The moments that the levels tell."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        powers = _powers(p, state)
+        powers = _powers(p, levels)
         m1, m2, m3, m4 = powers[DIFFERENCE]
         variance = np.maximum(m2 - m1 * m1, 0.0)
         kurtosis = (m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2
         if p.control:
             covariance = powers[PRODUCT][0] - m1 * powers[CONTROL][0]
-            variance = np.maximum(variance - _beta(p, state) * covariance, 0.0)
-        return Moments(_averages(p, state)[0], variance, kurtosis)
+            variance = np.maximum(variance - _beta(p, levels) * covariance, 0.0)
+        return Moments(_averages(p, levels)[0], variance, kurtosis)
 
 
-def consistency(p: "MultilevelPlan", state: "State") -> np.ndarray:
+def consistency(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
     """Giles' check |a - b - d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
 
     d is the mean difference of a level, b the mean at its fine step, a that at its coarse step from the level above.
     """
-    n, found = _samples(state).reshape(-1, 1), moments(p, state)
+    n, found = _samples(levels).reshape(-1, 1), moments(p, levels)
     with np.errstate(invalid="ignore", divide="ignore"):
-        fine, square = _powers(p, state)[VALUE][:2]
+        fine, square = _powers(p, levels)[VALUE][:2]
         sd, sd_fine = np.sqrt(found.variance / n), np.sqrt(np.maximum(square - fine**2, 0.0) / n)
         off = fine[1:] - fine[:-1] - found.mean[:-1]
         return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + sd[:-1]))
 
 
-def group(p: "MultilevelPlan", state: "State") -> Group:
-    """The results of one scheme of a case, from its final state."""
-    per_sample = state.cpu_seconds / _samples(state)
-    steps = sum(level.steps * int(n) * LANES for level, n in zip(p.levels, state.blocks, strict=True))
-    found = errors(p, state)
-    allocations = np.arange(1, len(state.history_cpu_seconds) + 1)
+def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
+    """The results of one scheme of a case, from its levels; `seconds` is the wall-clock time spent."""
+    per_sample = levels.cpu_seconds / _samples(levels)
+    steps = sum(level.steps * int(n) * LANES for level, n in zip(p.levels, levels.blocks, strict=True))
+    found = errors(p, levels)
+    allocations = np.arange(1, len(levels.more.history_cpu_seconds) + 1)
     variables = {
         **error_variables(np.array(p.case.steps), *found),
-        **_expectations(p, state, found.error),
-        **_of_levels(p, state, per_sample),
-        "history_error": (("allocation", *PER_POINT), state.history_error),
-        "history_error_stderr": (("allocation", *PER_POINT), state.history_error_stderr),
-        "history_cpu_seconds": (("allocation",), state.history_cpu_seconds),
+        **_expectations(p, levels, found.error),
+        **_of_levels(p, levels, per_sample),
+        "history_error": (("allocation", *PER_POINT), levels.more.history_error),
+        "history_error_stderr": (("allocation", *PER_POINT), levels.more.history_error_stderr),
+        "history_cpu_seconds": (("allocation",), levels.more.history_cpu_seconds),
     }
     attributes = {
-        "samples": int(state.blocks.sum()) * LANES,
-        "cpu_seconds": float(state.cpu_seconds.sum()),
-        "wall_seconds": state.seconds,
-        "ns_per_step": 1e9 * float(state.cpu_seconds.sum() / steps),
+        "samples": int(levels.blocks.sum()) * LANES,
+        "cpu_seconds": float(levels.cpu_seconds.sum()),
+        "wall_seconds": seconds,
+        "ns_per_step": 1e9 * float(levels.cpu_seconds.sum() / steps),
         "twins": has_reversed_twin(p.scheme),
         "control": "the limit without sampling" if p.control else "",
-        "control_bound": state.control_bound,
+        "control_bound": levels.more.control_bound,
         "level_cost_rate": _cost_rate(_coarse(p), per_sample[:-1]),
     }
     return weak_group(p, {"level": _coarse(p), "allocation": allocations}, variables, attributes)
 
 
-def _expectations(p: "MultilevelPlan", state: "State", error: np.ndarray) -> Variables:
+def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> Variables:
     """E phi at all steps: at the largest one from the last level, at the others by the differences between levels."""
-    h, found = np.array(p.case.steps), moments(p, state)
-    stderr, coarse = _stderr(state, found), _coarse(p)
-    fine, square = _powers(p, state)[VALUE][:2, -1]
+    h, found = np.array(p.case.steps), moments(p, levels)
+    stderr, coarse = _stderr(levels, found), _coarse(p)
+    fine, square = _powers(p, levels)[VALUE][:2, -1]
     differences, largest = error / extension(p), error[:, :1] / extension(p)[:1]
     above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
     spread = np.array([np.sqrt(stderr[-1] ** 2 + (stderr[:-1][used] ** 2).sum(axis=0)) for used in above]).T
@@ -114,10 +114,10 @@ def _expectations(p: "MultilevelPlan", state: "State", error: np.ndarray) -> Var
     }
 
 
-def _of_levels(p: "MultilevelPlan", state: "State", per_sample: np.ndarray) -> Variables:
+def _of_levels(p: "MultilevelPlan", levels: "Levels", per_sample: np.ndarray) -> Variables:
     """Giles' table of the levels that are differences, and how fast means and variances fall."""
-    axes, coarse, found, functions = ("function", "level"), _coarse(p), moments(p, state), len(p.case.functions)
-    (mean, without), stderr = _averages(p, state), _stderr(state, found)
+    axes, coarse, found, functions = ("function", "level"), _coarse(p), moments(p, levels), len(p.case.functions)
+    (mean, without), stderr = _averages(p, levels), _stderr(levels, found)
     mean, without = mean[:-1], without[:, :-1]
     clear = np.abs(mean) > _CLEAR * stderr[:-1]
     means = [
@@ -127,12 +127,12 @@ def _of_levels(p: "MultilevelPlan", state: "State", per_sample: np.ndarray) -> V
         "level_mean": (axes, mean.T),
         "level_variance": (axes, found.variance[:-1].T),
         "level_kurtosis": (axes, found.kurtosis[:-1].T),
-        "level_consistency": (axes, consistency(p, state).T),
-        "level_samples": (("level",), _samples(state)[:-1]),
-        "level_nonfinite": (("level",), state.nonfinite[:-1]),
+        "level_consistency": (axes, consistency(p, levels).T),
+        "level_samples": (("level",), _samples(levels)[:-1]),
+        "level_nonfinite": (("level",), levels.nonfinite[:-1]),
         "level_seconds": (("level",), per_sample[:-1]),
         **order_variables(means, "level_mean_rate"),
-        **order_variables([_variance_rate(p, state, f) for f in range(functions)], "level_variance_rate"),
+        **order_variables([_variance_rate(p, levels, f) for f in range(functions)], "level_variance_rate"),
     }
 
 
@@ -141,53 +141,53 @@ def _coarse(p: "MultilevelPlan") -> np.ndarray:
     return p.case.reference_step * 2.0 ** np.arange(1, len(p.levels))
 
 
-def _samples(state: "State") -> np.ndarray:
+def _samples(levels: "Levels") -> np.ndarray:
     """(levels,) samples done."""
-    return state.blocks * LANES
+    return levels.blocks * LANES
 
 
-def _stderr(state: "State", found: Moments) -> np.ndarray:
+def _stderr(levels: "Levels", found: Moments) -> np.ndarray:
     """(levels, F) standard errors of the means of the levels."""
-    return np.sqrt(found.variance / _samples(state).reshape(-1, 1))
+    return np.sqrt(found.variance / _samples(levels).reshape(-1, 1))
 
 
 def _counts(blocks: int) -> np.ndarray:
     return group_counts(int(blocks) * LANES)
 
 
-def _averages(p: "MultilevelPlan", state: "State") -> tuple[np.ndarray, np.ndarray]:
+def _averages(p: "MultilevelPlan", levels: "Levels") -> tuple[np.ndarray, np.ndarray]:
     """Mean (levels, F) of the difference, or the value, of each level, and leave-one-out values (groups, levels, F)."""
-    beta, mean, without = _beta(p, state), [], []
-    for j, (sums, blocks) in enumerate(zip(state.sums, state.blocks, strict=True)):
+    beta, mean, without = _beta(p, levels), [], []
+    for j, (sums, blocks) in enumerate(zip(levels.sums, levels.blocks, strict=True)):
         found, left_out = mean_over_paths(sums[0, DIFFERENCE], _counts(blocks))
         if p.control:
             of_control, control_left_out = mean_over_paths(sums[0, CONTROL], _counts(blocks))
-            found = found - beta[j] * (of_control - state.known[j])
-            left_out = left_out - beta[j] * (control_left_out - state.known[j])
+            found = found - beta[j] * (of_control - levels.more.known[j])
+            left_out = left_out - beta[j] * (control_left_out - levels.more.known[j])
         mean.append(found)
         without.append(left_out)
     return np.array(mean), np.stack(without, axis=1)
 
 
-def _powers(p: "MultilevelPlan", state: "State") -> np.ndarray:
+def _powers(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
     """Means of the powers of each quantity, (quantities, powers, levels, F)."""
-    totals = state.sums.sum(axis=-1) / _samples(state).reshape(-1, 1, 1, 1)
+    totals = levels.sums.sum(axis=-1) / _samples(levels).reshape(-1, 1, 1, 1)
     return totals.transpose(2, 1, 0, 3)
 
 
-def _beta(p: "MultilevelPlan", state: "State") -> np.ndarray:
+def _beta(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
     """cov(Y, Y_0) / var(Y_0), (levels, F); 0 without control."""
     if not p.control:
         return np.zeros((len(p.levels), len(p.case.functions)))
-    y, y0, product = (_powers(p, state)[quantity] for quantity in (DIFFERENCE, CONTROL, PRODUCT))
+    y, y0, product = (_powers(p, levels)[quantity] for quantity in (DIFFERENCE, CONTROL, PRODUCT))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num((product[0] - y[0] * y0[0]) / (y0[1] - y0[0] ** 2))
 
 
-def _variance_rate(p: "MultilevelPlan", state: "State", f: int) -> Order:
+def _variance_rate(p: "MultilevelPlan", levels: "Levels", f: int) -> Order:
     """beta in V_l = O(h^beta), with its interval."""
-    beta, values, leave_out = _beta(p, state)[:, f], [], []
-    for j, (sums, blocks) in enumerate(zip(state.sums[:-1], state.blocks[:-1], strict=True)):
+    beta, values, leave_out = _beta(p, levels)[:, f], [], []
+    for j, (sums, blocks) in enumerate(zip(levels.sums[:-1], levels.blocks[:-1], strict=True)):
         m, without = mean_over_paths(sums[:2, :, f], _counts(blocks))
         values.append(_variance(m, beta[j]))
         leave_out.append(_variance(np.moveaxis(without, 0, -1), beta[j]))

@@ -3,7 +3,7 @@
 import functools
 import json
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -11,20 +11,21 @@ import numpy as np
 
 from spi.ensemble import thread_count
 from spi.expressions import as_numpy
-from spi.kinds.plans import Cost, Done, PartPlan
+from spi.kinds.plans import Cost, Done, PartPlan, State
 from spi.kolmogorov import Expectations, expectations, typical_seconds
 from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
+from spi.tallies import Chunk, Stream
 
 from .groups import PER_POINT, order_variables, weak_group
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
 
-class State(NamedTuple):
-    """Nothing or everything is done, for F test functions at S step sizes; the bounds are of numerical errors."""
+class Solution(NamedTuple):
+    """Nothing (0 paths) or everything (1), for F test functions at S step sizes; bounds are of numerical errors."""
 
-    done: int
+    paths: int
     seconds: float  #: wall clock
     cpu_seconds: float
     value: np.ndarray  #: (F, S) E phi(y_N)
@@ -34,6 +35,10 @@ class State(NamedTuple):
     error: np.ndarray  #: (F, S)
     error_bound: np.ndarray  #: (F, S)
     notes: str  #: JSON
+
+    def plus(self, later: "Solution") -> "Solution":
+        """There is only one."""
+        raise TypeError("a solution without sampling is found at once")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,12 +54,16 @@ class KolmogorovPlan(PartPlan):
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
         return Cost(0, typical_seconds(self.model) * thread_count(), int(2e9))
 
-    def start(self) -> State:
-        """The state before anything is done."""
+    def streams(self, more: Any) -> Sequence[Stream]:
+        """All in one piece, as if it were one path."""
+        return (Stream(1, 1),)
+
+    def empty(self, number: int) -> Solution:
+        """Nothing is known."""
         per_function = np.zeros(len(self.case.functions))
         per_point = np.zeros((len(per_function), len(self.case.steps)))
-        return State(
-            done=0,
+        return Solution(
+            paths=0,
             seconds=0.0,
             cpu_seconds=0.0,
             value=per_point,
@@ -66,14 +75,12 @@ class KolmogorovPlan(PartPlan):
             notes="",
         )
 
-    def batches(self, state: State) -> Iterator[State]:
-        """All in one batch."""
-        if state.done:
-            return
+    def advance(self, chunks: Sequence[Chunk], known: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
+        """Solve, at once."""
         began, cpu_began = time.perf_counter(), time.process_time()
         found = solution(self.case, self.row.composition, self.case.steps)
-        yield State(
-            done=1,
+        solved = Solution(
+            paths=1,
             seconds=time.perf_counter() - began,
             cpu_seconds=time.process_time() - cpu_began,
             value=found.value,
@@ -84,27 +91,29 @@ class KolmogorovPlan(PartPlan):
             error_bound=found.weak_error_bound,
             notes=json.dumps(found.notes, default=lambda value: value.tolist()),
         )
+        yield [(chunks[0], solved)]
 
     def progress(self, state: State) -> Done:
         """0 or 1 of 1; no standard error."""
-        return Done(state.done, 1, float("nan"))
+        return Done(state.so_far().paths, 1, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
-        h, resolved = np.array(self.case.steps), np.abs(state.error) >= _CLEAR * state.error_bound
-        each = zip(state.error, state.error_bound, resolved, strict=True)
+        found = state.total()
+        h, resolved = np.array(self.case.steps), np.abs(found.error) >= _CLEAR * found.error_bound
+        each = zip(found.error, found.error_bound, resolved, strict=True)
         orders = [_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each]
         variables = {
-            "error": (PER_POINT, state.error),
-            "error_bound": (PER_POINT, state.error_bound),
+            "error": (PER_POINT, found.error),
+            "error_bound": (PER_POINT, found.error_bound),
             "resolved": (PER_POINT, resolved),
-            "expectation": (PER_POINT, state.value),
-            "expectation_bound": (PER_POINT, state.value_bound),
-            "limit": (("function",), state.limit),
-            "limit_bound": (("function",), state.limit_bound),
+            "expectation": (PER_POINT, found.value),
+            "expectation_bound": (PER_POINT, found.value_bound),
+            "limit": (("function",), found.limit),
+            "limit_bound": (("function",), found.limit_bound),
             **order_variables(orders),
         }
-        attributes = {"cpu_seconds": state.cpu_seconds, "wall_seconds": state.seconds, "notes": state.notes}
+        attributes = {"cpu_seconds": found.cpu_seconds, "wall_seconds": state.seconds, "notes": found.notes}
         return weak_group(self, {}, variables, attributes)
 
 

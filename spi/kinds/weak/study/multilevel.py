@@ -15,22 +15,23 @@ variance.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import add_reports, in_batches
 from spi.estimators import GROUPS, jackknife_stderr
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan
+from spi.kinds.blocks import Blockwise
+from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kolmogorov import can_solve
-from spi.protocol import REPORT, noise_indices
+from spi.protocol import noise_indices
 from spi.records import Group, Part
 from spi.rng import LANES
 from spi.schemes import scheme_row, typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_reversed_twin
+from spi.tallies import Chunk, Stream, chunk_blocks
 
 from .estimates import errors, group, moments
 from .kolmogorov import solution
@@ -44,26 +45,54 @@ _POWERS = 4
 _BATCH_BYTES = 64e6
 
 
-class State(NamedTuple):
-    """What is known so far, of F test functions at S step sizes; enough to go on from."""
+class Totals(NamedTuple):
+    """What is known of some samples of one level, for F test functions."""
+
+    paths: int  #: samples, each of them all paths of the level
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    sums: np.ndarray  #: (powers, quantities, F, GROUPS), the quantities as in levels.py
+    nonfinite: int
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These samples and some later ones."""
+        mine, others = self._asdict(), later._asdict()
+        return Totals(**{name: mine[name] + others[name] for name in self._fields})
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    values: np.ndarray  #: (blocks, paths of a sample, F, LANES)
+    weights: np.ndarray  #: of the level
+
+
+class Decisions(NamedTuple):
+    """What is known besides sums over paths, of F test functions at S step sizes."""
 
     seconds: float  #: wall clock
+    cpu_seconds: float
     allocations: int  #: how many have been made
-    blocks: np.ndarray  #: (levels,) done
-    targets: np.ndarray  #: (levels,) of the current allocation
-    sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS), the quantities as in levels.py
+    targets: np.ndarray  #: (levels,) blocks that the current allocation wants
     known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
     control_bound: float  #: the largest estimate of their numerical error
-    nonfinite: np.ndarray  #: (levels,)
-    reports: np.ndarray  #: (levels, len(REPORT))
-    cpu_seconds: np.ndarray  #: (levels,)
     history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
     history_error_stderr: np.ndarray  #: (allocations, F, S)
     history_cpu_seconds: np.ndarray  #: (allocations,)
 
 
+class Levels(NamedTuple):
+    """The totals of all levels, and the decisions so far."""
+
+    blocks: np.ndarray  #: (levels,)
+    sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS)
+    nonfinite: np.ndarray  #: (levels,)
+    cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
+    more: Decisions
+
+
 @dataclass(frozen=True, kw_only=True)
-class MultilevelPlan(PartPlan):
+class MultilevelPlan(Blockwise, PartPlan):
     """Weak errors of one scheme from differences between levels."""
 
     levels: tuple[Level, ...]
@@ -95,59 +124,90 @@ class MultilevelPlan(PartPlan):
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
         return Cost(seconds * steps.sum() / round_of_all, seconds, int(_BATCH_BYTES))
 
-    def start(self) -> State:
-        """The state before the pilot."""
+    def begin(self) -> Decisions:
+        """The pilot is wanted."""
         levels, functions, allocations = len(self.levels), self.shape[0], len(SHARES)
-        quantities = 4 if self.control else 2
-        return State(
+        return Decisions(
             seconds=0.0,
+            cpu_seconds=0.0,
             allocations=0,
-            blocks=np.zeros(levels, np.int64),
             targets=np.full(levels, PILOT),
-            sums=np.zeros((levels, _POWERS, quantities, functions, GROUPS)),
             known=np.full((levels, functions), np.nan if self.control else 0.0),
             control_bound=0.0,
-            nonfinite=np.zeros(levels, np.int64),
-            reports=np.zeros((levels, len(REPORT))),
-            cpu_seconds=np.zeros(levels),
             history_error=np.zeros((allocations, *self.shape)),
             history_error_stderr=np.zeros((allocations, *self.shape)),
             history_cpu_seconds=np.zeros(allocations),
         )
 
+    def streams(self, more: Decisions) -> Sequence[Stream]:
+        """The samples of each level that the current allocation wants."""
+        return tuple(
+            Stream(int(blocks) * LANES, max(ROUND, chunk_blocks(seconds)))
+            for blocks, seconds in zip(more.targets, self.seconds_per_block, strict=True)
+        )
+
+    def empty(self, number: int) -> Totals:
+        """The totals over no samples."""
+        sums = np.zeros((_POWERS, 4 if self.control else 2, self.shape[0], GROUPS))
+        return Totals(paths=0, seconds=0.0, cpu_seconds=0.0, sums=sums, nonfinite=0)
+
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, the values of the test functions, and their sums."""
         return sampling_calls(self, self.levels[0].grid, self.levels[0].stream)
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Fulfil all allocations; yields the state after each batch of about half a second."""
+    def most_blocks(self, number: int) -> int:
+        """How many blocks of a level a batch may have, because of memory."""
+        paths = len(self.levels[number].grid.doublings)
+        return max(1, int(_BATCH_BYTES / (8 * LANES * paths * (len(self.initial) + 4 * len(self.case.functions)))))
+
+    def advance(self, chunks: Sequence[Chunk], known: Totals | None) -> Iterator[list[tuple[Chunk, Totals]]]:
+        """Compute consecutive chunks of one level, see :class:`~spi.kinds.plans.Plan`."""
         compile_kernels(self)
-        if self.control and np.isnan(state.known).any():
-            state = _with_known(self, self.control, state)
-            yield state
-        while True:
-            for j in range(len(self.levels)):
-                for state in _level_batches(self, state, j):  # noqa: B020, the state moves on
-                    yield state
-            if state.allocations > 0:
-                state = _note_history(self, state)
-                yield state
-            if state.allocations == len(SHARES):
-                return
-            targets = np.maximum(state.blocks, allocation(self, state, SHARES[state.allocations]))
-            state = state._replace(targets=targets, allocations=state.allocations + 1)
-            yield state
+        yield from super().advance(chunks, known)
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """The values of the test functions at the end of some blocks of one level."""
+        level = self.levels[number]
+        values, _ = values_of_blocks(self, level.grid, level.stream, first, blocks, end)
+        return Rows(values, level.weights)
+
+    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
+        """The totals with the rows `at`, of which the first is that of block `first`."""
+        values, weights = rows.values[at], rows.weights
+        with np.errstate(invalid="ignore", over="ignore"):
+            quantities = sum(w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(weights.T))
+        if self.control:
+            product = quantities[:, :1] * quantities[:, 2:]
+            quantities = np.concatenate([quantities, product], axis=1)
+        return sums._replace(
+            sums=with_powers(sums.sums, quantities, first, end),
+            nonfinite=sums.nonfinite + int((~np.isfinite(values).all(axis=(1, 2))).sum()),
+        )
+
+    def settle(self, state: State) -> Decisions | None:
+        """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
+        more = state.more
+        if self.control and np.isnan(more.known).any():
+            return _with_known(self, self.control, more)
+        levels = snapshot(self, state)
+        if more.allocations > 0 and not more.history_cpu_seconds[more.allocations - 1]:
+            more = _with_history(self, levels)
+        if more.allocations == len(SHARES):
+            return more if more is not state.more else None
+        targets = np.maximum(levels.blocks, allocation(self, levels, SHARES[more.allocations]))
+        return more._replace(targets=targets, allocations=more.allocations + 1)
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error at the largest step."""
-        done, total = (float(blocks @ self.seconds_per_block) for blocks in (state.blocks, state.targets))
-        if state.blocks.min() < ROUND:
+        levels = snapshot(self, state)
+        done, total = (float(blocks @ self.seconds_per_block) for blocks in (levels.blocks, state.more.targets))
+        if levels.blocks.min() < ROUND:
             return Done(done, total, float("nan"))
-        return Done(done, total, float(jackknife_stderr(*errors(self, state))[0, 0]))
+        return Done(done, total, float(jackknife_stderr(*errors(self, levels))[0, 0]))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
-        return group(self, state)
+        return group(self, snapshot(self, state), state.seconds)
 
 
 def _control(case: Any, record: Any) -> tuple | None:
@@ -156,67 +216,42 @@ def _control(case: Any, record: Any) -> tuple | None:
     return record.rows if known and isinstance(record, AsymptoticPreserving) else None
 
 
-def advance_state(p: MultilevelPlan, state: State, j: int, blocks: int) -> State:
-    """The state after the next `blocks` blocks of level j; the same bits however they are divided into calls."""
-    began, cpu_began = time.perf_counter(), time.process_time()
-    level, first = p.levels[j], int(state.blocks[j])
-    samples = (first + blocks) * LANES
-    values, reports = values_of_blocks(p, level.grid, level.stream, first, blocks, samples)
-    lost = ~np.isfinite(values).all(axis=(1, 2))
-    with np.errstate(invalid="ignore", over="ignore"):
-        quantities = sum(w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(level.weights.T))
-    if p.control:
-        product = quantities[:, :1] * quantities[:, 2:]
-        quantities = np.concatenate([quantities, product], axis=1)
-    sums, report = state.sums.copy(), state.reports.copy()
-    sums[j] = with_powers(sums[j], quantities, first, samples)
-    report[j] = add_reports(report[j : j + 1], reports.reshape(-1, 1, reports.shape[-1]))[0]
-    one = np.arange(len(p.levels)) == j
-    return state._replace(
-        seconds=state.seconds + time.perf_counter() - began,
-        blocks=state.blocks + blocks * one,
-        sums=sums,
-        nonfinite=state.nonfinite + lost.sum() * one,
-        reports=report,
-        cpu_seconds=state.cpu_seconds + (time.process_time() - cpu_began) * one,
+def snapshot(p: MultilevelPlan, state: State) -> Levels:
+    """What is known of all levels: of all paths that are wanted, or of those that are there."""
+    totals = [state.so_far(j) for j in range(len(p.levels))]
+    cpu_seconds = np.array([one.cpu_seconds for one in totals])
+    cpu_seconds[-1] += state.more.cpu_seconds
+    return Levels(
+        blocks=np.array([one.paths // LANES for one in totals]),
+        sums=np.array([one.sums for one in totals]),
+        nonfinite=np.array([one.nonfinite for one in totals]),
+        cpu_seconds=cpu_seconds,
+        more=state.more,
     )
 
 
-def _level_batches(p: MultilevelPlan, state: State, j: int) -> Iterator[State]:
-    bytes_per_block = 8 * LANES * len(p.levels[j].grid.doublings) * (len(p.initial) + 4 * len(p.case.functions))
-    most = max(1, int(_BATCH_BYTES / bytes_per_block))
-    return in_batches(
-        state,
-        lambda state, blocks: advance_state(p, state, j, blocks),
-        lambda state: int(state.targets[j] - state.blocks[j]),
-        most,
-    )
-
-
-def _with_known(p: MultilevelPlan, control: tuple, state: State) -> State:
-    """The state with the expectations of the control, rows of flows, from the finest level to the last."""
+def _with_known(p: MultilevelPlan, control: tuple, more: Decisions) -> Decisions:
+    """The decisions with the expectations of the control, rows of flows, from the finest level to the last."""
     began, cpu_began = time.perf_counter(), time.process_time()
     steps = p.case.reference_step * 2.0 ** np.arange(len(p.levels) - 1, -1, -1)
     found = solution(p.case, control, steps)
     known = np.concatenate([(found.weak_error[:, :-1] - found.weak_error[:, 1:]).T[::-1], found.value[:, :1].T])
-    cpu = state.cpu_seconds.copy()
-    cpu[-1] += time.process_time() - cpu_began
-    return state._replace(
-        seconds=state.seconds + time.perf_counter() - began,
-        cpu_seconds=cpu,
+    return more._replace(
+        seconds=more.seconds + time.perf_counter() - began,
+        cpu_seconds=more.cpu_seconds + time.process_time() - cpu_began,
         known=known,
         control_bound=float(found.weak_error_bound.max()),
     )
 
 
-def allocation(p: MultilevelPlan, state: State, share: float) -> np.ndarray:
+def allocation(p: MultilevelPlan, levels: Levels, share: float) -> np.ndarray:
     """Blocks of each level, a multiple of ROUND: N_l proportional to (V_l / C_l)^(1/2), least work for the variance.
 
     As many as `share` of the budget allows, or `share` of what the target asks for, if that is less.  V_l is the
     largest over the test functions; a level whose values are not finite gets no more.
     """
     with np.errstate(invalid="ignore"):
-        variance = np.nan_to_num(moments(p, state).variance.max(axis=1), nan=0.0, posinf=0.0)
+        variance = np.nan_to_num(moments(p, levels).variance.max(axis=1), nan=0.0, posinf=0.0)
     cost = p.seconds_per_block / LANES
     root = np.sqrt(variance * cost)[:-1]
     samples = np.zeros(len(p.levels))
@@ -228,11 +263,12 @@ def allocation(p: MultilevelPlan, state: State, share: float) -> np.ndarray:
     return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
 
 
-def _note_history(p: MultilevelPlan, state: State) -> State:
-    """The state with the errors of the allocation that has been fulfilled."""
-    found, i = errors(p, state), state.allocations - 1
+def _with_history(p: MultilevelPlan, levels: Levels) -> Decisions:
+    """The decisions with the errors of the allocation that has been fulfilled."""
+    more = levels.more
+    found, i = errors(p, levels), more.allocations - 1
     error, stderr, seconds = (
-        values.copy() for values in (state.history_error, state.history_error_stderr, state.history_cpu_seconds)
+        values.copy() for values in (more.history_error, more.history_error_stderr, more.history_cpu_seconds)
     )
-    error[i], stderr[i], seconds[i] = found.error, jackknife_stderr(*found), state.cpu_seconds.sum()
-    return state._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
+    error[i], stderr[i], seconds[i] = found.error, jackknife_stderr(*found), levels.cpu_seconds.sum()
+    return more._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)

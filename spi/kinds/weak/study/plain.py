@@ -4,21 +4,21 @@ Any number of paths; only sums over groups of them are kept.  Results for the fi
 run.
 """
 
-import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import add_reports, in_batches, nested_grid
+from spi.ensemble import add_reports, nested_grid
 from spi.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan
+from spi.kinds.blocks import BlocksPlan
+from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.protocol import REPORT
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import reference_record, typical_ns
+from spi.tallies import Chunk
 
 from .groups import PER_POINT, error_variables, extension, weak_group
 from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_deviation, values_of_blocks, with_powers
@@ -26,25 +26,38 @@ from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_dev
 _BATCH_BYTES = 64e6
 
 
-class State(NamedTuple):
-    """What is known after the blocks 0, ..., blocks - 1; enough to go on from.
+class Totals(NamedTuple):
+    """What is known of some paths.
 
     Of F test functions at L step sizes, the reference first and then from small to large.
     """
 
-    blocks: int
+    paths: int
     seconds: float  #: wall clock
     cpu_seconds: float
     values: np.ndarray  #: (2, L, F, GROUPS) sums of phi and of its square
     differences: np.ndarray  #: (1, L, F, GROUPS) sums of phi minus phi at the reference
     nonfinite: np.ndarray  #: (L,)
     report: np.ndarray  #: (L, len(REPORT))
-    prefix_differences: np.ndarray  #: (prefixes, 1, L, F, GROUPS) differences of the first so many paths
+    prefix_differences: np.ndarray  #: (prefixes, 1, L, F, GROUPS) differences of those that are among the first paths
     prefix_cpu_seconds: np.ndarray  #: (prefixes,)
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These paths and some later ones."""
+        mine, others = self._asdict(), later._asdict()
+        added = Totals(**{name: mine[name] + others[name] for name in self._fields})
+        return added._replace(report=add_reports(self.report, later.report[np.newaxis]))
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    values: np.ndarray  #: (blocks, L, F, LANES)
+    report: np.ndarray  #: (blocks, L, len(REPORT))
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainPlan(PathsPlan):
+class PlainPlan(BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
     @classmethod
@@ -69,11 +82,11 @@ class PlainPlan(PathsPlan):
         steps = int(self.steps.sum()) * self.blocks * LANES
         return Cost(steps, steps * 1e-9 * typical_ns(self.part.scheme, self.model), int(_BATCH_BYTES))
 
-    def start(self) -> State:
-        """The state before the first block."""
+    def empty(self, number: int) -> Totals:
+        """The totals over no paths."""
         levels, prefixes = self.shape[0], len(self.prefixes)
-        return State(
-            blocks=0,
+        return Totals(
+            paths=0,
             seconds=0.0,
             cpu_seconds=0.0,
             values=np.zeros((2, *self.shape, GROUPS)),
@@ -88,62 +101,69 @@ class PlainPlan(PathsPlan):
         """One step of one block, the values of the test functions, and their sums."""
         return sampling_calls(self, self.grid, self.stream)
 
-    def batches(self, state: State) -> Iterator[State]:
-        """Run all blocks that are left; yields the state after each batch of about half a second."""
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
         levels, functions = self.shape
+        return max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
+
+    def advance(self, chunks: Sequence[Chunk], known: Totals | None) -> Iterator[list[tuple[Chunk, Totals]]]:
+        """Compute consecutive chunks, see :class:`~spi.kinds.plans.Plan`."""
         compile_kernels(self)
-        most = max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
-        yield from in_batches(state, partial(advance_state, self), lambda state: self.blocks - state.blocks, most)
+        yield from super().advance(chunks, known)
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """The values of the test functions at the end of some blocks."""
+        return Rows(*values_of_blocks(self, self.grid, self.stream, first, blocks, end))
+
+    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
+        """The totals with the rows `at`, of which the first is that of block `first`."""
+        values = rows.values[at]
+        with np.errstate(invalid="ignore", over="ignore"):
+            differences = values - values[:, :1]
+        lanes = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
+        lost = ~np.isfinite(values).all(axis=2) & lanes
+        of_prefixes = sums.prefix_differences.copy()
+        for i, samples in enumerate(self.prefixes):
+            if first * LANES < samples:
+                of_prefixes[i] = with_powers(sums.prefix_differences[i], differences, first, min(samples, end))
+        return sums._replace(
+            values=with_powers(sums.values, values, first, end),
+            differences=with_powers(sums.differences, differences, first, end),
+            nonfinite=sums.nonfinite + lost.sum(axis=(0, 2)),
+            report=add_reports(sums.report, rows.report[at]),
+            prefix_differences=of_prefixes,
+        )
+
+    def timed(self, sums: Totals, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Totals:
+        """The totals with the time that some blocks took, shared out to the first so many paths."""
+        shares = np.clip((np.array(self.prefixes) / LANES - first) / blocks, 0.0, 1.0)
+        return sums._replace(
+            seconds=sums.seconds + seconds,
+            cpu_seconds=sums.cpu_seconds + cpu_seconds,
+            prefix_cpu_seconds=sums.prefix_cpu_seconds + shares * cpu_seconds,
+        )
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the largest step (of the first function)."""
-        done = self.paths_done(state)
-        if not done:
+        known = state.so_far()
+        if not known.paths:
             return Done(0, self.samples, float("nan"))
-        error, without = errors(self, state.differences, group_counts(done))
-        return Done(done, self.samples, float(jackknife_stderr(error, without, group_counts(done))[0, 0]))
+        counts = group_counts(known.paths)
+        error, without = errors(self, known.differences, counts)
+        return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
-        coordinates, of_prefixes = _of_prefixes(self, state)
+        totals = state.total()
+        coordinates, of_prefixes = _of_prefixes(self, totals)
         attributes = {
             "samples": self.samples,
-            "cpu_seconds": state.cpu_seconds,
+            "cpu_seconds": totals.cpu_seconds,
             "wall_seconds": state.seconds,
-            "ns_per_step": 1e9 * state.cpu_seconds / (self.steps.sum() * self.samples),
-            "reference_nonfinite": int(state.nonfinite[0]),
+            "ns_per_step": 1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples),
+            "reference_nonfinite": int(totals.nonfinite[0]),
         }
-        return weak_group(self, coordinates, _of_all_paths(self, state) | of_prefixes, attributes)
-
-
-def advance_state(p: PlainPlan, state: State, blocks: int) -> State:
-    """The state after the next `blocks` blocks; the same bits however the blocks are divided into calls."""
-    began, cpu_began = time.perf_counter(), time.process_time()
-    values, reports = values_of_blocks(p, p.grid, p.stream, state.blocks, blocks, p.samples)
-    with np.errstate(invalid="ignore", over="ignore"):
-        differences = values - values[:, :1]
-    lanes = np.arange(state.blocks * LANES, (state.blocks + blocks) * LANES).reshape(blocks, 1, LANES) < p.samples
-    lost = ~np.isfinite(values).all(axis=2) & lanes
-    new_values = with_powers(state.values, values, state.blocks, p.samples)
-    new_differences = with_powers(state.differences, differences, state.blocks, p.samples)
-    prefix_differences, prefix_cpu = state.prefix_differences.copy(), state.prefix_cpu_seconds.copy()
-    cpu = time.process_time() - cpu_began
-    for i, samples in enumerate(p.prefixes):
-        share = (samples / LANES - state.blocks) / blocks
-        if 0 < share <= 1:
-            prefix_differences[i] = with_powers(state.differences, differences, state.blocks, samples)
-            prefix_cpu[i] = state.cpu_seconds + share * cpu
-    return State(
-        blocks=state.blocks + blocks,
-        seconds=state.seconds + time.perf_counter() - began,
-        cpu_seconds=state.cpu_seconds + cpu,
-        values=new_values,
-        differences=new_differences,
-        nonfinite=state.nonfinite + lost.sum(axis=(0, 2)),
-        report=add_reports(state.report, reports),
-        prefix_differences=prefix_differences,
-        prefix_cpu_seconds=prefix_cpu,
-    )
+        return weak_group(self, coordinates, _of_all_paths(self, totals) | of_prefixes, attributes)
 
 
 def errors(p: PlainPlan, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,28 +177,28 @@ def _by_step(x: np.ndarray) -> np.ndarray:
     return np.moveaxis(x, -1, -2)[..., :0:-1]
 
 
-def _of_all_paths(p: PlainPlan, state: State) -> Variables:
+def _of_all_paths(p: PlainPlan, totals: Totals) -> Variables:
     """The variables that all paths together give."""
     counts = group_counts(p.samples)
-    mean, without = mean_over_paths(state.values[0], counts)
+    mean, without = mean_over_paths(totals.values[0], counts)
     expectation = _by_step(mean)
-    error, error_without = errors(p, state.differences, counts)
-    coarsest = state.values[:, -1].sum(axis=-1) / p.samples
+    error, error_without = errors(p, totals.differences, counts)
+    coarsest = totals.values[:, -1].sum(axis=-1) / p.samples
     return error_variables(np.array(p.case.steps), error, error_without, counts) | {
         "expectation": (PER_POINT, expectation),
         "expectation_stderr": (PER_POINT, jackknife_stderr(expectation, _by_step(without), counts)),
         "reference": (("function",), mean[0]),
         "sd": (("function",), standard_deviation(*coarsest)),
-        "nonfinite": (("h",), state.nonfinite[:0:-1]),
+        "nonfinite": (("h",), totals.nonfinite[:0:-1]),
     }
 
 
-def _of_prefixes(p: PlainPlan, state: State) -> tuple[dict[str, np.ndarray], Variables]:
+def _of_prefixes(p: PlainPlan, totals: Totals) -> tuple[dict[str, np.ndarray], Variables]:
     """The coordinate and the variables of the first so many paths; nothing if no results of them are asked for."""
     if not p.prefixes:
         return {}, {}
     found, stderrs = [], []
-    for samples, differences in zip(p.prefixes, state.prefix_differences, strict=True):
+    for samples, differences in zip(p.prefixes, totals.prefix_differences, strict=True):
         counts = group_counts(samples)
         error, without = errors(p, differences, counts)
         found.append(error)
@@ -187,5 +207,5 @@ def _of_prefixes(p: PlainPlan, state: State) -> tuple[dict[str, np.ndarray], Var
     return {"samples": np.array(p.prefixes, np.int64)}, {
         "prefix_error": (axes, np.array(found)),
         "prefix_error_stderr": (axes, np.array(stderrs)),
-        "prefix_cpu_seconds": (("samples",), state.prefix_cpu_seconds),
+        "prefix_cpu_seconds": (("samples",), totals.prefix_cpu_seconds),
     }

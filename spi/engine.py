@@ -1,0 +1,131 @@
+"""States of parts taken to their end, in this process or by workers."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+
+from .kinds.state import State
+from .loading import Source
+from .tallies import Chunk
+from .workers import MOST_LOSSES, Workers
+
+Tick = Callable[[int], None]  #: told the number of a part after each batch of it; whatever it raises ends the work
+Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
+Share = Callable[[int, Chunk], bool]  #: whether a chunk of a part, given by its number, is to be computed at all
+
+#: Chunks that are handed to each worker at a time, so that none waits for the next.
+_AHEAD = 2
+
+
+def everything(number: int, chunk: Chunk) -> bool:
+    """All chunks are to be computed."""
+    return True
+
+
+def advance_here(states: Sequence[State], tick: Tick) -> None:
+    """Compute all chunks in this process, on all of its threads."""
+    for number, state in enumerate(states):
+        tick(number)
+        while True:
+            _advance_stage(number, state, tick, everything)
+            if not settle(state):
+                break
+            tick(number)
+
+
+def advance_stage_here(states: Sequence[State], tick: Tick, share: Share) -> None:
+    """Compute, of the chunks that are wanted for now, a share, in this process."""
+    for number, state in enumerate(states):
+        tick(number)
+        _advance_stage(number, state, tick, share)
+
+
+def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
+    """Have all chunks computed by workers; what one of them loses is handed out again."""
+    queue, waiting = _Queue(states), dict[Future, Task]()
+    losses = Counter[Task]()
+    while True:
+        while len(waiting) < _AHEAD * workers.size and (task := queue.next()) is not None:
+            waiting[workers.submit(source, *task)] = task
+        if not waiting:
+            return
+        lost = []
+        for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+            number, chunk = task = waiting.pop(future)
+            try:
+                states[number].put(chunk, future.result())
+            except workers.lost:
+                lost.append(task)
+                continue
+            queue.done(number)
+            tick(number)
+        if lost:
+            lost += workers.renewed(waiting)
+        for task in lost:
+            losses[task] += 1
+            if losses[task] > MOST_LOSSES:
+                raise RuntimeError(f"{losses[task]} workers were lost over the same chunk, {task}")
+            waiting[workers.submit(source, *task)] = task
+
+
+class _Queue:
+    """Hands out the chunks of all parts, of earlier parts first."""
+
+    def __init__(self, states: Sequence[State]) -> None:
+        self.states = states
+        self.left = [state.missing()[::-1] for state in states]
+        self.under_way = [0] * len(states)
+        self.finished = [False] * len(states)
+
+    def next(self) -> Task | None:
+        """A chunk that can be computed now; None if there is none until others are done."""
+        for number, state in enumerate(self.states):
+            while not (self.left[number] or self.under_way[number] or self.finished[number]):
+                self.finished[number] = not settle(state)
+                self.left[number] = state.missing()[::-1]
+            if self.left[number]:
+                self.under_way[number] += 1
+                return number, self.left[number].pop()
+        return None
+
+    def done(self, number: int) -> None:
+        """A chunk of a part is done."""
+        self.under_way[number] -= 1
+
+
+def finish(states: Sequence[State], tick: Tick) -> None:
+    """Do what remains when all paths are done, in this process alone."""
+    for number, state in enumerate(states):
+        for more in state.plan.finish(state):
+            state.more = more
+            tick(number)
+
+
+def settle(state: State) -> bool:
+    """Ask the plan for further paths; whether it said something new."""
+    more = state.plan.settle(state)
+    if more is not None:
+        state.more = more
+    return more is not None
+
+
+def _advance_stage(number: int, state: State, tick: Tick, share: Share) -> None:
+    """The chunks that are wanted for now, as far as they are part of the share."""
+    for chunks in _runs([chunk for chunk in state.missing() if share(number, chunk)], state):
+        for added in state.plan.advance(chunks, state.tally(chunks[0].stream).known(chunks[0])):
+            for chunk, sums in added:
+                state.put(chunk, sums)
+            tick(number)
+
+
+def _runs(chunks: Sequence[Chunk], state: State) -> Iterator[list[Chunk]]:
+    """Chunks as runs of consecutive ones; one of which something is known begins a run."""
+    run: list[Chunk] = []
+    for chunk in chunks:
+        follows = run and (chunk.stream, chunk.index) == (run[-1].stream, run[-1].index + 1)
+        if run and (not follows or state.tally(chunk.stream).known(chunk) is not None):
+            yield run
+            run = []
+        run.append(chunk)
+    if run:
+        yield run

@@ -1,0 +1,95 @@
+"""Plans whose paths are summed up block after block."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple
+
+from spi.ensemble import in_batches
+from spi.rng import LANES
+from spi.schemes import typical_ns
+from spi.tallies import Chunk, Stream, chunk_blocks
+
+from .plans import PathsPlan
+
+
+class _Batch(NamedTuple):
+    """Where a stream stands after a batch."""
+
+    block: int  #: the next one
+    sums: Any  #: of the chunk of the last block
+    added: list[tuple[Chunk, Any]]
+
+
+class Blockwise:
+    """How a plan advances that sums up paths block after block."""
+
+    def empty(self, number: int) -> Any:
+        """The sums over no paths of a stream."""
+        raise NotImplementedError
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks of a stream a batch may have, because of memory."""
+        raise NotImplementedError
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
+        """What `blocks` blocks of a stream contribute, from block `first` on; paths from number `end` on are idle."""
+        raise NotImplementedError
+
+    def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
+        """The sums with the rows `at`, of which the first is that of block `first`; times are added elsewhere.
+
+        One row after the other, so that the bits do not depend on how blocks are divided into batches.
+        """
+        raise NotImplementedError
+
+    def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
+        """The sums with the time that `blocks` blocks took, from block `first` on."""
+        return sums._replace(seconds=sums.seconds + seconds, cpu_seconds=sums.cpu_seconds + cpu_seconds)
+
+    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
+        """Compute consecutive chunks of one stream, see :class:`Plan`."""
+        number, last = chunks[0].stream, chunks[-1].first + chunks[-1].blocks
+        sums = self.empty(number) if known is None else known
+        begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
+        advance = partial(self._batch, chunks)
+        for batch in in_batches(begin, advance, lambda batch: last - batch.block, self.most_blocks(number)):
+            yield batch.added
+
+    def _batch(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> _Batch:
+        """The next `blocks` blocks, which may belong to several chunks."""
+        began, cpu_began = time.perf_counter(), time.process_time()
+        number, end = chunks[0].stream, chunks[-1].end
+        rows = self.rows(number, before.block, blocks, end)
+        size = chunks[0].blocks  # only the last chunk of a stream can have fewer
+        found: list[tuple[Chunk, int, int, Any]] = []
+        first, stop, sums = before.block, before.block + blocks, before.sums
+        while first < stop:
+            chunk = chunks[(first - chunks[0].first) // size]
+            last = min(stop, chunk.first + chunk.blocks)
+            known = self.empty(number) if first == chunk.first else sums
+            sums = self.added(known, rows, slice(first - before.block, last - before.block), first, end)
+            sums = sums._replace(paths=min(last * LANES, end) - chunk.first * LANES)
+            found.append((chunk, first, last, sums))
+            first = last
+        spent = (time.perf_counter() - began) / blocks, (time.process_time() - cpu_began) / blocks
+        added = [
+            (chunk, self.timed(sums, first, last - first, *((last - first) * one for one in spent)))
+            for chunk, first, last, sums in found
+        ]
+        return _Batch(stop, added[-1][1], added)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlocksPlan(Blockwise, PathsPlan):
+    """The head of every plan with one stream of paths, on one grid, that are summed up block after block."""
+
+    @property
+    def seconds_per_block(self) -> float:
+        """Of one thread at typical speed."""
+        return int(self.steps.sum()) * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
+
+    def streams(self, more: Any) -> Sequence[Stream]:
+        """All paths."""
+        return (Stream(self.samples, chunk_blocks(self.seconds_per_block)),)

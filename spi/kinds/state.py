@@ -1,0 +1,117 @@
+"""What is known so far of a part."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from spi.tallies import Chunk, Stream, Sums, Tally, digest
+
+if TYPE_CHECKING:
+    from .plans import Plan
+
+
+class Nothing(NamedTuple):
+    """What a plan knows besides its paths, where that is nothing."""
+
+    seconds: float = 0.0
+
+
+class State:
+    """What is known so far of a part, enough to go on from."""
+
+    def __init__(self, plan: "Plan") -> None:
+        self.plan = plan
+        self.more: Any = plan.begin()  #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
+        self.tallies: dict[int, Tally] = {}  #: by the number of the stream
+        self.digests: dict[int, dict[int, str]] = {}  #: of all chunks that are done, by stream and index
+
+    @property
+    def streams(self) -> Sequence[Stream]:
+        """The paths that are wanted for now."""
+        return self.plan.streams(self.more)
+
+    def tally(self, number: int = 0) -> Tally:
+        """What is known of one stream."""
+        return self.tallies.get(number) or Tally.empty()
+
+    def total(self, number: int = 0) -> Any:
+        """The sums over all paths of a stream; KeyError if some are missing."""
+        return self.tally(number).total(self.streams[number])
+
+    def so_far(self, number: int = 0) -> Any:
+        """The sums over those paths of a stream that are known."""
+        found = self.tally(number).so_far()
+        return self.plan.empty(number) if found is None else found
+
+    def missing(self) -> list[Chunk]:
+        """The chunks that are wanted and not done, stream by stream."""
+        return [
+            chunk
+            for number, stream in enumerate(self.streams)
+            for chunk in stream.chunks(number)
+            if not self.tally(number).has(chunk)
+        ]
+
+    def put(self, chunk: Chunk, sums: Sums) -> None:
+        """Keep what is now known of a chunk."""
+        done = sums.paths == chunk.paths
+        if done:
+            self.digests.setdefault(chunk.stream, {})[chunk.index] = digest(sums)
+        whole = done and chunk.index < self.streams[chunk.stream].whole
+        self.tallies[chunk.stream] = self.tally(chunk.stream).with_chunk(chunk, sums, whole)
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time spent so far."""
+        return float(self.more.seconds + sum(tally.seconds for tally in self.tallies.values()))
+
+    def plain(self) -> dict[str, Any]:
+        """All that is known as dicts, lists, arrays, numbers and texts, for a file."""
+        return {
+            "more": _plain(self.more),
+            "streams": [
+                {
+                    "number": number,
+                    "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
+                    "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
+                    "digests": [[index, text] for index, text in self.digests.get(number, {}).items()],
+                }
+                for number, tally in self.tallies.items()
+            ],
+        }
+
+    def take(self, plain: dict[str, Any], with_more: bool = True) -> None:
+        """Add what another state of the same part knew, as :meth:`plain` told it; ValueError if it does not fit.
+
+        Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
+        """
+        if with_more:
+            self.more = _rebuilt(self.more, plain["more"])
+        streams = self.streams
+        for told in plain["streams"]:
+            number = told["number"]
+            if number >= len(streams):
+                continue
+            empty = self.plan.empty(number)
+            nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in told["nodes"]}
+            short = {index: _rebuilt(empty, sums) for index, sums in told["short"]}
+            known = Tally(nodes, short).within(streams[number])
+            self.tallies[number] = self.tally(number).merged(known)
+            self.digests.setdefault(number, {}).update(dict(told["digests"]))
+
+
+def _plain(record: Any) -> dict[str, Any]:
+    """The fields of a NamedTuple, and of those within it."""
+    return {name: _plain(value) if hasattr(value, "_asdict") else value for name, value in record._asdict().items()}
+
+
+def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
+    """A NamedTuple like this one from what :func:`_plain` told; ValueError if the fields differ."""
+    if set(plain) != set(like._fields):
+        raise ValueError(f"fields {sorted(plain)} in place of {sorted(like._fields)}")
+    values = like._asdict()
+    return type(like)(
+        **{
+            name: _rebuilt(values[name], value) if hasattr(values[name], "_asdict") else value
+            for name, value in plain.items()
+        }
+    )

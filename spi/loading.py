@@ -1,0 +1,54 @@
+"""From a spec file to the plans of its parts."""
+
+import functools
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from . import spec
+from .kinds import KINDS
+from .kinds.plans import Plan
+
+
+@functools.cache
+def layers() -> spec.Layers:
+    """How spec files of all kinds are read."""
+    return spec.Layers.of({name: kind.keys.Case for name, kind in KINDS.items()})
+
+
+def load(
+    path: str | Path, profile: str = "laptop", overrides: Iterable[str] = (), text: str | None = None
+) -> spec.Experiment:
+    """The experiment in a spec file, or in `text`; SpecError if anything is wrong, see :func:`spi.spec.load`."""
+    return spec.load(path, layers(), profile, overrides, text)
+
+
+def plans(experiment: spec.Experiment) -> list[Plan]:
+    """The plans of all parts of all cases, in the order in which they are run."""
+    study = KINDS[experiment.kind].study
+    return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
+
+
+def name_of(plan: Plan) -> str:
+    """What a plan is called among those of its experiment."""
+    return f"{plan.case.name}/{plan.part.name}"
+
+
+class Source(NamedTuple):
+    """What another process needs to make the plans of an experiment."""
+
+    path: str  #: for messages
+    text: str
+    profile: str
+    overrides: tuple[str, ...]
+
+    @classmethod
+    def of(cls, experiment: spec.Experiment) -> "Source":
+        """That of an experiment."""
+        return cls(str(experiment.path), experiment.text, experiment.profile, experiment.overrides)
+
+
+@functools.lru_cache(maxsize=4)
+def plans_of(source: Source) -> list[Plan]:
+    """The plans of an experiment, in another process; kept, as there are many chunks to a plan."""
+    return plans(load(source.path, source.profile, source.overrides, source.text))

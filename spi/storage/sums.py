@@ -1,0 +1,111 @@
+"""Files of sums over paths, from which results are made and with which an unfinished run goes on.
+
+NumPy's npz, a zip archive with a checksum for each member: ``about`` and, for each part, a structure as JSON in which
+the arrays stand as numbers, and the arrays one behind the other.
+"""
+
+import contextlib
+import io
+import json
+import os
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .files import StorageError, aside
+
+VERSION = 1
+
+#: What reading a damaged file may raise.
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, NotImplementedError)
+
+
+def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None:
+    """Keep `parts`, name -> dicts, lists, arrays, numbers and texts; `about` is what can be read without the rest.
+
+    The file that was there is kept as the previous one.
+    """
+    members: dict[str, Any] = {"about": _text({"version": VERSION, "parts": list(parts), **about})}
+    for number, part in enumerate(parts.values()):
+        arrays = io.BytesIO()
+        members[f"structure_{number}"] = _text(_without_arrays(part, arrays))
+        members[f"arrays_{number}"] = np.frombuffer(arrays.getvalue(), np.uint8)
+    with aside(path) as temporary:
+        with open(temporary, "wb") as file:
+            np.savez(file, **members)
+            file.flush()
+            os.fsync(file.fileno())
+        with contextlib.suppress(FileNotFoundError):
+            os.replace(path, previous(path))
+
+
+def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """(about, parts) of the file, or of the previous one where that is damaged; None if neither can be read."""
+    for candidate in (path, previous(path)):
+        with contextlib.suppress(*_DAMAGE), np.load(candidate, allow_pickle=False) as file:
+            about = _about(file)
+            parts = {}
+            for number, name in enumerate(about["parts"]):
+                data = file[f"arrays_{number}"].tobytes()
+                parts[name] = _with_arrays(json.loads(file[f"structure_{number}"].tobytes()), data)
+            return about, parts
+    return None
+
+
+def about_sums(path: Path) -> dict[str, Any] | None:
+    """What can be read without the sums themselves; None if there is no such file or it is damaged."""
+    with contextlib.suppress(*_DAMAGE), np.load(path, allow_pickle=False) as file:
+        return _about(file)
+    return None
+
+
+def remove_sums(path: Path) -> None:
+    """Remove the file and the previous one."""
+    for file in (path, previous(path)):
+        file.unlink(missing_ok=True)
+
+
+def previous(path: Path) -> Path:
+    """Where the file before this one is kept."""
+    return path.with_name(path.name + ".previous")
+
+
+def _about(file: Any) -> dict[str, Any]:
+    about = json.loads(file["about"].tobytes())
+    if about["version"] != VERSION:
+        raise StorageError(f"written in version {about['version']}")
+    return about
+
+
+def _text(value: Any) -> np.ndarray:
+    return np.frombuffer(json.dumps(value).encode(), np.uint8)
+
+
+def _without_arrays(value: Any, arrays: io.BytesIO) -> Any:
+    """`value` as JSON, its arrays as {"array": [dtype, shape, first byte]}; writes them to `arrays`."""
+    if isinstance(value, dict):
+        return {key: _without_arrays(one, arrays) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_without_arrays(one, arrays) for one in value]
+    if isinstance(value, np.generic):
+        return value.item()
+    if not isinstance(value, np.ndarray):
+        return value
+    first = arrays.tell()
+    arrays.write(value.tobytes())
+    return {"array": [value.dtype.str, value.shape, first]}
+
+
+def _with_arrays(value: Any, data: bytes) -> Any:
+    """The inverse of :func:`_without_arrays`."""
+    if isinstance(value, list):
+        return [_with_arrays(one, data) for one in value]
+    if not isinstance(value, dict):
+        return value
+    if set(value) != {"array"}:
+        return {key: _with_arrays(one, data) for key, one in value.items()}
+    dtype, shape, first = value["array"]
+    count = int(np.prod(shape))
+    return np.frombuffer(data, dtype, count, first).reshape(shape).copy() if count else np.zeros(shape, dtype)
