@@ -1,7 +1,11 @@
 """The command line: arguments and messages only."""
 
+import math
+import re
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -13,10 +17,11 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from .run import Progress, Watch
+    from .run import Progress, Slice, Watch
     from .spec import Experiment
+    from .workers import Workers
 
-DONE, FAILED, INVALID, STOPPED = 0, 1, 2, 3
+DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
 
 app = typer.Typer(
     help="A laboratory for stochastic Poisson integrators.",
@@ -55,6 +60,12 @@ Seed = Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 
 
+Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")]
+MaxTime = Annotated[str | None, typer.Option(help="Stop after so long, as in 90s, 45m, 3h; the same command goes on.")]
+Checkpoint = Annotated[str, typer.Option(help="Keep what is done at least this often, as in 5s, 1m.")]
+
+
 @app.command()
 def run(
     specs: Specs,
@@ -62,29 +73,77 @@ def run(
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
-    threads: Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)] = None,
+    threads: Threads = None,
     out: Out = Path("results"),
-    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")] = False,
+    fresh: Fresh = False,
+    max_time: MaxTime = None,
+    checkpoint: Checkpoint = "5s",
+    part: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Compute part I of N only; `spi merge` puts them together.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Compute in so many processes of this machine.", min=1)] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
+    ] = None,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table."""
     experiments = _load(specs, profile, overrides, samples, seed)
-    from . import CACHE_PROBLEM, storage, views
     from . import run as runner
-    from .ensemble import use_threads
 
-    if threads is not None:
-        try:
-            use_threads(threads)
-        except ValueError as error:
-            _end(INVALID, f"--threads: {error}")
-    if CACHE_PROBLEM:
-        typer.echo(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run", err=True)
-    stop = _Stop()
+    if sum(option is not None for option in (part, workers, dask)) > 1:
+        _end(INVALID, "--part, --workers and --dask exclude one another; give one of them")
+    slice_ = _slice(part)
+    session = _Session(threads, max_time, checkpoint)
+    with _workers(workers, dask) as pool:
+        for experiment in experiments:
+            with _ProgressLine(experiment.name, session.stop) as line:
+                if slice_ is not None:
+                    path = runner.run_slice(experiment, slice_, out, fresh, line.watch, session.limits)
+                else:
+                    path = runner.run(experiment, out, fresh, line.watch, session.limits, pool)
+            if slice_ is not None:
+                typer.echo(f"wrote {path}; `spi merge {experiment.path}` puts all parts together", err=True)
+            else:
+                _show(path)
+
+
+@app.command()
+def merge(
+    specs: Specs,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    out: Out = Path("results"),
+    fresh: Fresh = False,
+) -> None:
+    """Put parts that `spi run --part` computed together: write <out>/<name>.h5 and print a table."""
+    experiments = _load(specs, profile, overrides, samples, seed)
+    from . import run as runner
+
+    session = _Session(threads, None, "5s")
     for experiment in experiments:
-        with _ProgressLine(experiment.name, stop) as line:
-            path = runner.run(experiment, out, fresh, watch=line.watch)
-        views.print_tables(storage.read(path))
-        typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
+        with _ProgressLine(experiment.name, session.stop) as line:
+            path = runner.merge(experiment, out, fresh, line.watch, session.limits)
+        _show(path)
+
+
+@app.command()
+def verify(
+    file: Annotated[Path, typer.Argument(help="A results file.")],
+    chunks: Annotated[int, typer.Option(help="How many chunks of paths to compute again, at random.", min=1)] = 8,
+    threads: Threads = None,
+) -> None:
+    """Compute a random selection of the paths behind stored results again, and compare bit for bit."""
+    from .printing import print_verification
+    from .verification import verify
+
+    _Session(threads, None, "5s")
+    found = verify(file, chunks)
+    print_verification(file, found)
+    if found.different:
+        raise typer.Exit(BROKEN)
 
 
 @app.command()
@@ -178,6 +237,71 @@ def _load(
     overrides += [f"samples={samples}"] if samples is not None else []
     overrides += [f"seed={seed}"] if seed is not None else []
     return [load(path, profile, overrides) for path in specs]
+
+
+class _Session:
+    """What holds for all experiments of one command: threads, limits, and how it is stopped."""
+
+    def __init__(self, threads: int | None, max_time: str | None, checkpoint: str) -> None:
+        from . import CACHE_PROBLEM
+        from .ensemble import use_threads
+        from .run import Limits
+
+        most = math.inf if max_time is None else _seconds("--max-time", max_time)
+        self.limits = Limits(_seconds("--checkpoint", checkpoint), most)
+        if threads is not None:
+            try:
+                use_threads(threads)
+            except ValueError as error:
+                _end(INVALID, f"--threads: {error}")
+        if CACHE_PROBLEM:
+            typer.echo(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run", err=True)
+        self.stop = _Stop()
+
+
+def _seconds(option: str, text: str) -> float:
+    """A time such as 90s, 45m, 3h or 1.5d."""
+    found = re.fullmatch(r"([0-9]+(?:[.][0-9]+)?) *(s|m|h|d)", text.strip())
+    if not found:
+        _end(INVALID, f"{option}: is '{text}'; must be a number and a unit, as in 90s, 45m, 3h or 2d")
+    return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
+
+
+def _slice(text: str | None) -> "Slice | None":
+    """Which part of how many."""
+    from .run import Slice
+
+    try:
+        return None if text is None else Slice.of(text)
+    except ValueError:
+        _end(INVALID, f"--part: is '{text}'; must be the number of a part and how many there are, as in 1/4 .. 4/4")
+
+
+@contextmanager
+def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
+    """The processes that compute, None for this one alone."""
+    from . import workers
+
+    with ExitStack() as stack:
+        pool: Workers | None = None
+        if size is not None:
+            pool = stack.enter_context(workers.processes(size))
+        elif address is not None:
+            try:
+                pool = stack.enter_context(workers.dask(address))
+            except ImportError:
+                _end(INVALID, "--dask: Dask is not installed; say pip install 'spi[dask]'")
+            except (OSError, ValueError) as error:
+                _end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
+        yield pool
+
+
+def _show(path: Path) -> None:
+    """Print the tables of a results file that has just been written."""
+    from . import storage, views
+
+    views.print_tables(storage.read(path))
+    typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
 
 
 class _Stop:

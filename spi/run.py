@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,13 +75,13 @@ def run(
     fresh: bool = False,
     watch: Watch = NOBODY,
     limits: Limits = USUAL,
-    workers: Callable[[], AbstractContextManager[Workers]] | None = None,
+    workers: Workers | None = None,
 ) -> Path:
     """Run an experiment, write its results file and return its path.
 
     What is known already is not computed again: of an unfinished run, of a finished one, or of one that differs in the
     number of samples only.  With `fresh` nothing earlier is looked at, and results of another spec are replaced.
-    `workers` makes the processes that compute; without it this one does, on all its threads.
+    `workers` are processes that compute; without them this one does, on all its threads.
 
     Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
     """
@@ -101,8 +100,7 @@ def run(
         if workers is None:
             engine.advance_here(checkpoint.states, tick)
         else:
-            with workers() as pool:
-                engine.advance_with(pool, Source.of(experiment), checkpoint.states, tick)
+            engine.advance_with(workers, Source.of(experiment), checkpoint.states, tick)
         engine.finish(checkpoint.states, tick)
         _write(target, checkpoint, fresh)
     return target
