@@ -12,10 +12,13 @@ if TYPE_CHECKING:  # a compiler comes with it
     from ..schemes import Scheme
 
 
-def as_json(records: Iterable[dict[str, Any]]) -> str:
-    """A JSON list of records; as JSON has neither, infinities and nan become null (``nonfinite`` tells why)."""
+def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
+    """A JSON list of records; as JSON has neither, infinities and nan become null (``nonfinite`` tells why).
+
+    Without `unicode` it is ASCII.
+    """
     plain = [{key: None if is_odd(value) else value for key, value in record.items()} for record in records]
-    return json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(plain, indent=2, ensure_ascii=not unicode, allow_nan=False)
 
 
 def as_csv(records: list[dict[str, Any]]) -> str:

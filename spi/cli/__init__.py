@@ -1,19 +1,20 @@
 """The command line: arguments and messages only."""
 
+import contextlib
 import signal
 import sys
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-if TYPE_CHECKING:
-    from rich.progress import Progress as Bar
-    from rich.progress import TaskID
+from .signals import STOP
+from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
-    from .run import Progress
-    from .spec import Experiment
+if TYPE_CHECKING:
+    from ..spec import Experiment
 
 DONE, FAILED, INVALID, STOPPED = 0, 1, 2, 3
 
@@ -35,7 +36,7 @@ class Format(StrEnum):
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from . import __version__
+        from .. import __version__
 
         typer.echo(f"spi {__version__}")
         raise typer.Exit
@@ -67,9 +68,10 @@ def run(
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table."""
     experiments = _load(specs, profile, overrides, samples, seed)
-    from . import CACHE_PROBLEM, storage, views
-    from . import run as runner
-    from .ensemble import use_threads
+    from .. import CACHE_PROBLEM, storage, views
+    from .. import run as runner
+    from ..ensemble import use_threads
+    from .progress import ProgressLine
 
     if threads is not None:
         try:
@@ -77,13 +79,14 @@ def run(
         except ValueError as error:
             _end(INVALID, f"--threads: {error}")
     if CACHE_PROBLEM:
-        typer.echo(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run", err=True)
-    stop = _Stop()
-    for experiment in experiments:
-        with _ProgressLine(experiment.name, stop) as line:
+        tell(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run")
+    for number, experiment in enumerate(experiments, start=1):
+        with ProgressLine(experiment.name) as line:
             path = runner.run(experiment, out, fresh, line.report, line.report_compiling)
         views.print_tables(storage.read(path))
-        typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
+        if number == len(experiments):
+            STOP.ignore()  # all is done
+        tell(f"wrote {path}; `spi plot {path}` draws it")
 
 
 @app.command()
@@ -96,9 +99,8 @@ def plot(
     ] = None,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from . import storage, views
-    from .drawing import save
-    from .run import results_of
+    from .. import storage, views
+    from ..run import results_of
 
     folder = out or Path("results")
     stored = sources or sorted(p for p in folder.glob("*.h5") if not p.name.endswith(".checkpoint.h5"))
@@ -106,12 +108,11 @@ def plot(
         _end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --out")
     for source in stored:
         path = results_of(source, folder) if source.suffix in (".yaml", ".yml") else source
-        try:
-            files = save(views.figure(storage.read(path)), out or path.parent, path.stem)
-        except ValueError as error:
-            _end(FAILED, f"{path}: {error}")
-        for written in files:
-            typer.echo(f"wrote {written}", err=True)
+        results = storage.read(path)
+        with _about(path):
+            figure = views.figure(results)
+        for written in views.save(figure, out or path.parent, path.stem):
+            tell(f"wrote {written}")
 
 
 @app.command()
@@ -120,15 +121,16 @@ def show(
     format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
 ) -> None:
     """Print stored results to standard output."""
-    from . import storage, views
-    from .printing import as_csv, as_json
+    from .. import storage, views
+    from ..printing import as_csv, as_json
 
     results = storage.read(file)
-    if format is Format.table:
-        views.print_tables(results)
-    else:
-        write = as_json if format is Format.json else as_csv
-        typer.echo(write(views.rows(results)).rstrip("\n"))
+    with _about(file):
+        if format is Format.table:
+            views.print_tables(results)
+        else:
+            rows = views.rows(results)
+            typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
 
 
 @app.command("list")
@@ -136,12 +138,23 @@ def list_(
     folder: Annotated[Path, typer.Option("--experiments", help="Folder of experiments.")] = Path("experiments"),
 ) -> None:
     """List models, schemes and experiments."""
-    from .models import MODELS
-    from .printing import print_catalogue
-    from .run import load
-    from .schemes import SCHEMES
+    from ..models import MODELS
+    from ..printing import print_catalogue
+    from ..run import load
+    from ..schemes import SCHEMES
+    from ..spec import SpecError
 
-    print_catalogue(MODELS, SCHEMES, [load(path) for path in sorted(folder.glob("*.yaml"))])
+    experiments, problems = [], []
+    for path in sorted(folder.glob("*.yaml")):
+        try:
+            experiments.append(load(path))
+        except SpecError as error:
+            problems.append(str(error))
+    print_catalogue(MODELS, SCHEMES, experiments)
+    for problem in problems:
+        tell(f"spi: {problem}")
+    if problems:
+        raise typer.Exit(INVALID)
 
 
 @app.command()
@@ -150,8 +163,8 @@ def check(
 ) -> None:
     """Validate experiments and say what they would cost."""
     experiments = _load(specs, profile, overrides, samples, seed)
-    from .printing import print_cost
-    from .run import cost
+    from ..printing import print_cost
+    from ..run import cost
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
@@ -162,116 +175,63 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from .run import layers
+    from ..run import layers
 
-    typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=False))
+    typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
 
 def _load(
     specs: list[Path], profile: str, overrides: list[str] | None, samples: str | None, seed: str | None
 ) -> list["Experiment"]:
     """All experiments, before anything runs."""
-    from .run import load
+    from ..run import load
 
     overrides = list(overrides or [])
-    overrides += [f"samples={samples}"] if samples is not None else []
-    overrides += [f"seed={seed}"] if seed is not None else []
+    overrides += [f"--samples={samples}"] if samples is not None else []
+    overrides += [f"--seed={seed}"] if seed is not None else []
     return [load(path, profile, overrides) for path in specs]
 
 
-class _Stop:
-    """Ctrl-C, or SIGTERM, a batch system's way to say it.
-
-    While Numba compiles, the exception that Python raises then can get lost; so it is also remembered.
-    """
-
-    def __init__(self) -> None:
-        self.wanted = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._wanted)
-
-    def _wanted(self, *_: object) -> None:
-        self.wanted = True
-        raise KeyboardInterrupt
-
-    def check(self) -> None:
-        if self.wanted:
-            raise KeyboardInterrupt
-
-
-class _ProgressLine:
-    """One line on a terminal: paths done, rate, time left, current standard error."""
-
-    def __init__(self, name: str, stop: _Stop) -> None:
-        self.name = name
-        self.stop = stop
-        self.bar: Bar | None = None
-        self.task: TaskID | None = None
-
-    def __enter__(self) -> "_ProgressLine":
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-            columns = [
-                TextColumn("{task.description}"),
-                BarColumn(20),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[news]}"),
-                TimeRemainingColumn(),
-            ]
-            self.bar = Progress(*columns, console=Console(stderr=True), transient=True)
-            self.bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.bar:
-            self.bar.stop()
-
-    def report_compiling(self, number: int, total: int, name: str) -> None:
-        self.stop.check()
-        if self.bar:
-            description = f"{self.name} compiling {number} of {total}: {name}"
-            self._show(self.bar, None, description, total, number - 1, "once, some seconds for each scheme")
-
-    def report(self, progress: "Progress") -> None:
-        self.stop.check()
-        if not self.bar:
-            return
-        description = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
-        news = "starting"
-        if progress.done:
-            rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
-            news = f"{rate}standard error {progress.stderr:.1e}"
-        self._show(self.bar, progress.number, description, progress.total, progress.done, news)
-
-    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float, news: str) -> None:
-        """Show how far a part is, None for the compilation before them."""
-        if self.task is None or bar.tasks[-1].fields["part"] != part:
-            if self.task is not None:
-                bar.remove_task(self.task)
-            self.task = bar.add_task(description, part=part, total=total, completed=int(completed), news=news)
-        bar.update(self.task, description=description, total=total, completed=completed, news=news)
-
-
 def _end(code: int, message: str) -> NoReturn:
-    typer.echo(f"spi: {message}", err=True)
+    tell(f"spi: {message}")
     raise typer.Exit(code)
+
+
+@contextlib.contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """Say which file it is whose content cannot be shown."""
+    from ..storage import StorageError
+
+    try:
+        yield
+    except StorageError as error:
+        _end(INVALID, f"{path}: {error}")
+    except ValueError as error:
+        _end(FAILED, f"{path}: {error}")
 
 
 def main() -> NoReturn:
     """The entry point: turns the errors that a person can make into one line and an exit code."""
+    STOP.listen()
+    write_what_the_terminal_can()
     try:
         code = app(standalone_mode=False, prog_name="spi")
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = 128 + signal.SIGINT
+    except BrokenPipeError:  # whoever reads the output has seen enough
+        code = FAILED
     except Exception as error:
         code = _code(error)
         if code is None:
             raise
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
-        typer.echo(message if message.startswith("Usage") else f"spi: {message}", err=True)
+        tell(message if message.startswith("Usage") else f"spi: {message}")
     if code == 128 + signal.SIGINT:
-        typer.echo("spi: stopped", err=True)
+        STOP.ignore()
+        tell("spi: stopped")
         code = STOPPED
+    drop_unwritable_output()
     sys.exit(code or DONE)
 
 
@@ -279,9 +239,9 @@ def _code(error: Exception) -> int | None:
     """The exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
-    from .run import Stopped
-    from .spec import SpecError
-    from .storage import StorageError
+    from ..run import Stopped
+    from ..spec import SpecError
+    from ..storage import StorageError
 
     if isinstance(error, Stopped):
         return STOPPED
