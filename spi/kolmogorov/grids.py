@@ -151,9 +151,8 @@ def domain(problem, strang, fewest, accuracy):
     """
     target = min(max(1e-3 * accuracy, 1e-13), 1e-3)
     safe, h = safe_half_width(problem, target), problem.T / fewest
-    if (
-        problem.speed * h + 8 * problem.diffusion * np.sqrt(h) > 2 * LAYER
-    ):  # a step could jump over the layer and not be killed
+    reach = problem.speed * h + 8 * problem.diffusion * np.sqrt(h)
+    if reach > 2 * LAYER:  # a step could jump over the layer and not be killed
         return safe, target
     one = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
     for share in (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9):

@@ -27,5 +27,5 @@ class Demands(NamedTuple):
 
     seconds: float  #: on all threads
     bytes: float  #: of memory, at most
-    obstacle: str | None = None  #: why the solver cannot do it, in words that follow "the solver"
-    remedy: str | None = None  #: what would be right then
+    obstacle: str = ""  #: why the solver cannot do it, in words that follow "the solver"
+    remedy: str = ""  #: what would be right then

@@ -89,7 +89,9 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
         return Demands(0.0, 1e8)
     lost, waves = problem.waves()
     if not lost <= 0.25:  # so much is lost that the projection would be, too
-        what = f"knows functions of up to {LEVELS[-1]} waves around the sphere |y| = {problem.radius:.3g}, fewer than these"
+        what = (
+            f"knows functions of up to {LEVELS[-1]} waves around the sphere |y| = {problem.radius:.3g}, these have more"
+        )
         return Demands(np.inf, np.inf, what, "decrease initial, or use functions that oscillate less")
     return problem.demands(waves)
 
