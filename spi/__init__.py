@@ -42,6 +42,13 @@ def source_digest():
     return digest.hexdigest()[:16]
 
 
+def _parent_of_caches():
+    """The folder that the environment asks for; RuntimeError if there is neither such a wish nor a home folder."""
+    if wish := os.environ.get("SPI_CACHE_DIR"):
+        return wish
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "spi")
+
+
 def _point_cache_at_sources():
     """Give Numba's disk cache a folder named by the hash of this package's sources.
 
@@ -51,17 +58,17 @@ def _point_cache_at_sources():
     Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there after an
     edit.  Then a temporary folder, gone when the program ends, takes its place; returns why, otherwise None.
     """
-    parent = os.environ.get("SPI_CACHE_DIR") or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "spi")
-    folder, problem = Path(parent, source_digest()), None
+    digest, problem = source_digest(), None
     try:
+        folder = Path(_parent_of_caches(), digest)
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
-    except OSError as error:
-        problem = f"{folder}: {error.strerror}"
+    except (OSError, RuntimeError) as error:  # the latter if nothing tells the home folder
+        problem = f"{folder}: {error.strerror}" if isinstance(error, OSError) else str(error)
         temporary = tempfile.TemporaryDirectory(prefix="spi-")
         atexit.register(temporary.cleanup)
         os.environ["SPI_CACHE_DIR"] = temporary.name  # also for programs that this one starts
-        folder = Path(temporary.name, folder.name)
+        folder = Path(temporary.name, digest)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)

@@ -77,6 +77,15 @@ class Checkpoint:
         """The chunks that are wanted for now and not done, with the number of their part."""
         return [(number, chunk) for number, state in enumerate(self.states) for chunk in state.missing()]
 
+    def chunks(self) -> tuple[str, ...]:
+        """A line for each chunk, as ``Results.chunks``."""
+        return tuple(
+            f"{name} {chunk.stream} {chunk.index} {chunk.paths} {state.digests[chunk.stream][chunk.index]}"
+            for name, state in self.by_name.items()
+            for number, stream in enumerate(state.streams)
+            for chunk in stream.chunks(number)
+        )
+
     def resume(self) -> None:
         """Take what is known from the file; if there is none, from that of a run with other numbers of samples."""
         if not self.take(self.path):

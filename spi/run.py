@@ -235,7 +235,7 @@ def _write(target: Path, checkpoint: Checkpoint, fresh: bool) -> None:
     if not fresh:  # another run may have written there in the meantime
         storage.check_replaceable(target, _identity(experiment))
     groups = tuple(state.plan.group(state) for state in checkpoint.states)
-    storage.write(target, Results(_attributes(experiment), groups))
+    storage.write(target, Results(_attributes(experiment), groups, checkpoint.chunks()))
     if replaced not in (None, experiment.hash):
         old = checkpoint.path.with_name(f"{experiment.name}-{replaced[:12]}.npz")
         if (storage.about_sums(old) or {}).get("finished"):

@@ -48,6 +48,11 @@ class Chunk(NamedTuple):
     first: int  #: its first block
     end: int  #: the number of the path after its last one
 
+    @classmethod
+    def of(cls, stream: int, index: int, size: int, paths: int) -> "Chunk":
+        """Chunk number `index`, of so many paths, of a stream whose whole chunks have `size` blocks."""
+        return cls(stream, index, index * size, index * size * LANES + paths)
+
     @property
     def paths(self) -> int:
         """How many paths it has."""
@@ -74,7 +79,7 @@ class Stream(NamedTuple):
         """All chunks, in order; `number` is that of the stream within its part."""
         size = self.chunk_blocks * LANES
         count = -(-self.samples // size)
-        return [Chunk(number, i, i * self.chunk_blocks, min((i + 1) * size, self.samples)) for i in range(count)]
+        return [Chunk.of(number, i, self.chunk_blocks, min(size, self.samples - i * size)) for i in range(count)]
 
 
 def chunk_blocks(seconds_per_block: float) -> int:

@@ -1,20 +1,36 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from .kinds import KINDS
 from .printing import anything
-from .printing.text import new_console
-from .records import Reading, Results, by_case
+from .printing.text import new_console, printable
+from .records import Group, Reading, Results, by_case
+from .storage import StorageError, write_all
 
 if TYPE_CHECKING:
     from .drawing import Figure
 
 
 def readings(results: Results) -> list[Reading]:
-    """What the kind of the results makes of each group: records with named fields, see ``kinds/*/reading.py``."""
-    read = KINDS[results.attributes["kind"]].reading.read
-    return [read(group) for group in results.groups]
+    """What the kind of the results makes of each group: records with named fields, see ``kinds/*/reading.py``.
+
+    StorageError where a group lacks what its kind needs, as one may that another version of spi wrote.
+    """
+    kind = results.attributes["kind"]
+    return [_reading(kind, group) for group in results.groups]
+
+
+def _reading(kind: str, group: Group) -> Reading:
+    try:
+        return KINDS[kind].reading.read(group)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        name = "/".join(filter(None, (group.case, group.variant, group.estimator)))
+        what = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise StorageError(
+            f"the group {name} cannot be read as results of kind {kind} ({what}); run the experiment again with --fresh"
+        ) from error
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
@@ -32,13 +48,13 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
     console = new_console(file)
     title = results.attributes.get("title")
     if title:
-        console.print(title, style="bold", markup=False)
+        console.print(printable(title), style="bold", markup=False)
     if results.attributes.get("kind") not in KINDS:
         anything.show(console, results.groups)
         return
     for case in by_case(readings(results)):
         heading = case[0].about.case_title
-        KINDS[results.attributes["kind"]].table.show(console, "" if heading == title else heading, case)
+        KINDS[results.attributes["kind"]].table.show(console, "" if heading == title else printable(heading), case)
 
 
 def figure(results: Results) -> "Figure":
@@ -53,3 +69,12 @@ def figure(results: Results) -> "Figure":
         raise ValueError("the results hold no scheme, so there is nothing to draw")
     with style.applied():
         return KINDS[kind].figure.draw(results.attributes.get("title", ""), cases)
+
+
+def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:
+    """Write ``<stem>.pdf`` and ``<stem>.png`` into ``folder``, both or none; StorageError if that is not possible."""
+    from .drawing import as_files
+
+    files = {Path(folder, f"{stem}.{form}"): content for form, content in as_files(figure).items()}
+    write_all(files)
+    return tuple(files)

@@ -34,8 +34,13 @@ def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
 class Workers(Protocol):
     """Several processes, here or elsewhere."""
 
-    size: int  #: how many there are
-    lost: tuple[type[BaseException], ...]  #: what a future raises whose worker was lost
+    @property
+    def size(self) -> int:
+        """How many there are."""
+
+    @property
+    def lost(self) -> tuple[type[BaseException], ...]:
+        """What a future raises whose worker was lost."""
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere."""
@@ -47,7 +52,7 @@ class Workers(Protocol):
 class Processes:
     """Worker processes on this machine, among which its processors are shared out."""
 
-    lost = (BrokenExecutor,)
+    lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
 
     def __init__(self, size: int) -> None:
         self.size = size

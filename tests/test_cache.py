@@ -45,7 +45,7 @@ def digest(tmp_path, monkeypatch):
         "kinds/weak/reading/comparisons.py",
         "run.py",
         "views.py",
-        "cli.py",
+        "cli/__init__.py",
     ],
 )
 def test_an_edit_of_what_shows_results_keeps_the_digest(digest, file):

@@ -39,7 +39,7 @@ def spi(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     if not COMPILED:
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def call(*arguments):
         capfd.readouterr()
@@ -49,7 +49,8 @@ def spi(tmp_path, monkeypatch, capfd):
         return end.value.code, *capfd.readouterr()
 
     yield call
-    signal.signal(signal.SIGTERM, handler)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 SPEC = Path("experiments") / EXPERIMENT.name

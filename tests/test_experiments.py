@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 
-from spi import drawing, storage, views
+from spi import storage, views
 from spi.kinds import KINDS
 from spi.run import load, run
 
@@ -70,7 +70,7 @@ def test_experiment_runs(path, tmp_path, capsys):
     assert [(g.case, g.variant, g.estimator) for g in results.groups] == parts
     for group in results.groups:
         CHECKS[experiment.kind](group, {name: values for name, (_, values) in group.variables.items()})
-    for written in drawing.save(views.figure(results), tmp_path, experiment.name):
+    for written in views.save(views.figure(results), tmp_path, experiment.name):
         assert written.stat().st_size > 10_000
     views.print_tables(results)
     assert experiment.title in capsys.readouterr().out

@@ -11,7 +11,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from spi import drawing, run, storage, views
+from spi import run, storage, views
 from spi.kinds import KINDS, FigureModule, Kind, ReadingModule, StudyModule, TableModule
 from spi.records import Description
 
@@ -101,7 +101,7 @@ def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):
     assert views.rows(results)[1]["energy"] == reading.energy[1]
     views.print_tables(results, text := io.StringIO())
     assert "splitting" in text.getvalue() and "±" in text.getvalue()
-    for file in drawing.save(views.figure(results), tmp_path, "energy"):
+    for file in views.save(views.figure(results), tmp_path, "energy"):
         assert file.stat().st_size > 1000
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from strong_results import LABELS, H, strong
 from strong_results import strong_group as group_of
 
-from spi import drawing, views
+from spi import views
 from spi.drawing import style
 from spi.kinds.strong import figure as strong_figure
 from spi.records import Results
@@ -36,7 +36,7 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
 
 
 def save(results, folder, stem):
-    return drawing.save(views.figure(results), folder, stem)
+    return views.save(views.figure(results), folder, stem)
 
 
 @pytest.fixture(autouse=True)
@@ -74,7 +74,7 @@ def test_interrupted_save_leaves_the_old_files(results, tmp_path, monkeypatch):
     before = [p.read_bytes() for p in paths]
 
     def interrupted(self, path, **_):
-        path.write_text("half")
+        path.write(b"half")
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Figure, "savefig", interrupted)

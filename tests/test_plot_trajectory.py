@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from trajectory_results import LABELS, THREE, trajectories, trajectory_group
 
-from spi import drawing, views
+from spi import views
 from spi.kinds.trajectory import figure
 from spi.kinds.trajectory.figure import curves
 from spi.kinds.trajectory.keys import PANELS
@@ -29,7 +29,7 @@ def path_group(scheme, y, casimirs, **more):
 
 
 def save(results, folder, stem):
-    return drawing.save(views.figure(results), folder, stem)
+    return views.save(views.figure(results), folder, stem)
 
 
 def on_circle(radius):

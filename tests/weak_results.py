@@ -5,7 +5,7 @@ import json
 import numpy as np
 from helpers import DESCRIBED
 
-from spi import drawing, views
+from spi import views
 from spi.records import Group, Results
 
 H = 2.0 ** -np.arange(3, 9)
@@ -122,4 +122,4 @@ def weak(*groups, **attributes):
 
 
 def save(results, folder, stem):
-    return drawing.save(views.figure(results), folder, stem)
+    return views.save(views.figure(results), folder, stem)

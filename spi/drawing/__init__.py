@@ -1,26 +1,37 @@
 """What the figures of all kinds share, and how a figure becomes files."""
 
 import contextlib
+import io
 import os
-from pathlib import Path
-
-from matplotlib.figure import Figure as Figure  # for those who may not ask matplotlib
-
-from . import style
+import sys
 
 
-def save(figure: Figure, folder: str | Path, stem: str) -> tuple[Path, Path]:
-    """Write ``<stem>.pdf`` and ``<stem>.png`` into ``folder``, each aside first and then moved into place."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+def _import_matplotlib() -> None:
+    """Import matplotlib, which ends if the environment names a backend that it does not know; none is needed here."""
+    backend = os.environ.pop("MPLBACKEND", None)
+    import matplotlib
+
+    if backend is not None:
+        os.environ["MPLBACKEND"] = backend
+        with contextlib.suppress(ValueError):
+            matplotlib.rcParams["backend"] = backend
+
+
+if "matplotlib" not in sys.modules:
+    _import_matplotlib()
+
+from matplotlib.figure import Figure as Figure  # noqa: E402 (for those who may not ask matplotlib)
+
+from . import style  # noqa: E402
+
+
+def as_files(figure: Figure) -> dict[str, bytes]:
+    """The content of the files of a figure: ending -> bytes, PDF and PNG."""
+    files = {}
     # Without a date and the name of the program the same results give the same bytes.
     for form, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
-        temporary = folder / f".{stem}.{form}.{os.getpid()}.tmp"
-        try:
-            with style.applied():
-                figure.savefig(temporary, format=form, metadata=metadata)
-            os.replace(temporary, folder / f"{stem}.{form}")
-        finally:
-            with contextlib.suppress(OSError):
-                temporary.unlink()
-    return folder / f"{stem}.pdf", folder / f"{stem}.png"
+        content = io.BytesIO()
+        with style.applied():
+            figure.savefig(content, format=form, metadata=metadata)
+        files[form] = content.getvalue()
+    return files

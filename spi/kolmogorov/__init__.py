@@ -14,21 +14,28 @@ from typing import NamedTuple
 
 from ..dispatch import answers, class_of
 from ..protocol import axis_inertias, rotation_shear_rates
-from .result import Expectations
+from .result import Demands, Expectations
 
-__all__ = ["Expectations", "can_solve", "can_solve_equation", "exact_expectations", "expectations", "typical_seconds"]
+__all__ = [
+    "Demands",
+    "Expectations",
+    "can_solve",
+    "can_solve_equation",
+    "demands",
+    "exact_expectations",
+    "expectations",
+]
 
 
 class _Solver(NamedTuple):
     word: Callable  #: what a model must answer
     module: str
-    seconds: float  #: about how long it takes
     equation: bool  #: whether it solves the equation without looking at a scheme
 
 
 _SOLVERS = (
-    _Solver(axis_inertias, "sphere", 10.0, equation=True),
-    _Solver(rotation_shear_rates, "cylinder", 45.0, equation=False),
+    _Solver(axis_inertias, "sphere", equation=True),
+    _Solver(rotation_shear_rates, "cylinder", equation=False),
 )
 
 
@@ -54,9 +61,12 @@ def can_solve_equation(model):
     return bool(_solvers(model, equation=True))
 
 
-def typical_seconds(model):
-    """About how long :func:`expectations` takes, on all threads."""
-    return _solvers(model)[0].seconds
+def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """What :func:`expectations` takes with these arguments, and whether it can do it at all: :class:`Demands`.
+
+    Found within milliseconds, from the grids that the solver would choose.
+    """
+    return _solver(model).demands(model, compositions, initial, final_time, steps, functions, accuracy)
 
 
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):

@@ -34,9 +34,9 @@ import numpy as np
 
 from ..protocol import rotation_shear_rates, strengths
 from .backward import numbers_of_steps, plan, weak_order, words_of
-from .grids import LAYER, REFINEMENT, Grid, Problem, domain, even, resolution
+from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
 from .ladders import ladder_of_limit, ladder_of_scheme, limit_of_scheme, limit_on, prediction, weak_error
-from .result import Expectations
+from .result import Demands, Expectations
 
 ACCURACY = 1e-10  #: what is tried for when nothing is asked
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
@@ -82,6 +82,25 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
         "seconds": perf_counter() - start,
     }
     return Expectations(np.asarray(steps, float), limit[:, None] + weak, limit, weak, *bounds, notes)
+
+
+def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """:class:`~.result.Demands` of :func:`expectations`, from the period of the grid and the accuracy.
+
+    Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
+    """
+    problem = _problem(model, initial, final_time, functions)
+    coarser = max(ACCURACY, accuracy or ACCURACY) / ACCURACY
+    with np.errstate(all="ignore"):
+        least, usual, most = (first_points(x * safe_half_width(problem, 1e-13)) for x in (0.2, 0.4, 1.0))
+    if not least <= POINTS:
+        what = f"would need a grid of {least:.2g} points, so far does y1 get until final_time; {POINTS} are the most"
+        return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
+    groups = sum(map(len, (p := plan(words_of(compositions, problem.active)))[::2])) + sum(len(w) for _, w in p[1])
+    points = min(max(POINTS * coarser**-0.15, 4 * usual), max(POINTS, 2 * usual))
+    runs = 1000 * coarser**-0.1 * (1 + groups / 3) / 2  # steps, for the limit and for the scheme, on three grids
+    seconds = 0.2 + 5e-8 * len(functions) * points * runs
+    return Demands(seconds, 1e8 + 64 * (1 + len(functions)) * max(POINTS, 2 * most))
 
 
 def _problem(model, initial, final_time, functions):

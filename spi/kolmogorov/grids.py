@@ -36,6 +36,11 @@ class Problem(NamedTuple):
         """The largest that the drift gives y_1."""
         return abs(self.rates[1]) * self.r
 
+    @property
+    def diffusion(self):
+        """The largest that the noise gives y_1."""
+        return abs(self.sigma[1]) * self.r
+
     def active(self, part, k):
         """Whether a flow moves anything."""
         return part == "drift" or self.sigma[k] != 0
@@ -125,7 +130,17 @@ def even(n):
 
 
 def _first_size(half_width):
-    return even(2 * (half_width + LAYER) * 24 / np.pi), 96
+    return even(first_points(half_width) / 96), 96
+
+
+def first_points(half_width):
+    """How many points the first grid of a half-width has, before it is refined."""
+    return 2 * (half_width + LAYER) * 24 / np.pi * 96
+
+
+def safe_half_width(problem, target):
+    """A half-width beyond which a path gets with a probability of at most `target`."""
+    return problem.speed * problem.T + problem.diffusion * np.sqrt(2 * problem.T * np.log(4 / target))
 
 
 def domain(problem, strang, fewest, accuracy):
@@ -134,16 +149,15 @@ def domain(problem, strang, fewest, accuracy):
     y_1 - y_1(0) is a drift of at most c r T plus a martingale of quadratic variation at most (sigma_2 ĉ r)^2 T, which
     gives an exponential bound.  A narrower period is taken where the computed probability to be killed allows it.
     """
-    T, diffusion = problem.T, abs(problem.sigma[1]) * problem.r
-    target = max(1e-3 * accuracy, 1e-13)
-    safe = problem.speed * T + diffusion * np.sqrt(2 * T * np.log(4 / target))
-    h = T / fewest
-    if problem.speed * h + 8 * diffusion * np.sqrt(h) > 2 * LAYER:  # a step could jump over the layer and not be killed
+    target = min(max(1e-3 * accuracy, 1e-13), 1e-3)
+    safe, h = safe_half_width(problem, target), problem.T / fewest
+    reach = problem.speed * h + 8 * problem.diffusion * np.sqrt(h)
+    if reach > 2 * LAYER:  # a step could jump over the layer and not be killed
         return safe, target
     one = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
     for share in (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
         grid = Grid(one, *_first_size(share * safe), share * safe)
-        killed = max(abs(1 - grid.run(strang, n)[0]) for n in (fewest, max(64, fewest)) if n <= 512)
+        killed = max(abs(1 - grid.run(strang, min(n, 512))[0]) for n in (fewest, max(64, fewest)))
         if killed < target:
             return share * safe, float(killed)
     return safe, target

@@ -20,3 +20,12 @@ class Expectations(NamedTuple):
     limit_bound: np.ndarray  #: (F,)
     weak_error_bound: np.ndarray  #: (F, S)
     notes: dict[str, Any]  #: how it was computed: resolution, seconds, ...
+
+
+class Demands(NamedTuple):
+    """What a solver takes for a question, roughly."""
+
+    seconds: float  #: on all threads
+    bytes: float  #: of memory, at most
+    obstacle: str = ""  #: why the solver cannot do it, in words that follow "the solver"
+    remedy: str = ""  #: what would be right then

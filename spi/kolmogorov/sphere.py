@@ -21,7 +21,7 @@ from ..protocol import axis_inertias, strengths
 from .backward import numbers_of_steps
 from .harmonics import CLASSES, Harmonics
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
-from .result import Expectations
+from .result import Demands, Expectations
 
 #: Degrees tried in turn.
 LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
@@ -29,6 +29,8 @@ LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
 RELATIVE = 0.02
 #: A level is not tried if it would take longer, in estimated seconds of one core, for the schemes and for the limit.
 LONGEST, LONGEST_LIMIT = 100.0, 5.0
+#: What the first three degrees, which are always tried, may take for a question to be answered at all, in seconds.
+LONGEST_FIRST = 600.0
 #: Rounding errors in units of the largest |phi|.
 ROUNDING = 2e-14
 
@@ -66,6 +68,32 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     }
     bounds = limit_bound[:, None] + weak_error_bound, limit_bound, weak_error_bound
     return Expectations(problem.steps, limit[:, None] + weak_error, limit, weak_error, *bounds, notes)
+
+
+def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """:class:`~.result.Demands` of :func:`expectations`, from the waves of the functions and the cost of each degree.
+
+    Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            problem = _Problem.of(model, compositions, initial, final_time, steps, functions)
+            first = 2 * problem.cost(LEVELS[2], rough=True)
+    except OverflowError:
+        first = np.inf
+    if not first <= LONGEST_FIRST:
+        what = f"would take about {first:.1g} s" if np.isfinite(first) else "would take for ever"
+        what = f"{what} at the coarsest degrees; {LONGEST_FIRST:g} s are the most"
+        return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
+    if np.count_nonzero(initial) <= 1:
+        return Demands(0.0, 1e8)
+    lost, waves = problem.waves()
+    if not lost <= 0.25:  # so much is lost that the projection would be, too
+        what = (
+            f"knows functions of up to {LEVELS[-1]} waves around the sphere |y| = {problem.radius:.3g}, these have more"
+        )
+        return Demands(np.inf, np.inf, what, "decrease initial, or use functions that oscillate less")
+    return problem.demands(waves)
 
 
 def _settled_weak_errors(problem, rounding, accuracy):
@@ -192,12 +220,50 @@ class _Problem(NamedTuple):
                 values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
         return limit, values
 
-    def cost(self, L):
-        """About how many seconds `solve` takes."""
+    def cost(self, L, rough=False):
+        """About how many seconds `solve` takes; `rough` does not find out how many terms the limit needs."""
         lengths = [Step(None, 0, self.words(h)).length for h in self.steps]
         steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
-        return 3 * steps + self.cost_of_limit(L)
+        return 3 * steps + self.cost_of_limit(L, rough)
 
-    def cost_of_limit(self, L):
-        pieces, _, coefficients = chebyshev(*bounds(L, self.turn, self.spread), self.time)
-        return 3 * pieces * len(coefficients) * 4e-9 * L**2 * len(self.functions)
+    def cost_of_limit(self, L, rough=False):
+        beta, rho = bounds(L, self.turn, self.spread)
+        if rough:
+            pieces = max(1.0, self.time * beta / 2)
+            terms = 20 + 9.6 * np.sqrt(max(rho * self.time / pieces / 2, 1.0))
+        else:
+            pieces, _, coefficients = chebyshev(beta, rho, self.time)
+            terms = len(coefficients)
+        return 3 * pieces * terms * 4e-9 * L**2 * len(self.functions)
+
+    def waves(self):
+        """(the share of phi beyond the highest degree, waves that it has), the worst of all phi on three great circles.
+
+        The share is of the mean square; all but 1e-8 of it has at most so many waves.
+        """
+        n = 16 * LEVELS[-1]
+        angle = 2 * np.pi / n * np.arange(n)
+        lost, most = 0.0, 0
+        for axes in np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3, 3)))[0]:
+            points = self.radius * (np.outer(axes[0], np.cos(angle)) + np.outer(axes[1], np.sin(angle)))
+            with np.errstate(all="ignore"):
+                values = np.array([np.broadcast_to(f(points), n) for f in self.functions], float)
+                power = abs(np.fft.rfft(values)) ** 2
+                power /= power.sum(axis=1, keepdims=True)
+            if not np.isfinite(power).all():
+                return np.nan, n
+            lost = max(lost, power[:, LEVELS[-1] :].sum(axis=1).max())
+            most = max(most, int((np.cumsum(power, axis=1) < 1 - 1e-8).sum(axis=1).max()))
+        return lost, most
+
+    def demands(self, waves):
+        """Of a question that can be answered, from how many waves the functions have."""
+        # Shear makes waves, and noise smooths them.
+        turned = sum(map(abs, self.turn))
+        degree = 2 * waves * (1 + min(self.time * turned, turned / max(sum(self.spread), 1e-300)) / 8)
+        number = max(2, int(np.searchsorted(LEVELS, degree)))
+        weak = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= number and self.cost(L) <= LONGEST)]
+        finer = [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
+        seconds = sum(map(self.cost, weak)) + sum(self.cost_of_limit(L) for L in finer)
+        cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, self.words(h)).length for h in self.steps) * weak[-1] ** 3
+        return Demands(1.5 * seconds + 1.0, 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2)

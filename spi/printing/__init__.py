@@ -12,10 +12,13 @@ if TYPE_CHECKING:  # a compiler comes with it
     from ..schemes import Scheme
 
 
-def as_json(records: Iterable[dict[str, Any]]) -> str:
-    """A JSON list of records; as JSON has neither, infinities and nan become null (``nonfinite`` tells why)."""
+def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
+    """A JSON list of records; as JSON has neither, infinities and nan become null (``nonfinite`` tells why).
+
+    Without `unicode` it is ASCII.
+    """
     plain = [{key: None if is_odd(value) else value for key, value in record.items()} for record in records]
-    return json.dumps(plain, indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(plain, indent=2, ensure_ascii=not unicode, allow_nan=False)
 
 
 def as_csv(records: list[dict[str, Any]]) -> str:
@@ -61,3 +64,21 @@ def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
         markup=False,
         soft_wrap=True,
     )
+
+
+def print_verification(path: Any, found: Any, file: IO[str] | None = None) -> None:
+    """Print what came out when paths were computed again (a ``spi.verification.Verification``)."""
+    console = new_console(file)
+
+    def write(line: str) -> None:
+        console.print(line, markup=False, soft_wrap=True)
+
+    write(f"{path}: {len(found.checked)} of {found.chunks} chunks of paths were computed again")
+    if not found.different:
+        write("all are equal to the last bit")
+        return
+    for label in found.different:
+        write(f"different: {label}")
+    write(f"{len(found.different)} of {len(found.checked)} are different; what is not as it was then:")
+    for cause in found.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",):
+        write(f"  {cause}")

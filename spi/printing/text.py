@@ -32,6 +32,11 @@ def new_console(file: IO[str] | None) -> "Console":
     return console if console.is_terminal else Console(file=file, highlight=False, width=_WIDTH)
 
 
+def printable(text: object) -> str:
+    """A text without what a terminal would take for a command; line breaks stay."""
+    return "".join(c if c.isprintable() or c == "\n" else "?" for c in str(text))
+
+
 def new_table(title: str, headings: Iterable[str], left: int = 0, labels: int | None = None) -> "Table":
     """A table without rows, its first ``left`` columns left-justified; labels of schemes wrap in column ``labels``."""
     from rich import box

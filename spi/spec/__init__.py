@@ -83,8 +83,8 @@ def load(
 
     With `text`, that stands in the place of what is in the file, which is not read.
 
-    `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]".  Raises SpecError if anything is
-    wrong with the file, the profile or an override.
+    `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
+    so, as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
     """
     if profile not in PROFILES:
         raise SpecError(f"{path}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
@@ -93,7 +93,7 @@ def load(
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
     file = _valid(kinds.file.validate_python, document.data, [(document, ())])
-    title = file.title or Path(path).stem
+    title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
     owners = _owners(document, file, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})

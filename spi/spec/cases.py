@@ -1,5 +1,6 @@
 """What several kinds of experiment have in common: keys, and conditions between them."""
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
@@ -8,11 +9,12 @@ import pydantic
 from pydantic import model_validator
 
 from ..arithmetic import NumberError
-from ..expressions import canonical, is_constant, parse_expression
-from ..kolmogorov import can_solve
+from ..expressions import as_numpy, canonical, is_constant, parse_expression
+from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
 from ..protocol import Positive, dimension
 from ..schemes import SCHEMES
+from ..schemes.rows import compositions
 from .keys import (
     ESTIMATORS,
     Eps,
@@ -198,6 +200,21 @@ class SampledCase(FunctionsCase):
         if self.reference_scheme:
             what = "has 'multilevel', which compares each scheme with itself, and reference_scheme is set"
             raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+        if can_solve(self.model) and not self.truncate_noise:
+            self._check_demands("multilevel", multiscale=True)
+
+    def _check_demands(self, estimator: str, multiscale: bool) -> None:
+        """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
+        for name in self.schemes:
+            rows = SCHEMES[name].composition
+            if rows is None or SCHEMES[name].multiscale != multiscale:
+                continue
+            need = _demands(
+                rows, self.model, self.initial, self.final_time, self.steps, self.expressions, self.accuracy
+            )
+            if need.obstacle:
+                its = f" for '{name}'" if multiscale else ""
+                raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
 
     def _check_kolmogorov(self) -> None:
         """What the solvers without sampling can do."""
@@ -211,6 +228,7 @@ class SampledCase(FunctionsCase):
         elif self.reference_scheme:
             what = "has no reference_scheme"
         else:
+            self._check_demands("kolmogorov", multiscale=False)
             return
         rest = [name for name in ESTIMATORS if name != "kolmogorov"]
         raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
@@ -220,6 +238,15 @@ class SampledCase(FunctionsCase):
         if all(getattr(self, key) is None for key in keys):
             add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
             raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
+
+
+@functools.lru_cache(maxsize=256)
+def _demands(
+    rows: tuple, model: Any, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
+) -> Demands:
+    """What solving without sampling takes; kept, because the layers of a file often ask the same."""
+    acting = compositions(rows, model)
+    return demands(model, acting, initial, final_time, steps, [as_numpy(f) for f in functions], accuracy)
 
 
 def check_count(end: float, step: float, key: str) -> None:

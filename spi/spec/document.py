@@ -1,6 +1,7 @@
 """YAML as plain data that knows where it stands in the file."""
 
 import difflib
+import unicodedata
 from collections.abc import Callable
 from functools import reduce
 from operator import getitem
@@ -11,6 +12,7 @@ import yaml
 
 Location = tuple[str | int, ...]  #: of a value in a document: keys, and indices of lists
 
+_MOST_BYTES = 10**6  # of a file; YAML takes some seconds for so much
 _MOST_ENTRIES = 10_000  # aliases of aliases could multiply without bound
 _MERGE = "tag:yaml.org,2002:merge"
 
@@ -78,6 +80,8 @@ class Document:
             self.fail(loc, f"has the tag {node.tag}; remove the tag")
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, loc, (*around, node))
+        if isinstance(node, yaml.ScalarNode):
+            self._check_text(node.value, loc)
         if isinstance(node, yaml.SequenceNode):
             for n, item in enumerate(node.value):
                 self.places[*loc, n] = self.place(item.start_mark.line + 1)
@@ -85,6 +89,11 @@ class Document:
         if node.tag.endswith(":bool"):
             return node.value.lower() in ("true", "yes", "on")
         return None if node.tag.endswith(":null") else node.value
+
+    def _check_text(self, text: str, loc: Location) -> None:
+        """Refuse what no results file can hold, and what a terminal would take for a command."""
+        if bad := next((c for c in text if unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n"), None):
+            self.fail(loc, f"has the character U+{ord(bad):04X}; remove it")
 
     def _mapping(self, node: yaml.MappingNode, loc: Location, around: tuple[yaml.Node, ...]) -> dict[str, Any]:
         """A dict; what ``<<`` merges in is overridden by the mapping's own keys."""
@@ -94,6 +103,7 @@ class Document:
         for key, value in sorted(node.value, key=lambda pair: pair[0].tag != _MERGE):
             if not isinstance(key, yaml.ScalarNode):
                 self.fail(loc, "has a list or mapping as a key; keys must be words")
+            self._check_text(key.value, loc)
             inner = (*loc, key.value)
             self.places[inner] = self.place(key.start_mark.line + 1)
             if key.tag == _MERGE:
@@ -111,14 +121,15 @@ class Document:
 def text_of(path: str | Path) -> str:
     """The text of a file."""
     try:
-        data = Path(path).read_bytes()
+        with open(path, "rb") as file:
+            data = file.read(_MOST_BYTES + 1)
     except FileNotFoundError:
-        near = difflib.get_close_matches(Path(path).name, [p.name for p in Path(path).parent.glob("*.yaml")], 1)
-        right = f"did you mean {Path(path).with_name(near[0])}?" if near else "give the path of a YAML file"
-        raise SpecError(f"{path}: no such file; {right}") from None
+        raise SpecError(f"{path}: no such file; {_meant(Path(path))}") from None
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         raise SpecError(f"{path}: cannot be read ({reason}); give the path of a YAML file") from None
+    if len(data) > _MOST_BYTES:
+        raise SpecError(f"{path}: has more than {_MOST_BYTES // 10**6} MB; give the YAML file of an experiment")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -126,9 +137,22 @@ def text_of(path: str | Path) -> str:
         raise SpecError(f"{path}:{line}: encoding: is not UTF-8; save the file as UTF-8") from None
 
 
+def _meant(path: Path) -> str:
+    """What to give instead of the path of a file that does not exist."""
+    folders = (path.parent, path.parent / "experiments")
+    for folder in folders:
+        if (same := folder / f"{path.name}.yaml").is_file() or (same := folder / path.name).is_file():
+            return f"did you mean {same}?"
+    there = {file.name: file for folder in folders[::-1] for file in folder.glob("*.yaml")}
+    near = difflib.get_close_matches(path.name, there, 1) or difflib.get_close_matches(f"{path.name}.yaml", there, 1)
+    return f"did you mean {there[near[0]]}?" if near else "give the path of a YAML file"
+
+
 def override(path: str | Path, text: str) -> Document:
-    """The document that "a.b=value" stands for."""
+    """The document that "a.b=value" stands for, or "--key=value" if the key is an option of its own."""
     key, equals, value = text.partition("=")
     if not key.strip() or not equals:
         raise SpecError(f"{path}: --set {text}: is no assignment; write --set key=value")
-    return Document(value, lambda line: f"{path}: --set", tuple(key.strip().split(".")))
+    word = key.strip().removeprefix("--")
+    option = "--set" if word == key.strip() else f"--{word}:"
+    return Document(value, lambda line: f"{path}: {option}", tuple(word.split(".")))

@@ -1,6 +1,6 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
-from .files import StorageError, check_writable
+from .files import StorageError, check_writable, write_all
 from .identity import check_replaceable, is_finished, replaced_hash
 from .provenance import provenance
 from .results import read, write
@@ -19,5 +19,6 @@ __all__ = [
     "remove_sums",
     "replaced_hash",
     "write",
+    "write_all",
     "write_sums",
 ]

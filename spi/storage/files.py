@@ -1,15 +1,25 @@
-"""Files that are written aside and moved into place: a reader or a crash never meets half a file."""
+"""Files that are written aside and moved into place: a reader or a crash never meets half a file.
+
+HDF5 files of ours end with a checksum, a line of text after the part that HDF5 reads.  It is looked at before HDF5 is
+given the file, because a damaged file can make HDF5 itself crash.
+"""
 
 import contextlib
+import hashlib
+import io
 import os
+import platform
+import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import h5py
 
 #: HDF5 reports damage in a file by any of these.
-DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError)
+DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError)
+
+_CHECKSUM = b"\nspi sha256 "  # then 64 digits and the end of the line
 
 
 class StorageError(Exception):
@@ -25,6 +35,8 @@ def check_writable(path: str | Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):  # permissions alone do not tell, least of all the superuser
             pass
+        with open(temporary_beside(path), "wb") as file:  # nor does a folder tell that the name is not too long
+            os.unlink(file.name)
     except OSError as error:
         folder = error.filename or path.parent
         raise StorageError(
@@ -36,9 +48,10 @@ def check_writable(path: str | Path) -> None:
 def aside(path: str | Path) -> Iterator[Path]:
     """A temporary path beside ``path``, moved into its place if the block ends well and removed if not."""
     path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_leftovers(path)
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
@@ -50,10 +63,90 @@ def aside(path: str | Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def create(path: str | Path) -> h5py.File:
-    # Files are replaced whole and never changed, so locks would guard nothing and fail on some network file systems.
-    return h5py.File(path, "w", locking=False, track_order=True)
+def temporary_beside(path: Path) -> Path:
+    """The name under which this process writes ``path`` before it is moved into place."""
+    return path.with_name(f".{path.name}.{_host()}.{os.getpid()}.tmp")
+
+
+def _host() -> str:
+    """The name of this machine, as it may stand in the name of a file."""
+    return re.sub(r"[^A-Za-z0-9-]", "-", platform.node())[:40] or "host"
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove what processes of this machine left when they were killed while they wrote ``path``."""
+    if os.name != "posix":  # elsewhere there is no harmless way to ask whether a process lives
+        return
+    name = re.compile(re.escape(f".{path.name}.{_host()}.") + r"(\d+)\.tmp")
+    for entry in os.listdir(path.parent):
+        if (found := name.fullmatch(entry)) and not _lives(int(found[1])):
+            with contextlib.suppress(OSError):
+                path.with_name(entry).unlink()
+
+
+def _lives(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:  # it belongs to somebody else
+        return True
+    return True
+
+
+@contextlib.contextmanager
+def create(path: str | Path) -> Iterator[h5py.File]:
+    """A new HDF5 file, written to ``path`` with its checksum if the block ends well.
+
+    It is built in memory: HDF5 crashes when it closes a file that it could not write, for instance on a full disk.
+    """
+    memory = io.BytesIO()
+    with h5py.File(memory, "w", track_order=True) as file:
+        yield file
+    write_bytes(path, with_checksum(memory.getvalue()))
+
+
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Write a file and wait until the disk has it."""
+    with open(path, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_all(files: Mapping[Path, bytes]) -> None:
+    """Write several files that belong together: each is moved into its place when all of them are on the disk."""
+    for path in files:
+        if path.is_dir():
+            raise StorageError(f"cannot write {path}: it is a folder; move it away or choose another folder with --out")
+    with contextlib.ExitStack() as stack:
+        for path, data in files.items():
+            write_bytes(stack.enter_context(aside(path)), data)
+
+
+def with_checksum(data: bytes) -> bytes:
+    """The bytes of an HDF5 file, followed by their checksum."""
+    return data + _CHECKSUM + hashlib.sha256(data).hexdigest().encode() + b"\n"
+
+
+def checksum_holds(data: bytes) -> bool | None:
+    """Whether the bytes of a file are those that were written; None if they do not end with a checksum."""
+    content, mark, digest = data.rpartition(_CHECKSUM)
+    if not mark or not re.fullmatch(rb"[0-9a-f]{64}\n", digest):
+        return None
+    return hashlib.sha256(content).hexdigest().encode() == digest[:-1]
+
+
+@contextlib.contextmanager
+def opened(data: bytes) -> Iterator[h5py.File]:
+    """The HDF5 file that consists of these bytes, open for reading.
+
+    HDF5 refuses to open a path that something else in the same process, such as xarray, holds open in another way.
+    """
+    with h5py.File(io.BytesIO(data), "r") as file:
+        yield file
 
 
 def reason(error: OSError) -> str:
-    return os.strerror(error.errno).lower() if error.errno else str(error).splitlines()[0]
+    """What the operating system says, in small letters."""
+    return os.strerror(error.errno).lower() if error.errno else (str(error) or type(error).__name__).splitlines()[0]

@@ -25,8 +25,16 @@ def provenance() -> dict[str, Any]:
         "machine_cpu_count": os.cpu_count() or 1,
         "machine_platform": platform.platform(),
         "machine_python": platform.python_version(),
-        **{f"machine_{name}": importlib.metadata.version(name) for name in ("numpy", "numba", "h5py")},
+        **{f"machine_{name}": _version_of(name) for name in ("numpy", "numba", "h5py")},
     }
+
+
+def _version_of(package: str) -> str:
+    """The version of an installed package; results must not be lost because some installation does not tell it."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
 
 
 def _processor() -> tuple[str, str]:

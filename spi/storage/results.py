@@ -8,7 +8,6 @@ an attribute that is None is left out, and a None inside a tuple of numbers (a n
 """
 
 import contextlib
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,10 +16,15 @@ import h5py
 import numpy as np
 
 from ..records import Group, Results
-from .files import DAMAGE, StorageError, aside, create, reason
+from .files import DAMAGE, StorageError, aside, checksum_holds, create, opened, reason
 
 #: The root attribute by which our results are known, and the version of their layout.
 MARK, VERSION = "spi_results", 2
+
+#: The dataset of ``Results.chunks``, beside the groups of the cases; a case has another name, for lack of a space.
+_CHUNKS = "digests of chunks"
+
+_DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
 
 def write(path: str | Path, results: Results) -> None:
@@ -30,6 +34,7 @@ def write(path: str | Path, results: Results) -> None:
         _write_attributes(file, results.attributes)
         for group in results.groups:
             _write_group(file, group)
+        _write_array(file, _CHUNKS, np.array(results.chunks, dtype=str)).make_scale(_CHUNKS)
 
 
 def read(path: str | Path) -> Results:
@@ -38,13 +43,15 @@ def read(path: str | Path) -> Results:
     with _open_results(path) as file:
         try:
             groups = tuple(
-                group for case in file for variant in file[case] for group in _read_groups(case, variant, file)
+                group
+                for case in file
+                if case != _CHUNKS
+                for variant in file[case]
+                for group in _read_groups(case, variant, file)
             )
-            return Results(_read_attributes(file), groups)
+            return Results(_read_attributes(file), groups, tuple(read_array(file[_CHUNKS]).tolist()))
         except DAMAGE as error:
-            raise StorageError(
-                f"{path}: the results file is damaged; delete it and run the experiment again"
-            ) from error
+            raise StorageError(f"{path}: {_DAMAGED}") from error
 
 
 def read_root(path: str | Path) -> dict[str, Any]:
@@ -150,20 +157,35 @@ def _tuples(value: Any) -> Any:
 
 @contextlib.contextmanager
 def _open_results(path: Path) -> Iterator[h5py.File]:
+    """The results file, its checksum and the version of its layout being right."""
     try:
-        file = h5py.File(path, "r", locking=False)
+        data = path.read_bytes()
     except FileNotFoundError:
         raise StorageError(f"{path}: no such file; `spi run` writes one") from None
-    except OSError as error:
-        if path.is_file() and os.access(path, os.R_OK):
+    except (OSError, ValueError) as error:  # a path with a zero in it is a ValueError
+        why = reason(error) if isinstance(error, OSError) else "no possible path"
+        raise StorageError(f"{path}: {why}; give a results file (.h5) that you can read") from error
+    sound = checksum_holds(data)
+    if sound is False:
+        raise StorageError(f"{path}: {_DAMAGED}")
+    with contextlib.ExitStack() as stack:
+        try:
+            file = stack.enter_context(opened(data))
+            version = _version(file)
+        except DAMAGE as error:
             raise StorageError(f"{path}: not a whole HDF5 file; give a results file written by `spi run`") from error
-        raise StorageError(f"{path}: {reason(error)}; give a results file (.h5) that you can read") from error
-    with file:
-        version = file.attrs.get(MARK)
         if version is None:
             raise StorageError(f"{path}: an HDF5 file, but not of ours; give a results file written by `spi run`")
         if version != VERSION:
             raise StorageError(
                 f"{path}: written in layout {version}, this spi reads {VERSION}; run the experiment again with --fresh"
             )
+        if sound is None:
+            raise StorageError(f"{path}: has no checksum, so it was changed or is of an earlier spi, or {_DAMAGED}")
         yield file
+
+
+def _version(file: h5py.File) -> int | None:
+    """The version of the layout; None if the file is not of ours."""
+    version = np.asarray(file.attrs.get(MARK))
+    return int(version) if version.shape == () and version.dtype.kind in "iu" else None

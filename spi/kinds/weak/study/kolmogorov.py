@@ -12,7 +12,7 @@ import numpy as np
 from spi.ensemble import thread_count
 from spi.expressions import as_numpy
 from spi.kinds.plans import Cost, Done, PartPlan, State
-from spi.kolmogorov import Expectations, expectations, typical_seconds
+from spi.kolmogorov import Expectations, demands, expectations
 from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
 from spi.tallies import Chunk, Stream
@@ -52,7 +52,10 @@ class KolmogorovPlan(PartPlan):
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
-        return Cost(0, typical_seconds(self.model) * thread_count(), int(2e9))
+        case = self.case
+        acting, functions = compositions(self.row.composition, case.model), [as_numpy(f) for f in case.expressions]
+        need = demands(case.model, acting, case.initial, case.final_time, case.steps, functions, case.accuracy)
+        return Cost(0, need.seconds * thread_count(), int(need.bytes))
 
     def streams(self, more: Any) -> Sequence[Stream]:
         """All in one piece, as if it were one path."""

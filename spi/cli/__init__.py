@@ -1,0 +1,193 @@
+"""The command line: arguments and messages only."""
+
+import contextlib
+import signal
+import sys
+from collections.abc import Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from . import running
+from .options import DONE, FAILED, INVALID, STOPPED, Overrides, Profile, Samples, Seed, Specs, end, load
+from .signals import STOP
+from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
+
+app = typer.Typer(
+    help="A laboratory for stochastic Poisson integrators.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+class Format(StrEnum):
+    table = "table"
+    json = "json"
+    csv = "csv"
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from .. import __version__
+
+        typer.echo(f"spi {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False) -> None:
+    """A laboratory for stochastic Poisson integrators."""
+
+
+app.command()(running.run)
+app.command()(running.merge)
+app.command()(running.verify)
+
+
+@app.command()
+def plot(
+    sources: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FILE|SPEC...]", help="Results or experiment files (default: all).")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of results, and of figures (default: results; beside a FILE).")
+    ] = None,
+) -> None:
+    """Draw figures from stored results: <out>/<name>.pdf and .png."""
+    from .. import storage, views
+    from ..run import results_of
+
+    folder = out or Path("results")
+    stored = sources or sorted(folder.glob("*.h5"))
+    if not stored:
+        end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --out")
+    for source in stored:
+        path = results_of(source, folder) if source.suffix in (".yaml", ".yml") else source
+        results = storage.read(path)
+        with _about(path):
+            figure = views.figure(results)
+        for written in views.save(figure, out or path.parent, path.stem):
+            tell(f"wrote {written}")
+
+
+@app.command()
+def show(
+    file: Annotated[Path, typer.Argument(help="A results file.")],
+    format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
+) -> None:
+    """Print stored results to standard output."""
+    from .. import storage, views
+    from ..printing import as_csv, as_json
+
+    results = storage.read(file)
+    with _about(file):
+        if format is Format.table:
+            views.print_tables(results)
+        else:
+            rows = views.rows(results)
+            typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
+
+
+@app.command("list")
+def list_(
+    folder: Annotated[Path, typer.Option("--experiments", help="Folder of experiments.")] = Path("experiments"),
+) -> None:
+    """List models, schemes and experiments."""
+    from ..models import MODELS
+    from ..printing import print_catalogue
+    from ..run import load
+    from ..schemes import SCHEMES
+    from ..spec import SpecError
+
+    experiments, problems = [], []
+    for path in sorted(folder.glob("*.yaml")):
+        try:
+            experiments.append(load(path))
+        except SpecError as error:
+            problems.append(str(error))
+    print_catalogue(MODELS, SCHEMES, experiments)
+    for problem in problems:
+        tell(f"spi: {problem}")
+    if problems:
+        raise typer.Exit(INVALID)
+
+
+@app.command()
+def check(
+    specs: Specs, profile: Profile = "laptop", overrides: Overrides = None, samples: Samples = None, seed: Seed = None
+) -> None:
+    """Validate experiments and say what they would cost."""
+    experiments = load(specs, profile, overrides, samples, seed)
+    from ..printing import print_cost
+    from ..run import cost
+
+    for experiment in experiments:
+        print_cost(experiment, cost(experiment))
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of experiment files, for editors."""
+    import json
+
+    from ..run import layers
+
+    typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
+
+
+@contextlib.contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """Say which file it is whose content cannot be shown."""
+    from ..storage import StorageError
+
+    try:
+        yield
+    except StorageError as error:
+        end(INVALID, f"{path}: {error}")
+    except ValueError as error:
+        end(FAILED, f"{path}: {error}")
+
+
+def main() -> NoReturn:
+    """The entry point: turns the errors that a person can make into one line and an exit code."""
+    STOP.listen()
+    write_what_the_terminal_can()
+    try:
+        code = app(standalone_mode=False, prog_name="spi")
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        code = 128 + signal.SIGINT
+    except BrokenPipeError:  # whoever reads the output has seen enough
+        code = FAILED
+    except Exception as error:
+        code = _code(error)
+        if code is None:
+            raise
+        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+        tell(message if message.startswith("Usage") else f"spi: {message}")
+    if code == 128 + signal.SIGINT:
+        STOP.ignore()
+        tell("spi: stopped")
+        code = STOPPED
+    drop_unwritable_output()
+    sys.exit(code or DONE)
+
+
+def _code(error: Exception) -> int | None:
+    """The exit code of an error that has a message for people, or None."""
+    if isinstance(error, typer.TyperException):
+        return error.exit_code
+    from ..run import Stopped
+    from ..spec import SpecError
+    from ..storage import StorageError
+
+    if isinstance(error, Stopped):
+        return STOPPED
+    if isinstance(error, SpecError | StorageError):
+        return INVALID
+    return FAILED if isinstance(error, OSError) else None

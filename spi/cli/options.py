@@ -1,0 +1,39 @@
+"""What several commands have in common: options, exit codes, and how a command ends."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from .streams import tell
+
+if TYPE_CHECKING:
+    from ..spec import Experiment
+
+DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
+
+Specs = Annotated[list[Path], typer.Argument(metavar="SPEC...", help="Experiment files (YAML).")]
+Profile = Annotated[str, typer.Option(help="laptop (the file itself), paper or quick.")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
+Samples = Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")]
+Seed = Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")]
+Out = Annotated[Path, typer.Option(help="Folder of results.")]
+Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")]
+
+
+def load(
+    specs: list[Path], profile: str, overrides: list[str] | None, samples: str | None, seed: str | None
+) -> list["Experiment"]:
+    """All experiments, before anything runs."""
+    from ..run import load
+
+    overrides = list(overrides or [])
+    overrides += [f"--samples={samples}"] if samples is not None else []
+    overrides += [f"--seed={seed}"] if seed is not None else []
+    return [load(path, profile, overrides) for path in specs]
+
+
+def end(code: int, message: str) -> NoReturn:
+    tell(f"spi: {message}")
+    raise typer.Exit(code)

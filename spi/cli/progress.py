@@ -1,0 +1,81 @@
+"""How far a run is, on a terminal."""
+
+import sys
+from typing import TYPE_CHECKING
+
+from .signals import STOP
+from .streams import tell
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as Bar
+    from rich.progress import TaskID
+
+    from ..run import Progress, Watch
+
+
+class ProgressLine:
+    """One line on a terminal: paths done, rate, time left, current standard error."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.bar: Bar | None = None
+        self.task: TaskID | None = None
+
+    def __enter__(self) -> "ProgressLine":
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+            columns = [
+                TextColumn("{task.description}"),
+                BarColumn(20),
+                MofNCompleteColumn(),
+                TextColumn("{task.fields[news]}"),
+                TimeRemainingColumn(),
+            ]
+            self.bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self.bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar:
+            self.bar.stop()
+
+    @property
+    def watch(self) -> "Watch":
+        """What a run is given to tell how far it is."""
+        from ..run import Watch
+
+        return Watch(self.report, self.report_compiling, self.tell)
+
+    def tell(self, news: str) -> None:
+        """Say something that stays, above the line if there is one."""
+        if self.bar:
+            self.bar.console.print(f"spi: {news}", markup=False, soft_wrap=True)
+        else:
+            tell(f"spi: {news}")
+
+    def report_compiling(self, number: int, total: int, name: str) -> None:
+        STOP.check()
+        if self.bar:
+            description = f"{self.name} compiling {number} of {total}: {name}"
+            self._show(self.bar, None, description, total, number - 1, "once, some seconds for each scheme")
+
+    def report(self, progress: "Progress") -> None:
+        STOP.check()
+        if not self.bar:
+            return
+        description = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        news = "starting"
+        if progress.done:
+            rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
+            news = f"{rate}standard error {progress.stderr:.1e}"
+        self._show(self.bar, progress.number, description, progress.total, progress.done, news)
+
+    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float, news: str) -> None:
+        """Show how far a part is, None for the compilation before them."""
+        if self.task is None or bar.tasks[-1].fields["part"] != part:
+            if self.task is not None:
+                bar.remove_task(self.task)
+            self.task = bar.add_task(description, part=part, total=total, completed=int(completed), news=news)
+        bar.update(self.task, description=description, total=total, completed=completed, news=news)

@@ -1,0 +1,165 @@
+"""The commands that compute: run, merge, verify."""
+
+import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .options import BROKEN, INVALID, Fresh, Out, Overrides, Profile, Samples, Seed, Specs, Threads, end, load
+from .progress import ProgressLine
+from .signals import STOP
+from .streams import tell
+
+if TYPE_CHECKING:
+    from ..run import Limits, Slice, Watch
+    from ..spec import Experiment
+    from ..workers import Workers
+
+MaxTime = Annotated[str | None, typer.Option(help="Stop after so long, as in 90s, 45m, 3h; the same command goes on.")]
+Checkpoint = Annotated[str, typer.Option(help="Keep what is done at least this often, as in 5s, 1m.")]
+
+
+def run(
+    specs: Specs,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    out: Out = Path("results"),
+    fresh: Fresh = False,
+    max_time: MaxTime = None,
+    checkpoint: Checkpoint = "5s",
+    part: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Compute part I of N only; `spi merge` puts them together.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Compute in so many processes of this machine.", min=1)] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
+    ] = None,
+) -> None:
+    """Run experiments: write <out>/<name>.h5 and print a table."""
+    experiments = load(specs, profile, overrides, samples, seed)
+    from .. import run as runner
+
+    if sum(option is not None for option in (part, workers, dask)) > 1:
+        end(INVALID, "--part, --workers and --dask exclude one another; give one of them")
+    slice_, limits = _slice(part), _limits(max_time, checkpoint)
+    _prepare(threads)
+    if slice_ is not None:
+        for experiment in experiments:
+            with ProgressLine(experiment.name) as line:
+                path = runner.run_slice(experiment, slice_, out, fresh, line.watch, limits)
+            tell(f"wrote {path}; `spi merge` with the same spec and options puts all parts together")
+        return
+    with _workers(workers, dask) as pool:
+        _show_each(experiments, lambda experiment, watch: runner.run(experiment, out, fresh, watch, limits, pool))
+
+
+def merge(
+    specs: Specs,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    threads: Threads = None,
+    out: Out = Path("results"),
+    fresh: Fresh = False,
+) -> None:
+    """Put parts that `spi run --part` computed together: write <out>/<name>.h5 and print a table."""
+    experiments = load(specs, profile, overrides, samples, seed)
+    from .. import run as runner
+
+    _prepare(threads)
+    _show_each(experiments, lambda experiment, watch: runner.merge(experiment, out, fresh, watch))
+
+
+def verify(
+    file: Annotated[Path, typer.Argument(help="A results file.")],
+    chunks: Annotated[int, typer.Option(help="How many chunks of paths to compute again, at random.", min=1)] = 8,
+    threads: Threads = None,
+) -> None:
+    """Compute a random selection of the paths behind stored results again, and compare bit for bit."""
+    from ..printing import print_verification
+    from ..verification import verify
+
+    _prepare(threads)
+    found = verify(file, chunks)
+    print_verification(file, found)
+    if found.different:
+        raise typer.Exit(BROKEN)
+
+
+def _prepare(threads: int | None) -> None:
+    """Use so many threads, and say what a person should know before anything is compiled."""
+    from .. import CACHE_PROBLEM
+    from ..ensemble import use_threads
+
+    if threads is not None:
+        try:
+            use_threads(threads)
+        except ValueError as error:
+            end(INVALID, f"--threads: {error}")
+    if CACHE_PROBLEM:
+        tell(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run")
+
+
+def _limits(max_time: str | None, checkpoint: str) -> "Limits":
+    from ..run import Limits
+
+    most = math.inf if max_time is None else _seconds("--max-time", max_time)
+    return Limits(_seconds("--checkpoint", checkpoint), most)
+
+
+def _seconds(option: str, text: str) -> float:
+    """A time such as 90s, 45m, 3h or 1.5d."""
+    found = re.fullmatch(r"([0-9]+(?:[.][0-9]+)?) *(s|m|h|d)", text.strip())
+    if not found:
+        end(INVALID, f"{option}: is '{text}'; must be a number and a unit, as in 90s, 45m, 3h or 2d")
+    return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
+
+
+def _slice(text: str | None) -> "Slice | None":
+    """Which part of how many."""
+    from ..run import Slice
+
+    try:
+        return None if text is None else Slice.of(text)
+    except ValueError:
+        end(INVALID, f"--part: is '{text}'; must be the number of a part and how many there are, as in 1/4 .. 4/4")
+
+
+@contextmanager
+def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
+    """The processes that compute, None for this one alone."""
+    from .. import workers
+
+    with ExitStack() as stack:
+        pool: Workers | None = None
+        if size is not None:
+            pool = stack.enter_context(workers.processes(size))
+        elif address is not None:
+            try:
+                pool = stack.enter_context(workers.dask(address))
+            except ImportError:
+                end(INVALID, "--dask: Dask is not installed; say pip install 'spi[dask]'")
+            except (OSError, ValueError) as error:
+                end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
+        yield pool
+
+
+def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
+    """Compute each experiment and print the tables of its results."""
+    from .. import storage, views
+
+    for number, experiment in enumerate(experiments, start=1):
+        with ProgressLine(experiment.name) as line:
+            path = compute(experiment, line.watch)
+        views.print_tables(storage.read(path))
+        if number == len(experiments):
+            STOP.ignore()  # all is done
+        tell(f"results: {path}; `spi plot {path}` draws them")

@@ -1,0 +1,48 @@
+"""Standard output and error, whatever they can take."""
+
+import codecs
+import io
+import sys
+import unicodedata
+
+import typer
+
+#: What stands for characters that an output cannot take; of letters with marks the letter, of all others "?".
+_INSTEAD = {"±": "+-", "µ": "u", "–": "-", "—": "-", "…": "...", "×": "x", "σ": "sigma", "β": "beta", "→": "->"}
+
+
+def tell(message: str) -> None:
+    """A line on standard error, without what a terminal would take for a command."""
+    typer.echo("".join(c if c.isprintable() or c == "\n" else "?" for c in message), err=True)
+
+
+def takes_all_characters() -> bool:
+    """Whether standard output is in an encoding of Unicode."""
+    return (sys.stdout.encoding or "").lower().startswith("utf")
+
+
+def write_what_the_terminal_can() -> None:
+    """Let nothing that is written fail because of the encoding of the output."""
+    codecs.register_error("spi", _instead)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="spi")
+
+
+def _instead(error: UnicodeError) -> tuple[str, int]:
+    assert isinstance(error, UnicodeEncodeError)  # nothing is read from these streams
+    text = "".join(map(_ascii, error.object[error.start : error.end]))
+    return text, error.end
+
+
+def _ascii(character: str) -> str:
+    plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
+    return _INSTEAD.get(character) or plain or "?"
+
+
+def drop_unwritable_output() -> None:
+    """Let the rest of standard output go nowhere if it cannot be written; Python would try that again at the end."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        sys.stdout = io.StringIO()
