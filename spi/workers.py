@@ -4,6 +4,7 @@ Local processes and Dask are there; another engine with that interface needs a c
 """
 
 import contextlib
+import logging
 import signal
 import threading
 from collections.abc import Iterator
@@ -61,7 +62,12 @@ class Processes:
 
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
-        return self.executor.submit(compute, source, number, chunk, self.threads)
+        try:
+            return self.executor.submit(compute, source, number, chunk, self.threads)
+        except BrokenExecutor as error:  # one was lost since anybody looked
+            future: Future = Future()
+            future.set_exception(error)
+            return future
 
     def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
         """Start all anew: when one is lost, the executor of the standard library gives up all."""
@@ -134,6 +140,7 @@ def dask(address: str) -> Iterator[Dask]:
     with dask.config.set({"distributed.scheduler.allowed-failures": MOST_LOSSES}), contextlib.ExitStack() as stack:
         if address.startswith("local:"):
             size = int(address.removeprefix("local:"))
-            cluster = LocalCluster(n_workers=size, threads_per_worker=1, processes=True, dashboard_address=None)
+            quiet = {"dashboard_address": None, "silence_logs": logging.ERROR}
+            cluster = LocalCluster(n_workers=size, threads_per_worker=1, processes=True, **quiet)
             address = stack.enter_context(cluster)
         yield Dask(stack.enter_context(Client(address)))

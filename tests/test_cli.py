@@ -110,7 +110,7 @@ def test_every_command_has_help(spi):
 def test_from_spec_to_figure(spi):
     code, out, err = spi("run", SPEC, *TINY)
     assert code == 0
-    assert err == f"wrote {RESULTS}; `spi plot {RESULTS}` draws it\n"  # no progress: stderr is no terminal
+    assert err == f"results: {RESULTS}; `spi plot {RESULTS}` draws them\n"  # no progress: stderr is no terminal
     assert out.startswith("Strong errors, stochastic rigid body\n")
     assert "Euler-Maruyama: order" in out
     assert "splitting: order" in out
@@ -148,11 +148,12 @@ def test_from_spec_to_figure(spi):
             figure.unlink()
 
 
-def test_plot_without_arguments_draws_all_results_and_no_checkpoints(spi):
+def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
     for name in ("a", "b"):
         Path(f"{name}.yaml").write_bytes(SPEC.read_bytes())
     assert spi("run", "a.yaml", "b.yaml", *TINY, "--samples", "2", "--out", "there")[0] == 0
-    Path("there/a.checkpoint.h5").write_bytes(b"whatever")
+    Path("there/sums").mkdir(exist_ok=True)
+    Path("there/sums/a-0123.npz").write_bytes(b"whatever")
     code, _, err = spi("plot", "--out", "there")
     assert code == 0
     assert err.splitlines() == [f"wrote there/{name}.{kind}" for name in ("a", "b") for kind in ("pdf", "png")]
@@ -162,7 +163,7 @@ def test_figures_go_where_out_says(spi):
     assert spi("run", SPEC, *TINY)[0] == 0
     assert spi("plot", RESULTS, "--out", "figures")[0] == 0
     assert sorted(p.name for p in Path("figures").iterdir()) == ["rigid_body_strong.pdf", "rigid_body_strong.png"]
-    assert [p.name for p in Path("results").iterdir()] == [RESULTS.name]
+    assert [p.name for p in Path("results").glob("*.*")] == [RESULTS.name]
 
 
 def test_short_options_are_what_set_says(spi):
@@ -433,7 +434,6 @@ class OnTerminal:
 def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
     """The same command is stopped by Ctrl-C, goes on, is stopped by a batch system's signal, and finishes."""
     out = tmp_path / "results"
-    checkpoint = out / "rigid_body_strong.checkpoint.h5"
     arguments = ["run", str(EXPERIMENT), "--profile", "quick", "--set", "schemes=[euler_maruyama]"]
     arguments += ["--samples", "600000", "--threads", "1", "--out", str(out)]
     done = [0]
@@ -444,9 +444,9 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
         assert program.wait() == 3
         assert program.lines()[-1].startswith("spi: stopped; what is done is kept in ")
         told = "".join(program.lines()).replace(" ", "")  # a terminal may have broken the line
+        (checkpoint,) = (p for p in out.rglob("*") if p.suffix == ".npz")
         assert str(checkpoint) in told
         assert "Traceback" not in program.seen
-        assert [p.name for p in out.iterdir()] == [checkpoint.name]
         assert (tmp_path / "stdout").read_text() == ""
         counts = [int(n) for line in program.lines() for n in re.findall(r"(\d+)/600000", line)]
         assert min(n for n in counts if n) >= done[-1]  # went on where the last one stopped
@@ -457,18 +457,9 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
 
     program = OnTerminal(arguments, tmp_path / "stdout")
     assert program.wait() == 0
-    assert [p.name for p in out.iterdir()] == ["rigid_body_strong.h5"]
+    assert {p for p in out.rglob("*") if p.is_file()} == {out / "rigid_body_strong.h5", checkpoint}
     assert "Euler-Maruyama: order" in (tmp_path / "stdout").read_text()
-    assert program.lines()[-1].startswith("wrote ")
-
-
-WITH_MANY_CHECKPOINTS = """
-import sys
-from spi import cli, run
-run.CHECKPOINT_SECONDS = 0.0
-sys.argv[0] = "spi"
-cli.main()
-"""
+    assert program.lines()[-1].startswith("results: ")
 
 
 @compiled_only
@@ -478,15 +469,16 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     """Nothing shows how far such a run is, so it is stopped when its first checkpoint appears."""
     arguments = ["run", EXPERIMENT, "--profile", "quick", "--set", "schemes=[euler_maruyama]"]
     arguments += ["--samples", "10^9", "--threads", "1", "--out", "results"]
-    program = [sys.executable, "-c", WITH_MANY_CHECKPOINTS, *arguments]
-    process = subprocess.Popen(program, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    checkpoint = tmp_path / "results" / "rigid_body_strong.checkpoint.h5"
-    while not checkpoint.exists() and process.poll() is None:
+    process = subprocess.Popen(
+        [SPI, *arguments, "--checkpoint", "0s"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    while not (kept := list(tmp_path.glob("results/sums/*.npz"))) and process.poll() is None:
         time.sleep(0.05)
     process.send_signal(stop)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 3
     assert out == ""
-    expected = "results/rigid_body_strong.checkpoint.h5: the same command goes on from there\n"
-    assert err == f"spi: stopped; what is done is kept in {expected}"
-    assert list(checkpoint.parent.iterdir()) == [checkpoint]
+    checkpoint = kept[0].relative_to(tmp_path)
+    assert err == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there\n"
+    left = {p.name for p in kept[0].parent.iterdir()}
+    assert left <= {checkpoint.name, checkpoint.name + ".previous"} and checkpoint.name in left

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 import xarray
@@ -16,7 +15,7 @@ from spi import ensemble, storage
 from spi import run as runner
 from spi.kinds.strong import study as strong
 from spi.rng import LANES, STREAM_VERSION
-from spi.run import load
+from spi.run import Limits, Watch, load
 from spi.storage import StorageError
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
@@ -55,6 +54,11 @@ def numbers(path):
     return groups
 
 
+def files(folder):
+    """All files in a folder, those in folders within it too."""
+    return {path for path in folder.rglob("*") if path.is_file()}
+
+
 class Reports(list):
     """Keeps what is reported, and raises an error after so many reports of a scheme that has begun."""
 
@@ -78,9 +82,10 @@ class Reports(list):
 def test_a_run_writes_a_complete_file(tmp_path):
     wanted = experiment("samples=70")
     reports = Reports()
-    path = runner.run(wanted, tmp_path / "new" / "folder", report=reports)
+    path = runner.run(wanted, tmp_path / "new" / "folder", watch=Watch(report=reports))
     assert path == tmp_path / "new" / "folder" / "rigid_body_strong.h5"
-    assert [p.name for p in path.parent.iterdir()] == [path.name]
+    sums = runner.sums_path(wanted, path.parent)
+    assert set(path.parent.rglob("*")) == {path, sums.parent, sums}
     attributes = storage.read(path).attributes
     expected = {
         "kind": "strong",
@@ -148,20 +153,46 @@ def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
     path = runner.run(experiment("samples=5"), tmp_path)
     before, reports = path.read_bytes(), Reports()
     with pytest.raises(StorageError, match=r"another spec.*--fresh") as caught:
-        runner.run(experiment("samples=6"), tmp_path, report=reports)
+        runner.run(experiment("samples=5", "seed=2"), tmp_path, watch=Watch(report=reports))
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
     assert not reports  # told before anything is computed
     assert path.read_bytes() == before
-    assert list(tmp_path.iterdir()) == [path]
-    assert runner.run(experiment("samples=6"), tmp_path, fresh=True) == path
-    assert {g.attributes["samples"] for g in storage.read(path).groups} == {6}
+    kept = runner.sums_path(experiment("samples=5"), tmp_path)
+    assert files(tmp_path) == {path, kept}
+    assert runner.run(experiment("samples=5", "seed=2"), tmp_path, fresh=True) == path
+    assert {g.attributes["seed"] for g in storage.read(path).groups} == {2}
+    assert files(tmp_path) == {
+        path,
+        runner.sums_path(experiment("samples=5", "seed=2"), tmp_path),
+    }
 
 
-def test_results_of_the_same_spec_are_replaced(tmp_path):
-    path = runner.run(experiment("samples=5"), tmp_path)
-    before = numbers(path)
-    assert numbers(runner.run(experiment("samples=5"), tmp_path)) == before
+def test_a_finished_spec_computes_nothing(tmp_path):
+    wanted, news, reports = experiment("samples=5"), [], Reports()
+    path = runner.run(wanted, tmp_path)
+    before = path.read_bytes()
+    assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
+    assert path.read_bytes() == before
+    assert not reports and len(news) == 1 and "nothing is computed" in news[0]
+    runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[:2] == [0, 5]
+
+
+def test_a_new_title_needs_no_new_paths(tmp_path):
+    spec = tmp_path / "mine.yaml"
+    text = EXPERIMENT.read_text(encoding="utf-8")
+    overrides = ["schemes=[splitting]", "samples=5", *SIZES]
+    spec.write_text(text, encoding="utf-8")
+    before = numbers(runner.run(load(spec, "quick", overrides), tmp_path))
+    spec.write_text(text.replace("title: Strong errors", "title: Other words for errors"), encoding="utf-8")
+    reports = Reports()
+    path = runner.run(load(spec, "quick", overrides), tmp_path, watch=Watch(report=reports))
+    assert set(reports.done("splitting")) == {5}  # all are there
+    assert "Other words" in storage.read(path).attributes["title"]
+    assert {k: v.split("casimir_drift")[0] for k, v in numbers(path).items()} == {
+        k: v.split("casimir_drift")[0] for k, v in before.items()
+    }
 
 
 def test_a_file_that_is_no_results_file_is_not_touched(tmp_path):
@@ -177,7 +208,7 @@ def test_a_folder_that_cannot_be_written_is_found_out_before_the_run(tmp_path):
     reports = Reports()
     for out in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(StorageError, match=r"cannot write .*--out"):
-            runner.run(experiment("samples=5"), out, report=reports)
+            runner.run(experiment("samples=5"), out, watch=Watch(report=reports))
     assert not reports
 
 
@@ -210,18 +241,18 @@ def uninterrupted(tmp_path_factory):
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, uninterrupted, scheme, after):
     first, wanted = Reports(scheme, after), experiment(f"samples={MANY}")
     with pytest.raises(runner.Stopped, match="the same command goes on"):
-        runner.run(wanted, tmp_path, report=first)
-    checkpoint = runner.checkpoint_path(wanted, tmp_path)
-    assert list(tmp_path.iterdir()) == [checkpoint]
+        runner.run(wanted, tmp_path, watch=Watch(report=first))
+    checkpoint = runner.sums_path(wanted, tmp_path)
+    assert files(tmp_path) == {checkpoint}
     stopped_at = first.done(scheme)[-1]
     assert 0 < stopped_at < MANY
 
     second = Reports()
-    path = runner.run(wanted, tmp_path, report=second)
+    path = runner.run(wanted, tmp_path, watch=Watch(report=second))
     assert second.done(scheme)[0] == stopped_at  # nothing is computed twice
     if scheme == "splitting":
-        assert second.done("euler_maruyama") == [MANY]
-    assert list(tmp_path.iterdir()) == [path]
+        assert second.done("euler_maruyama")[0] == MANY
+    assert files(tmp_path) == {path, checkpoint}
     assert numbers(path) == uninterrupted
 
 
@@ -230,7 +261,7 @@ def test_many_interruptions(tmp_path, small_batches, uninterrupted):
     while not runner.results_path(wanted, tmp_path).exists():
         scheme = SCHEMES[0] if stops < 2 else SCHEMES[1]
         try:
-            runner.run(wanted, tmp_path, report=Reports(scheme, 2))
+            runner.run(wanted, tmp_path, watch=Watch(report=Reports(scheme, 2)))
         except runner.Stopped:
             stops += 1
         assert stops < 100
@@ -240,12 +271,12 @@ def test_many_interruptions(tmp_path, small_batches, uninterrupted):
 
 def test_a_run_that_is_killed_goes_on_from_its_last_checkpoint(tmp_path, small_batches, monkeypatch, uninterrupted):
     """SIGKILL, a crash: nothing can be saved any more, but checkpoints were written now and then."""
-    monkeypatch.setattr(runner, "CHECKPOINT_SECONDS", -1.0)
+    monkeypatch.setattr("spi.checkpoint._SHARE", 1e9)
     killed, wanted = Reports("splitting", 2, error=MemoryError), experiment(f"samples={MANY}")
     with pytest.raises(MemoryError):
-        runner.run(wanted, tmp_path, report=killed)
+        runner.run(wanted, tmp_path, watch=Watch(report=killed), limits=Limits(checkpoint_seconds=0.0))
     second = Reports()
-    path = runner.run(wanted, tmp_path, report=second)
+    path = runner.run(wanted, tmp_path, watch=Watch(report=second))
     assert second.done("splitting")[0] == killed.done("splitting")[-2]  # the last one came before the checkpoint
     assert numbers(path) == uninterrupted
 
@@ -253,18 +284,18 @@ def test_a_run_that_is_killed_goes_on_from_its_last_checkpoint(tmp_path, small_b
 def test_fresh_ignores_the_checkpoint(tmp_path, small_batches):
     wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
     with pytest.raises(runner.Stopped):
-        runner.run(wanted, tmp_path, report=Reports(SCHEMES[0], 1))
+        runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
     reports = Reports()
-    path = runner.run(wanted, tmp_path, fresh=True, report=reports)
+    path = runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[0] == 0
-    assert list(tmp_path.iterdir()) == [path]
+    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
 
 
 def test_the_checkpoint_of_another_spec_is_not_used(tmp_path, small_batches):
     with pytest.raises(runner.Stopped):
-        runner.run(experiment(f"samples={MANY}", "seed=2"), tmp_path, report=Reports(SCHEMES[0], 1))
+        runner.run(experiment(f"samples={MANY}", "seed=2"), tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
     reports, wanted = Reports(), experiment(f"samples={2 * LANES}", schemes=SCHEMES[:1])
-    runner.run(wanted, tmp_path, report=reports)
+    runner.run(wanted, tmp_path, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[0] == 0
 
 
@@ -276,29 +307,45 @@ def cut_short(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def with_a_part_missing(path):
-    with h5py.File(path, "r+") as file:
-        del file[f"main/{SCHEMES[0]}/squares"]
+def with_one_bit_flipped(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 4
+    path.write_bytes(data)
 
 
-def with_a_part_of_another_shape(path):
-    with h5py.File(path, "r+") as file:
-        del file[f"main/{SCHEMES[0]}/squares"]
-        file[f"main/{SCHEMES[0]}/squares"] = np.zeros((64, 2))
-        file[f"main/{SCHEMES[0]}/squares"].attrs["scalar"] = False
+def of_another_version(path):
+    about, parts = storage.read_sums(path)
+    del about["version"], about["parts"]
+    path.unlink()
+    storage.write_sums(path, {**about, "source_digest": "0123"}, parts)
 
 
-@pytest.mark.parametrize("damage", [overwritten, cut_short, with_a_part_missing, with_a_part_of_another_shape])
+@pytest.mark.parametrize("damage", [overwritten, cut_short, with_one_bit_flipped, of_another_version])
 def test_a_damaged_checkpoint_is_not_used(tmp_path, small_batches, uninterrupted, damage):
     wanted = experiment(f"samples={MANY}")
     with pytest.raises(runner.Stopped):
-        runner.run(wanted, tmp_path, report=Reports(SCHEMES[0], 1))
-    damage(runner.checkpoint_path(wanted, tmp_path))
+        runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    damage(runner.sums_path(wanted, tmp_path))
     reports = Reports()
-    path = runner.run(wanted, tmp_path, report=reports)
+    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[0] == 0
     assert numbers(path) == uninterrupted
-    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("damage", [overwritten, cut_short, with_one_bit_flipped])
+def test_the_checkpoint_before_a_damaged_one_is_used(tmp_path, small_batches, uninterrupted, damage):
+    wanted, stopped = experiment(f"samples={MANY}"), []
+    for _ in range(2):
+        reports = Reports(SCHEMES[0], 2)
+        with pytest.raises(runner.Stopped):
+            runner.run(wanted, tmp_path, watch=Watch(report=reports))
+        stopped.append(reports.done(SCHEMES[0])[-1])
+    damage(runner.sums_path(wanted, tmp_path))
+    reports = Reports()
+    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == stopped[0]
+    assert numbers(path) == uninterrupted
+    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
 
 
 def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, small_batches, monkeypatch):
@@ -313,8 +360,8 @@ def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, s
     assert caught.type is runner.Stopped
     monkeypatch.setattr(storage, "write", write)
     reports = Reports()
-    runner.run(wanted, tmp_path, report=reports)
-    assert reports.done(SCHEMES[0]) == [2 * LANES]
+    runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == 2 * LANES
 
 
 # --- cost ------------------------------------------------------------------------------------------------------------
