@@ -50,7 +50,7 @@ class Experiment(NamedTuple):
 def load(path: str | Path, kinds: Layers, profile: str = "laptop", overrides: Iterable[str] = ()) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
 
-    `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say so,
+    `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one from an option of its own may say so,
     as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
     """
     if profile not in PROFILES:
