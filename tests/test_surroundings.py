@@ -96,6 +96,11 @@ def test_control_characters_do_not_reach_the_terminal():
     assert "\x1b" not in call("show", "r.h5")[1]
     assert "\x1b" not in refusal("show", "a\x1b[2Jb.h5")
     assert "\x1b" not in refusal("check", "a\x1b[2Jb.yaml")
+    Path("experiments").mkdir()
+    Path("experiments", "a\x1b[2Jb.yaml").write_bytes(PATH.read_bytes())
+    for arguments in (("list",), ("check", "experiments/a\x1b[2Jb.yaml")):
+        code, out, err = call(*arguments)
+        assert (code, err) == (0, "") and "\x1b" not in out and "[2Jb.yaml" in out
 
 
 # --- specs -----------------------------------------------------------------------------------------------------------
