@@ -45,14 +45,15 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
 
     Of results of an unknown kind all numbers are printed.
     """
+    known = results.attributes.get("kind") in KINDS
+    cases = by_case(readings(results)) if known else []  # before anything is printed: they may not be readable
     console = new_console(file)
     title = results.attributes.get("title")
     if title:
         console.print(printable(title), style="bold", markup=False)
-    if results.attributes.get("kind") not in KINDS:
+    if not known:
         anything.show(console, results.groups)
-        return
-    for case in by_case(readings(results)):
+    for case in cases:
         heading = case[0].about.case_title
         KINDS[results.attributes["kind"]].table.show(console, "" if heading == title else printable(heading), case)
 

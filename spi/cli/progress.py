@@ -3,6 +3,7 @@
 import sys
 from typing import TYPE_CHECKING
 
+from ..printing.text import printable
 from .signals import STOP
 from .streams import tell
 
@@ -17,7 +18,7 @@ class ProgressLine:
     """One line on a terminal: paths done, rate, time left, current standard error."""
 
     def __init__(self, name: str) -> None:
-        self.name = name
+        self.name = printable(name)
         self.bar: Bar | None = None
         self.task: TaskID | None = None
 

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from typing import IO, TYPE_CHECKING, Any
 
-from .text import fraction, is_odd, new_console, new_table, print_whole
+from .text import fraction, is_odd, new_console, new_table, print_whole, printable
 
 if TYPE_CHECKING:  # a compiler comes with it
     from ..schemes import Scheme
@@ -50,7 +50,7 @@ def print_catalogue(
     console.print()
     table = new_table("experiments", ["file", "title", "kind", "figure"], left=3)
     for e in experiments:
-        table.add_row(str(e.path), e.title, e.kind, str(e.figure or "-"))
+        table.add_row(printable(e.path), e.title, e.kind, str(e.figure or "-"))
     print_whole(console, table)
 
 
@@ -58,7 +58,7 @@ def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
     """Print that an experiment is valid and what it would cost (a ``spi.run.Cost``)."""
     cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
     new_console(file).print(
-        f"{experiment.path}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
+        f"{printable(experiment.path)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
         f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled, "
         f"{cost.megabytes:.0f} MB",
         markup=False,

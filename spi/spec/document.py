@@ -12,7 +12,7 @@ import yaml
 
 Location = tuple[str | int, ...]  #: of a value in a document: keys, and indices of lists
 
-_MOST_BYTES = 10**6  # of a file; YAML takes some seconds for so much
+_MOST_BYTES = 200_000  # of a file; YAML takes some seconds for so much
 _MOST_ENTRIES = 10_000  # aliases of aliases could multiply without bound
 _MERGE = "tag:yaml.org,2002:merge"
 
@@ -129,7 +129,7 @@ def text_of(path: str | Path) -> str:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         raise SpecError(f"{path}: cannot be read ({reason}); give the path of a YAML file") from None
     if len(data) > _MOST_BYTES:
-        raise SpecError(f"{path}: has more than {_MOST_BYTES // 10**6} MB; give the YAML file of an experiment")
+        raise SpecError(f"{path}: has more than {_MOST_BYTES // 1000} kB; give the YAML file of an experiment")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

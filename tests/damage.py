@@ -1,0 +1,203 @@
+"""Results files broken in any way, and whether the program refuses them in one line.
+
+    python tests/damage.py 1000
+
+breaks that many files and says what came of them; ``test_damage.py`` does the same with few.
+"""
+
+import contextlib
+import io
+import json
+import random
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+import h5py
+import numpy as np
+from long_time_results import long_time, long_time_group
+from stability_results import stability, stability_group
+from strong_results import strong, strong_group
+from trajectory_results import trajectories, trajectory_group
+from weak_results import weak, weak_group
+from work_results import work_results
+
+from spi import cli, storage
+from spi.storage.files import with_checksum
+
+T = np.linspace(0.0, 1.0, 9)
+
+
+def originals(folder):
+    """The bytes of a results file of each kind."""
+    y = np.stack([np.cos(T), np.sin(T), 0 * T], axis=1)
+    each = {
+        "strong": strong(strong_group("splitting"), strong_group("midpoint", implicit=True)),
+        "weak": weak(*(weak_group("splitting_order2", name, functions=1) for name in ("plain", "kolmogorov"))),
+        "trajectory": trajectories(trajectory_group("splitting", T, y, np.ones((T.size, 1)))),
+        "stability": stability(stability_group("splitting", law=True)),
+        "long_time": long_time(long_time_group("splitting")),
+        "work_precision": work_results(),
+    }
+    for name, results in each.items():
+        storage.write(folder / f"{name}.h5", results)
+    return {name: (folder / f"{name}.h5").read_bytes() for name in each}
+
+
+# --- damage to bytes -------------------------------------------------------------------------------------------------
+
+
+def flip_bits(draw, data):
+    broken = bytearray(data)
+    for _ in range(draw.choice((1, 1, 1, 2, 8))):
+        broken[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
+    return bytes(broken)
+
+
+def cut_short(draw, data):
+    return data[: draw.choice((0, 1, 7, 8, draw.randrange(len(data)), len(data) - 1, len(data) - 76))]
+
+
+def zero_a_part(draw, data):
+    start = draw.randrange(len(data) - 600)
+    return data[:start] + bytes(draw.randint(1, 600)) + data[start + 600 :]
+
+
+def append(draw, data):
+    return data + draw.randbytes(draw.randint(1, 100))
+
+
+def leave_out(draw, data):
+    start = draw.randrange(len(data) - 10)
+    return data[:start] + data[start + draw.randint(1, 10) :]
+
+
+def something_else(draw, data):
+    return draw.choice((b"", b"text\n", b"\x89PNG\r\n\x1a\n", b"\x89HDF\r\n\x1a\n", draw.randbytes(2000), data[8:]))
+
+
+def foreign_hdf5(draw, data):
+    memory = io.BytesIO()
+    with h5py.File(memory, "w") as file:
+        for name in ("a", "b/c", "b/d")[: draw.randint(0, 3)]:
+            file[name] = np.arange(draw.randint(1, 5))
+        if draw.random() < 0.5:
+            file.attrs[storage.results.MARK] = draw.choice((1, 3, "2", [2, 2], 2.0, b"x", 2))
+    return memory.getvalue()
+
+
+# --- damage to objects -----------------------------------------------------------------------------------------------
+
+
+def edited(edit):
+    """Damage that an edit of an HDF5 file makes; the file loses its checksum."""
+
+    def damage(draw, data):
+        memory = io.BytesIO(data)
+        with h5py.File(memory, "r+") as file:
+            names = []
+            file.visit(names.append)
+            edit(draw, file, draw.choice(names))
+            file.attrs["edited"] = draw.random()  # whatever came of the edit
+        return memory.getvalue()
+
+    damage.__name__ = edit.__name__
+    return damage
+
+
+def remove(draw, file, name):
+    del file[name]
+
+
+def rename(draw, file, name):
+    file.move(name, name + "x")
+
+
+def become_another_type(draw, file, name):
+    del file[name]
+    if draw.random() < 0.3:
+        file.create_group(name)
+    else:
+        file[name] = draw.choice(
+            (1.5, "text", [b"a", b"b"], np.zeros((2, 3)), np.zeros(0), 1j, [True], h5py.Empty("f"))
+        )
+
+
+def empty(draw, file, name):
+    for inner in list(file[name]) if isinstance(file[name], h5py.Group) else []:
+        del file[name][inner]
+
+
+def change_an_attribute(draw, file, name):
+    target = draw.choice((file, file[name]))
+    known = [key for key in target.attrs if key not in ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")]
+    if known:
+        key = draw.choice(known)
+        del target.attrs[key]
+        if draw.random() < 0.7:
+            target.attrs[key] = draw.choice(
+                (1.5, -7, "text", b"\xff", [1, 2], ["a"], np.zeros((2, 2)), h5py.Empty("f"))
+            )
+
+
+EDITS = (remove, rename, become_another_type, empty, change_an_attribute)
+DAMAGES = (flip_bits, cut_short, zero_a_part, append, leave_out, something_else, foreign_hdf5, *map(edited, EDITS))
+
+
+# --- what comes of it ------------------------------------------------------------------------------------------------
+
+
+def call(*arguments):
+    """(exit code, stdout, stderr) of the command line within this process; what it raises is a failure."""
+    out, err = io.StringIO(), io.StringIO()
+    sys.argv = ["spi", *map(str, arguments)]
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            cli.main()
+        except SystemExit as end:
+            return end.code, out.getvalue(), err.getvalue()
+
+
+def answer(draw, folder, data):
+    """(command, exit code, whether it is a refusal as it should be, stderr) of a command on a file of these bytes."""
+    file = folder / "r.h5"
+    file.write_bytes(data)
+    command = draw.choice(
+        (("show", "--format", "table"), ("show", "--format", "json"), ("show", "--format", "csv"), ("plot",))
+    )
+    code, out, err = call(command[0], file, *command[1:])
+    refused = code == 2 and not out and err.count("\n") == 1 and err.startswith("spi: ") and str(file) in err
+    return command[0], code, refused and [p.name for p in folder.iterdir()] == [file.name], err
+
+
+def with_a_true_checksum_without(data, name):
+    """The file without one of its objects, as another version of the program might write it."""
+    memory = io.BytesIO(data)
+    with h5py.File(memory, "r+") as file:
+        del file[name]
+    return with_checksum(memory.getvalue())
+
+
+def main(count):
+    draw, found, worst = random.Random(1), Counter(), []
+    with tempfile.TemporaryDirectory() as there:
+        kept, folder = Path(there, "originals"), Path(there, "broken")
+        kept.mkdir()
+        folder.mkdir()
+        whole = originals(kept)
+        for number in range(count):
+            damage, kind = DAMAGES[number % len(DAMAGES)], draw.choice(list(whole))
+            command, code, refused, err = answer(draw, folder, damage(draw, whole[kind]))
+            found[damage.__name__, "refused" if refused else f"{command}: {code}"] += 1
+            worst += [] if refused else [(damage.__name__, kind, command, code, err)]
+            for made in folder.iterdir():
+                made.unlink()
+    print(json.dumps({"; ".join(key): n for key, n in sorted(found.items())}, indent=1))
+    print(f"{count} broken files, {count - len(worst)} refused in one line with exit code 2")
+    print(*worst, sep="\n")
+    return 1 if worst else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 1000))

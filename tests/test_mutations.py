@@ -1,0 +1,31 @@
+"""Changed experiments: ``spi check`` takes each of them or refuses it in one line, and writes nothing."""
+
+import random
+import signal
+
+import mutations
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _signals():
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_changed_experiment_is_taken_or_refused_in_one_line(tmp_path, seed):
+    draw = random.Random(f"mutations {seed}")
+    codes = set()
+    for _ in range(10):
+        what, code, right, err, text = mutations.answer(draw, tmp_path)
+        assert right, (what, code, err, text)
+        codes.add(code)
+    assert 2 in codes
+
+
+def test_the_experiments_themselves_are_taken(tmp_path, monkeypatch):
+    monkeypatch.setattr(mutations, "mutated", lambda draw, text: ("nothing", False, text))
+    assert all(mutations.answer(random.Random(n), tmp_path)[1:3] == (0, True) for n in range(5))
