@@ -18,14 +18,14 @@ FLOORS = [
     ["workers"],
     ["engine"],
     ["checkpoint"],
-    ["run", "views"],
+    ["run", "views", "verification"],
     ["cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
 ORDERED = FLOORS[0] + FLOORS[1]
 
 # Packages that are one module in several files; the members of the others (models) are strangers.
-ONE_THING = ["expressions", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing"]
+ONE_THING = ["expressions", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "cli"]
 
 #: What each module of a kind of experiment may import of floor 3, and of its own kind.
 ROLES = {

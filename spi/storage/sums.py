@@ -44,7 +44,7 @@ def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None
 def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
     """(about, parts) of the file, or of the previous one where that is damaged; None if neither can be read."""
     for candidate in (path, previous(path)):
-        with contextlib.suppress(*_DAMAGE), np.load(candidate, allow_pickle=False) as file:
+        with contextlib.suppress(*_DAMAGE), _opened(candidate) as file:
             about = _about(file)
             parts = {}
             for number, name in enumerate(about["parts"]):
@@ -56,7 +56,7 @@ def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
 
 def about_sums(path: Path) -> dict[str, Any] | None:
     """What can be read without the sums themselves; None if there is no such file or it is damaged."""
-    with contextlib.suppress(*_DAMAGE), np.load(path, allow_pickle=False) as file:
+    with contextlib.suppress(*_DAMAGE), _opened(path) as file:
         return _about(file)
     return None
 
@@ -70,6 +70,11 @@ def remove_sums(path: Path) -> None:
 def previous(path: Path) -> Path:
     """Where the file before this one is kept."""
     return path.with_name(path.name + ".previous")
+
+
+def _opened(path: Path) -> Any:
+    """The archive in a file, from memory: NumPy leaves a damaged one open."""
+    return np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
 
 
 def _about(file: Any) -> dict[str, Any]:
