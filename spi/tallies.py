@@ -131,7 +131,8 @@ class Tally(NamedTuple):
     def within(self, stream: Stream) -> "Tally":
         """Without what belongs to later paths than those of `stream`, alone or in one sum with earlier ones."""
         nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= stream.whole}
-        return Tally(nodes, {i: sums for i, sums in self.short.items() if i <= stream.whole})
+        wanted = {chunk.index: chunk.paths for chunk in stream.chunks(0)}
+        return Tally(nodes, {i: sums for i, sums in self.short.items() if i in wanted and sums.paths <= wanted[i]})
 
     def total(self, stream: Stream) -> Any:
         """The sums of all paths of a stream; KeyError if something is missing."""
@@ -140,7 +141,9 @@ class Tally(NamedTuple):
             if stream.whole >> height & 1:
                 found.append(self.nodes[height, first >> height])
                 first += 1 << height
-        if stream.samples > stream.whole * stream.chunk_blocks * LANES:
+        if rest := stream.samples - stream.whole * stream.chunk_blocks * LANES:
+            if self.short[stream.whole].paths != rest:
+                raise KeyError(stream.whole)
             found.append(self.short[stream.whole])
         return _joined(found)
 

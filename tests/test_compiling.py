@@ -152,8 +152,9 @@ def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program
 #: Loads what the calls of all plans need, then runs them; prints the kernels of which there were more then.
 CALLS_OF_PLANS = """
 import json, sys
-from spi import run
+from spi import engine, run
 from spi.ensemble import integrate
+from spi.kinds.state import State
 from spi.kinds.trajectory.study import invariants
 from spi.kinds.weak.study.sums import add_powers, function_values
 
@@ -164,7 +165,9 @@ for name in sys.argv[1:]:
         for call in plan.kernel_calls():
             call.kernel(*call.arguments)
         before = [len(kernel.overloads) for kernel in KERNELS]
-        *_, state = plan.batches(plan.start())
+        state = State(plan)
+        engine.advance_here([state], lambda number: None)
+        engine.finish([state], lambda number: None)
         plan.group(state)
         after = [len(kernel.overloads) for kernel in KERNELS]
         missed[f"{name} {plan.part.name}"] = [b - a for a, b in zip(before, after)]

@@ -9,12 +9,16 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
-    ["inlining", "dispatch", "elementary", "rng", "arithmetic", "records"],
+    ["inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies"],
     ["angles", "lanes", "protocol", "registration", "fields", "increments", "steppers"],
     ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
     ["spec", "storage", "drawing", "printing", "compiling"],
     ["kinds"],
-    ["run", "views"],
+    ["loading"],
+    ["workers"],
+    ["engine"],
+    ["checkpoint"],
+    ["run", "views", "verification"],
     ["cli"],
 ]
 FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
@@ -31,6 +35,9 @@ ROLES = {
     "table": (["printing"], ["reading"]),
     "figure": (["drawing"], ["reading"]),
 }
+#: What the studies of all kinds share, modules of the package of kinds that may import one another.
+SHARED = ["plans", "state", "blocks"]
+
 #: A kind whose study and reading build on those of others.
 BUILDS_ON = {"work_precision": ["strong", "weak"]}
 
@@ -42,6 +49,8 @@ ONLY_IN = {
     "h5py": ["storage"],
     "matplotlib": ["drawing", "figure"],
     "rich": ["printing", "table", "cli"],
+    "dask": ["workers"],
+    "distributed": ["workers"],
     "numba": _LOWEST,
 }
 
@@ -77,6 +86,9 @@ def violations(package):
     def one_thing(*names):
         return any(all(name.startswith(f"{root}.{thing}.") for name in names) for thing in ONE_THING)
 
+    def shared(*names):
+        return {tuple(name.split(".")) for name in names} <= {(root, "kinds", one) for one in SHARED}
+
     for module, (file, is_package) in modules.items():
         own = [*module.split("."), None][1]  # the name that has a floor; None for the root, which lies below all
         kind, role = [*module.split(".")[2:4], None, None][:2] if own == "kinds" else (None, None)
@@ -106,6 +118,8 @@ def violations(package):
                 found += [f"{where}{reason}" for reason in wrong_in_a_kind(kind, role, target.split(".")[1:])]
             elif own == other and (is_package or one_thing(module, target)) and target != root + "." + own:
                 pass  # a package's __init__ gathers its members
+            elif shared(module, target):
+                pass
             elif FLOOR[other] >= FLOOR[own]:
                 found.append(f"{where}{own} (floor {FLOOR[own]}) must not import {other} (floor {FLOOR[other]})")
     return found
@@ -118,7 +132,7 @@ def wrong_in_a_kind(kind, role, target):
         if target[0] not in tools:
             yield f"{role} of a kind must not import {target[0]}"
     elif len(target) <= 2:  # what all kinds share
-        if target[1:] != ["plans"] or role != "study":
+        if target[1:] not in [[name] for name in SHARED] or role != "study":
             yield f"{role} of a kind must not import {'.'.join(target)}"
     elif target[1] != kind:
         if target[1] not in BUILDS_ON.get(kind, []) or role != target[2]:
@@ -138,6 +152,7 @@ SOUND = {
     "records.py": "import numpy\n",
     "elementary.py": "from .dispatch import inlined\n",
     "rng.py": "from . import dispatch, elementary\n",
+    "tallies.py": "from .rng import LANES\n",
     "protocol.py": "import numpy\nfrom .rng import LANES\n",
     "fields.py": "from .protocol import load\n",
     "models/__init__.py": "from .rigid_body import RigidBody\nfrom . import rigid_body\n",
@@ -149,16 +164,22 @@ SOUND = {
     "drawing.py": "from matplotlib import pyplot\n",
     "printing.py": "import rich\n",
     "kinds/__init__.py": "",
-    "kinds/plans.py": "from spi.ensemble import grid\n",
+    "kinds/plans.py": "from spi.ensemble import grid\nfrom .state import State\n",
+    "kinds/state.py": "from spi.tallies import Tally\nif TYPE_CHECKING:\n    from .plans import Plan\n",
+    "kinds/blocks.py": "from .plans import Plan\n",
     "kinds/strong/keys.py": "import pydantic\nfrom spi.spec import read\n",
-    "kinds/strong/study/__init__.py": "from spi.kinds.plans import Plan\nfrom .paths import advance\n",
+    "kinds/strong/study/__init__.py": "from spi.kinds.plans import Plan\nfrom spi.kinds.blocks import x\nfrom .paths import y\n",
     "kinds/strong/study/paths.py": "from spi.ensemble import grid\n",
     "kinds/strong/reading.py": "from spi.records import Group\n",
     "kinds/strong/table.py": "import rich\nfrom spi.printing import text\nfrom .reading import read\n",
     "kinds/strong/figure.py": "import matplotlib\nfrom spi.drawing import style\n",
     "kinds/weak/reading.py": "",
     "kinds/work_precision/study.py": "from spi.kinds.strong import study\n",
-    "run.py": "from . import storage, spec\nfrom .kinds import KINDS\n",
+    "loading.py": "from . import spec\nfrom .kinds import KINDS\n",
+    "workers.py": "import dask.config\nfrom distributed import Client\nfrom .loading import plans\n",
+    "engine.py": "from .kinds.state import State\nfrom .workers import Workers\nfrom .loading import Source\n",
+    "checkpoint.py": "from . import storage\nfrom .kinds.state import State\nfrom .loading import plans\n",
+    "run.py": "from . import checkpoint, engine, storage, spec\nfrom .kinds import KINDS\n",
     "cli.py": "import typer\nfrom . import spec\nimport spi.models.rigid_body\n",
 }
 
@@ -191,6 +212,18 @@ def test_a_sound_package_passes(tmp_path):
         ("spec.py", "from .kinds import KINDS\n", "spec (floor 3) must not import kinds (floor 4)"),
         ("kinds/strong/study/paths.py", "from spi.run import run\n", "study of a kind must not import run"),
         ("kinds/strong/study/paths.py", "from spi.storage import read\n", "study of a kind must not import storage"),
+        ("kinds/strong/study/paths.py", "from spi.engine import x\n", "study of a kind must not import engine"),
+        ("kinds/strong/keys.py", "from spi.kinds.state import State\n", "keys of a kind must not import kinds.state"),
+        ("kinds/strong/figure.py", "from spi.kinds.blocks import x\n", "figure of a kind must not import kinds.blocks"),
+        ("kinds/strong/study/paths.py", "from spi.kinds import KINDS\n", "study of a kind must not import kinds"),
+        ("kinds/state.py", "from .strong.study import x\n", "kinds (floor 4) must not import kinds (floor 4)"),
+        ("kinds/plans.py", "from . import KINDS\n", "kinds (floor 4) must not import kinds (floor 4)"),
+        ("kinds/blocks.py", "from spi.loading import plans\n", "kinds (floor 4) must not import loading (floor 5)"),
+        ("loading.py", "from .workers import Workers\n", "loading (floor 5) must not import workers (floor 6)"),
+        ("workers.py", "from .engine import x\n", "workers (floor 6) must not import engine (floor 7)"),
+        ("engine.py", "from .checkpoint import x\n", "engine (floor 7) must not import checkpoint (floor 8)"),
+        ("checkpoint.py", "from .run import run\n", "checkpoint (floor 8) must not import run (floor 9)"),
+        ("engine.py", "import distributed\n", "distributed is imported only in workers"),
         ("kinds/strong/study/paths.py", "from ..reading import read\n", "study of a kind must not import its reading"),
         ("kinds/strong/reading.py", "from spi.drawing import x\n", "reading of a kind must not import drawing"),
         ("kinds/strong/reading.py", "import rich\n", "rich is imported only in"),
@@ -206,6 +239,9 @@ def test_a_sound_package_passes(tmp_path):
         ("kinds/work_precision/study.py", "from spi.kinds.strong.table import x\n", "must not import kind strong"),
         ("kinds/strong/new.py", "", "spi.kinds.strong.new is none of keys, study"),
         ("elementary.py", "from .rng import philox\n", "comes after it"),
+        ("rng.py", "from .tallies import Chunk\n", "rng must not import tallies, which comes after it"),
+        ("tallies.py", "from .protocol import x\n", "tallies must not import protocol, which comes after it"),
+        ("tallies.py", "from .ensemble import grid\n", "tallies (floor 0) must not import ensemble (floor 2)"),
         ("elementary.py", "from .protocol import load\n", "must not import protocol, which comes after it"),
         ("protocol.py", "from .fields import drift_field\n", "must not import fields, which comes after it"),
         ("fields.py", "from .models import RigidBody\n", "fields (floor 1) must not import models (floor 2)"),

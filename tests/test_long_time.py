@@ -14,12 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import COMPILED, INITIAL, RIGID_BODY, final_states, printed
+from states import check_going_on, finished, same_numbers, taken
 
 from spi import ensemble, storage
 from spi import run as runner
 from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
+from spi.kinds.state import State
 from spi.models import MaxwellBloch, RigidBodySharedNoise, SineEuler
 from spi.protocol import hamiltonian, memory_size
 from spi.records import Part
@@ -61,25 +63,11 @@ def case_of(load_text):
     return lambda *overrides: load_text(RIGID, *overrides).cases[0]
 
 
-def states_of(plan, state=None):
-    """The states after each snapshot, the first included."""
-    states = [plan.start() if state is None else state]
-    while states[-1].level < len(plan.case.steps):
-        states.append(paths.advance_state(plan, states[-1]))
-    return states
-
-
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = long_time.plan(case, Part(scheme))
-    group = plan.group(states_of(plan)[-1] if state is None else state)
+    group = plan.group(finished(plan) if state is None else state)
     return group.arrays, group
-
-
-def same_numbers(a, b):
-    return all(
-        np.array_equal(x, y, equal_nan=True) for name, x, y in zip(a._fields, a, b, strict=True) if name != "seconds"
-    )
 
 
 def initial_rows(scheme, model, initial, blocks):
@@ -158,19 +146,15 @@ def test_records_are_those_of_integration_in_one_go(case_of, scheme):
 def test_going_on_from_every_snapshot_gives_the_same_bits(case_of):
     case = case_of()
     plan = long_time.plan(case, Part("splitting"))
-    states = states_of(plan)
-    kept = [[np.copy(v) for v in state] for state in states]
-    for state in states[:-1]:
-        assert same_numbers(states_of(plan, state)[-1], states[-1])
-    for state, values in zip(states, kept, strict=True):  # a state that was handed out does not change any more
-        assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(state, values, strict=True))
-    progress = [plan.progress(state) for state in states]
+    found = check_going_on(plan)
+    assert len(found) == 1 + 2 * len(range(128, 640 + 1, 128))
+    progress = [plan.progress(taken(plan, plain)) for plain in found]
     assert (np.diff([done for done, _, _ in progress]) > 0).all()
     assert progress[0][0] == 0 and progress[-1][:2] == (case.samples, case.samples)
-    *_, last = plan.batches(plan.start())
-    assert same_numbers(last, states[-1])
+    whole = finished(plan, 1)
+    assert same_numbers(finished(plan), whole)
     other = long_time.plan(case_of("seed=4"), Part("splitting"))
-    assert not same_numbers(states_of(other)[-1], states[-1])
+    assert not same_numbers(finished(other), whole)
 
 
 def test_stops_are_records_and_then_snapshots(case_of):
@@ -178,10 +162,10 @@ def test_stops_are_records_and_then_snapshots(case_of):
     plan = long_time.plan(case_of("step_count=2^24+128"), Part("splitting"))
     assert plan.spacing == 2**11
     assert plan.records.tolist() == [*(2**k for k in range(7, 25)), 2**24 + 128]
-    state, stops = plan.start(), []
-    while state.n < plan.case.step_count:
-        stops.append(paths.next_stop(plan, state))
-        state = state._replace(n=stops[-1])
+    stops = [0]
+    while stops[-1] < plan.case.step_count:
+        stops.append(paths.next_stop(plan, stops[-1]))
+    del stops[0]
     assert stops[:6] == [128, 256, 512, 1024, 2048, 4096]
     assert set(plan.records) <= set(stops)
     assert np.diff(stops[4:-1]).tolist() == [2**11] * (2**13 - 1) and stops[-1] == plan.case.step_count
@@ -203,9 +187,9 @@ def test_an_interrupted_run_goes_on_where_it_stopped(load_text, tmp_path, monkey
 
     whole = runner.run(wanted, tmp_path / "whole")
     with pytest.raises(runner.Stopped):
-        runner.run(wanted, tmp_path / "stopped", report=stop)
+        runner.run(wanted, tmp_path / "stopped", watch=runner.Watch(stop))
     reports = []
-    path = runner.run(wanted, tmp_path / "stopped", report=reports.append)
+    path = runner.run(wanted, tmp_path / "stopped", watch=runner.Watch(reports.append))
     first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
     assert first["splitting"] == 70 and 20 < first["euler_maruyama"] < 70  # nothing is computed twice
     assert numbers(path) == numbers(whole)
@@ -217,10 +201,10 @@ def test_threads_do_not_matter(case_of):
     plan, before = long_time.plan(case_of("samples=200"), Part("splitting")), ensemble.thread_count()
     try:
         ensemble.use_threads(1)
-        one = states_of(plan)[-1]
+        one = finished(plan)
     finally:
         ensemble.use_threads(before)
-    assert same_numbers(states_of(plan)[-1], one)
+    assert same_numbers(finished(plan), one)
 
 
 # --- growth and bias, of errors made by hand -------------------------------------------------------------------------
@@ -234,16 +218,24 @@ def walks(generator, paths, drift=0.0):
     return 1e-17 * (np.cumsum(steps, axis=0) + drift * RECORDS[:, None])
 
 
+def paths_done(plan, chunk, casimir=None):
+    """The paths of a chunk as if all steps were done: no counts, and these errors of the Casimirs, or none known."""
+    start = paths.paths_at_start(plan, chunk.blocks)
+    of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in paths.OF_PATHS}
+    done = start._replace(paths=chunk.paths, n=plan.case.step_count, y=start.y[:0], **of_paths)
+    return done if casimir is None else done._replace(casimir=casimir)
+
+
 def study_of_errors(case_of, errors):
     """The study of a plan whose Casimir errors are these, one array for each of two step sizes."""
     case = case_of(f"samples={errors[0].shape[1]}", f"step_count={RECORDS[-1]}", "model.sigma=[0, 0, 0]")
     plan = long_time.plan(case, Part("splitting"))
-    state = plan.start()
-    casimir = state.casimir.copy()
+    state = State(plan)
     assert plan.records.tolist() == RECORDS.tolist()
-    for i, error in enumerate(errors):
-        casimir[i, :, 0, : error.shape[1]] = error
-    return study(case, "splitting", state._replace(casimir=casimir))[0]
+    for stream, error in enumerate(errors):
+        for chunk in state.streams[stream].chunks(stream):
+            state.put(chunk, paths_done(plan, chunk, error[:, np.newaxis, chunk.first * LANES : chunk.end]))
+    return study(case, "splitting", state)[0]
 
 
 def test_growth_of_walks_and_drifts(case_of):
@@ -401,7 +393,10 @@ def test_without_noise_or_off_the_sphere_no_law_is_known(load_text, case_of):
     ):
         plan = long_time.plan(case, Part("splitting"))
         assert plan.law is None
-        found, _ = study(case, "splitting", plan.start())
+        state = State(plan)
+        for chunk in state.missing():
+            state.put(chunk, paths_done(plan, chunk))
+        found, _ = study(case, "splitting", state)
         assert "nonfinite" in found and "law_distance" not in found and "mean" not in found
     assert isinstance(long_time.plan(case_of(), Part("splitting")).law, SphereLaw)
 
@@ -443,7 +438,7 @@ def test_cost(case_of):
     steps, seconds, needed = plan.cost()
     assert steps == 2 * 640 * 2 * LANES
     assert 1e-9 < seconds / steps < 1e-7
-    assert needed >= sum(np.asarray(v).nbytes for v in plan.start())
+    assert needed >= sum(np.asarray(v).nbytes for _ in case.steps for v in paths.paths_at_start(plan, plan.blocks))
 
 
 # --- the spec --------------------------------------------------------------------------------------------------------

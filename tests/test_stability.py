@@ -15,10 +15,12 @@ import numba
 import numpy as np
 import pytest
 from helpers import COMPILED, INITIAL, RIGID_BODY, printed, turned
+from states import check_going_on, finished, ignore, same_numbers, taken
 
-from spi import ensemble, kolmogorov, storage
+from spi import engine, ensemble, kolmogorov, storage
 from spi import run as runner
 from spi.kinds.stability import study as stability
+from spi.kinds.state import State
 from spi.models import MaxwellBloch
 from spi.records import Part
 from spi.rng import LANES, philox
@@ -75,25 +77,12 @@ def case_of(tmp_path):
     return case
 
 
-def state_of(plan, blocks=1000, state=None):
-    """The state after all values, in calls of at most so many blocks."""
-    state = plan.start() if state is None else state
-    while state.done < len(plan.points):
-        state = stability.advance_state(plan, state, min(blocks, plan.first.blocks - state.blocks))
-    return [state, *plan.batches(state)][-1]  # with the true expectations
-
-
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = stability.plan(case, Part(scheme))
-    group = plan.group(state_of(plan) if state is None else state)
+    group = plan.group(finished(plan) if state is None else state)
     assert group.coordinates["h"].tolist() == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group
-
-
-def same_numbers(a, b):
-    fields = a._asdict() | b._asdict() | {"seconds": 0.0}
-    return all(np.array_equal(fields[k], a._asdict()[k], equal_nan=True) for k in fields if k != "seconds")
 
 
 # --- the oracle ------------------------------------------------------------------------------------------------------
@@ -334,14 +323,12 @@ def test_one_path_has_no_standard_errors(case_of):
 @pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama"])
 def test_batches_do_not_matter(case_of, scheme):
     plan = stability.plan(case_of(RIGID, "samples=330"), Part(scheme))
-    whole = state_of(plan)
+    whole = finished(plan, plan.first.blocks)
     assert same_numbers(whole, whole)
-    for blocks in (1, 2):
-        assert same_numbers(state_of(plan, blocks), whole)
-    *_, last = plan.batches(plan.start())
-    assert same_numbers(last, whole)
+    for blocks in (1, 2, None):
+        assert same_numbers(finished(plan, blocks), whole)
     other = stability.plan(case_of(RIGID, "samples=330", "seed=6"), Part(scheme))
-    assert not same_numbers(state_of(other), whole)
+    assert not same_numbers(finished(other), whole)
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
@@ -353,7 +340,7 @@ def test_threads_do_not_matter(case_of, scheme):
     try:
         for threads in (1, 2):
             ensemble.use_threads(threads)
-            states.append(state_of(plan))
+            states.append(finished(plan))
     finally:
         ensemble.use_threads(before)
     assert same_numbers(*states)
@@ -361,20 +348,12 @@ def test_threads_do_not_matter(case_of, scheme):
 
 def test_going_on_from_the_middle_gives_the_same_bits(case_of):
     plan = stability.plan(case_of(RIGID, "samples=200" if COMPILED else "samples=130"), Part("splitting"))
-    states = [plan.start()]
-    while states[-1].done < 2:
-        states.append(stability.advance_state(plan, states[-1], 1))
-    assert len(states) == 1 + 2 * plan.first.blocks
-    for i in range(2):
-        states.append(stability.with_truth(plan, states[-1], i))
-    kept = [[np.copy(v) for v in state] for state in states]
-    for state in states[:-1]:
-        assert same_numbers(state_of(plan, 2, state), states[-1])
-    for state, values in zip(states, kept, strict=True):  # a state that was handed out does not change any more
-        assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(state, values, strict=True))
-    done = [plan.progress(state).done for state in states]
+    found = check_going_on(plan)
+    assert len(found) == 1 + 2 * plan.first.blocks + 2  # before the first block, after each, and after each truth
+    progress = [plan.progress(taken(plan, plain)) for plain in found]
+    done = [one.done for one in progress]
     assert (np.diff(done[:-2]) > 0).all() and done[0] == 0
-    assert done[-3:] == [plan.progress(states[-1]).total] * 3  # only the true expectations are still missing
+    assert done[-3:] == [progress[-1].total] * 3  # only the true expectations are still missing
 
 
 def test_values_and_step_sizes_do_not_influence_one_another(case_of):
@@ -420,9 +399,9 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     out = tmp_path / "stopped"
     for scheme in wanted.cases[0].schemes:
         with pytest.raises(runner.Stopped):
-            runner.run(wanted, out, report=Reports("main", scheme, 1))
+            runner.run(wanted, out, watch=runner.Watch(Reports("main", scheme, 1)))
     reports = Reports()
-    path = runner.run(wanted, out, report=reports)
+    path = runner.run(wanted, out, watch=runner.Watch(reports))
     first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
     assert first["splitting"] == 260 and 0 < first["euler_maruyama"] < 260  # nothing is computed twice
     assert numbers(path) == whole
@@ -512,8 +491,11 @@ def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     assert error.max() < 1e-6
     assert (np.abs(limit - wanted.limit) <= error + wanted.limit_bound).all()
     plan = stability.plan(case, Part("splitting"))
-    assert np.isnan(study(case, "splitting", plan.start())[0]["truth"]).all()
-    found, _ = study(case, "splitting", stability.with_truth(plan, plan.start(), 0))
+    state = State(plan)
+    engine.advance_here([state], ignore)
+    assert np.isnan(study(case, "splitting", state)[0]["truth"]).all()
+    engine.finish([state], ignore)
+    found, _ = study(case, "splitting", state)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3
 

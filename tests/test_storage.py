@@ -195,11 +195,11 @@ def test_what_cannot_be_stored(tmp_path):
 
 
 def test_files_that_are_not_ours(tmp_path):
-    text, foreign, checkpoint, newer, half = (tmp_path / n for n in ("t.h5", "f.h5", "c.h5", "n.h5", "half.h5"))
+    text, foreign, sums, newer, half = (tmp_path / n for n in ("t.h5", "f.h5", "s.h5", "n.h5", "half.h5"))
     text.write_text("not HDF5")
     with h5py.File(foreign, "w") as file:
         file["x"] = 1
-    storage.write_checkpoint(checkpoint, "abc", {"n": 1})
+    storage.write_sums(sums, {"spec_hash": "abc"}, {"main/midpoint": {"n": 1}})
     with h5py.File(newer, "w") as file:
         file.attrs[storage.results.MARK] = 99
     storage.write(half, results())
@@ -210,7 +210,7 @@ def test_files_that_are_not_ours(tmp_path):
         text: "not a whole HDF5 file",
         half: "not a whole HDF5 file",
         foreign: "not of ours",
-        checkpoint: "not of ours",
+        sums: "not a whole HDF5 file",
         newer: "layout 99",
     }
     for path, words in expected.items():
@@ -225,53 +225,176 @@ def test_damaged_group(tmp_path):
     assert "damaged" in message(storage.read, tmp_path / "r.h5")
 
 
-def test_check_same_spec(tmp_path):
+def finished_with(path, **attributes):
+    """Write results of the spec "abc" with paths "p", 70 of them in one case and 5 in another."""
+    identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5), "overrides": (), "spec": "x: σ\n"}
+    storage.write(path, Results({**identity, "kind": "strong", "complete": True, **attributes}, (group(),)))
+    return identity
+
+
+def test_results_of_another_spec_are_not_replaced(tmp_path):
     path = tmp_path / "r.h5"
-    storage.check_same_spec(path, "abc")
+    identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5)}
+    storage.check_replaceable(path, identity)
+    assert storage.replaced_hash(path) is None
+    finished_with(path)
+    storage.check_replaceable(path, identity)
+    assert storage.replaced_hash(path) == "abc"
+    text = message(storage.check_replaceable, path, {**identity, "spec_hash": "other", "paths_hash": "q"})
+    assert "another spec" in text and "--fresh" in text and "--out" in text and str(path) in text
+    more = {**identity, "spec_hash": "other"}
+    storage.check_replaceable(path, {**more, "samples": (71, 5)})
+    storage.check_replaceable(path, {**more, "samples": (70, 5)})
+    for fewer in ((69, 5), (700, 4)):
+        text = message(storage.check_replaceable, path, {**more, "samples": fewer})
+        assert "more samples" in text and "--fresh" in text and "--out" in text and str(path) in text
+    path.write_bytes(b"no results")
+    assert "not a whole HDF5 file" in message(storage.check_replaceable, path, identity)
+    assert storage.replaced_hash(path) is None
+
+
+def test_results_are_finished_if_everything_is_the_same(tmp_path):
+    path = tmp_path / "r.h5"
+    assert not storage.is_finished(path, {"spec_hash": "abc"})
+    identity = finished_with(path)
+    assert storage.is_finished(path, identity)
+    for other in ({"spec": "x: 2\n"}, {"samples": (70, 6)}, {"overrides": ("seed=2",)}, {"source_digest": "later"}):
+        assert not storage.is_finished(path, {**identity, **other})
+    finished_with(path, complete=False)
+    assert not storage.is_finished(path, identity)
+
+
+#: What a part may tell of itself.
+PART = {
+    "done": 640,
+    "big": 2**64 - 1,
+    "share": 0.1,
+    "worst": float("inf"),
+    "unknown": float("nan"),
+    "on": True,
+    "stage": "midpoint Ĥ",
+    "nothing": None,
+    "nested": {"empty": {}, "list": [], "nodes": [[3, 0, {"sums": np.array([0.1, 1e300])}], [0, 8, {"sums": 1 / 3}]]},
+    "sums/splitting/2^-5": np.array([[np.inf, -0.0], [1 / 3, 5e-324]]),
+    "sums/splitting/count": np.arange(3, dtype=np.uint64),
+    "unknowns": np.array([np.nan, 1.0]),
+    "turned": np.arange(6.0).reshape(2, 3).T,
+    "every other": np.arange(7)[::2],
+    "empty": np.zeros((0, 3), dtype=np.float32),
+    "flags": np.array([True, False]),
+    "names": np.array(["σ", ""]),
+    "zero_d": np.array(2.5),
+}
+
+
+def assert_same_part(value, back):
+    """The same to the last bit, and of the same type."""
+    assert type(back) is type(value)
+    if isinstance(value, dict):
+        assert list(back) == list(value)
+        for key, one in value.items():
+            assert_same_part(one, back[key])
+    elif isinstance(value, list):
+        assert len(back) == len(value)
+        for one, other in zip(value, back, strict=True):
+            assert_same_part(one, other)
+    elif isinstance(value, np.ndarray):
+        assert back.dtype == value.dtype and back.shape == value.shape and back.tobytes() == value.tobytes()
+        assert back.flags.writeable
+    else:
+        assert repr(back) == repr(value)
+
+
+def test_sums_round_trip(tmp_path):
+    path = tmp_path / "new" / "s.npz"
+    about = {"paths_hash": "abc", "samples": 70, "finished": False}
+    parts = {"main/midpoint": PART, "noise σ=1/splitting": {"n": 1}, "nothing/yet": {}}
+    storage.write_sums(path, about, parts)
+    told, back = storage.read_sums(path)
+    assert_same_part(parts, back)
+    assert {**told, **about} == told == storage.about_sums(path)
+    assert [p.name for p in path.parent.iterdir()] == ["s.npz"]
+    with np.load(path, allow_pickle=False) as file:  # anybody can read it
+        assert set(file) == {"about", *(f"{kind}_{n}" for kind in ("structure", "arrays") for n in range(3))}
+        assert all(values.dtype == np.uint8 for values in file.values())
+
+
+def test_numbers_of_numpy_are_kept_as_numbers(tmp_path):
+    storage.write_sums(tmp_path / "s.npz", {}, {"p": {"count": np.int64(3), "mean": np.float64(1 / 3)}})
+    _, back = storage.read_sums(tmp_path / "s.npz")
+    assert_same_part({"count": 3, "mean": 1 / 3}, back["p"])
+
+
+def test_sums_that_are_no_use(tmp_path, monkeypatch):
+    path = tmp_path / "s.npz"
+    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    storage.write_sums(path, {"hash": "abc"}, {"p": {"n": np.arange(10000)}})
+    assert storage.read_sums(path)[0]["hash"] == "abc"
+    whole = path.read_bytes()
+    for size in (0, 10, 3000, len(whole) - 1):
+        path.write_bytes(whole[:size])
+        assert storage.read_sums(path) is None and storage.about_sums(path) is None
     storage.write(path, results())
-    storage.check_same_spec(path, "abc")
-    text = message(storage.check_same_spec, path, "other")
-    assert "--fresh" in text and "--out" in text and str(path) in text
+    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    np.savez(path.with_suffix(""), n=np.arange(3))
+    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    path.unlink()
+    path.mkdir()
+    assert storage.read_sums(path) is None and storage.about_sums(path) is None
+    path.rmdir()
+    path.write_bytes(whole)
+    assert storage.read_sums(path) is not None
+    monkeypatch.setattr(storage.sums, "VERSION", 2)  # written by another version of the program
+    assert storage.read_sums(path) is None and storage.about_sums(path) is None
 
 
-def test_checkpoint_round_trip(tmp_path):
-    path = tmp_path / "r.checkpoint"
-    state = {
-        "done": 640,
-        "big": 2**64 - 1,
-        "share": 0.1,
-        "worst": float("inf"),
-        "on": True,
-        "stage": "midpoint Ĥ",
-        "sums/splitting/2^-5": np.array([[np.inf, -0.0], [1 / 3, 5e-324]]),
-        "sums/splitting/count": np.arange(3, dtype=np.uint64),
-        "empty": np.zeros((0, 3), dtype=np.float32),
-        "flags": np.array([True, False]),
-        "names": np.array(["σ", ""]),
-        "zero_d": np.array(2.5),
-    }
-    storage.write_checkpoint(path, "abc", state)
-    back = storage.read_checkpoint(path, "abc")
-    assert set(back) == set(state)
-    for key, value in state.items():
-        assert type(back[key]) is type(value)
-        if isinstance(value, np.ndarray):
-            assert back[key].dtype == value.dtype and back[key].tobytes() == value.tobytes()
-            assert back[key].shape == value.shape
-        else:
-            assert back[key] == value
-    assert [p.name for p in tmp_path.iterdir()] == ["r.checkpoint"]
+def test_any_damaged_byte_of_the_sums_is_noticed(tmp_path):
+    """What is read is what was written, or nothing; damage between the members does not matter."""
+    path, values = tmp_path / "s.npz", np.arange(200) / 3
+    storage.write_sums(path, {"hash": "abc"}, {"p": {"n": values}})
+    whole, lost = path.read_bytes(), 0
+    for at in range(0, len(whole), 7):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
+        read = storage.read_sums(path)
+        lost += read is None
+        if read is not None:
+            assert_same_part({"p": {"n": values}}, read[1])
+    assert lost > len(whole) / 7 / 2
 
 
-def test_checkpoint_that_is_no_use(tmp_path):
-    path = tmp_path / "r.checkpoint"
-    assert storage.read_checkpoint(path, "abc") is None
-    storage.write_checkpoint(path, "abc", {"n": np.arange(10000)})
-    assert storage.read_checkpoint(path, "other") is None
+def test_the_previous_sums_are_kept_until_they_are_removed(tmp_path):
+    path = tmp_path / "s.npz"
+    for n in range(3):
+        storage.write_sums(path, {"n": n}, {"p": {"n": np.arange(n + 1000)}})
+    assert {p.name for p in tmp_path.iterdir()} == {"s.npz", storage.previous(path).name}
+    assert storage.read_sums(path)[0]["n"] == 2
     path.write_bytes(path.read_bytes()[:3000])
-    assert storage.read_checkpoint(path, "abc") is None
-    storage.write(path, results())
-    assert storage.read_checkpoint(path, "abc") is None
+    about, parts = storage.read_sums(path)
+    assert about["n"] == 1 and len(parts["p"]["n"]) == 1001
+    path.unlink()
+    assert storage.read_sums(path)[0]["n"] == 1
+    storage.remove_sums(path)
+    assert storage.read_sums(path) is None and not list(tmp_path.iterdir())
+    storage.remove_sums(path)  # which does not mind that nothing is there
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, OSError(28, "No space left on device")])
+def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
+    path = tmp_path / "s.npz"
+    storage.write_sums(path, {"n": 1}, {})
+    before = path.read_bytes()
+
+    def interrupted(file, **members):
+        file.write(b"half")
+        raise fault
+
+    monkeypatch.setattr(storage.sums.np, "savez", interrupted)
+    with pytest.raises(KeyboardInterrupt if fault is KeyboardInterrupt else storage.StorageError) as caught:
+        storage.write_sums(path, {"n": 2}, {})
+    if fault is not KeyboardInterrupt:
+        assert str(path) in str(caught.value) and "no space" in str(caught.value) and "--out" in str(caught.value)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["s.npz"]
 
 
 def test_provenance_is_flat_and_storable(tmp_path):

@@ -12,10 +12,12 @@ import numba
 import numpy as np
 import pytest
 from helpers import COMPILED
+from states import begun, check_going_on, finished, same_numbers
 
 from spi import ensemble
 from spi.dispatch import kernel
 from spi.estimators import GROUPS, group_counts
+from spi.kinds.state import State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import errors
 from spi.protocol import REPORT
@@ -39,27 +41,12 @@ def case_of(*overrides, profile="quick"):
     return load(EXPERIMENT, profile, [*(SIZES if profile == "quick" else ()), *overrides]).cases[0]
 
 
-def state_of(plan, state=None, blocks=None):
-    """The state after all blocks, in calls of so many."""
-    state = plan.start() if state is None else state
-    while state.blocks < plan.blocks:
-        state = strong.advance_state(plan, state, min(blocks or plan.blocks, plan.blocks - state.blocks))
-    return state
-
-
 def study(case, scheme):
     """(variables by name, attributes) of a whole study."""
     plan = strong.plan(case, Part(scheme))
-    *_, state = plan.batches(plan.start())
-    group = plan.group(state)
+    group = plan.group(finished(plan))
     assert list(group.coordinates["h"]) == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group.attributes
-
-
-def same_numbers(a, b):
-    return a.blocks == b.blocks and all(
-        np.array_equal(getattr(a, name), getattr(b, name)) for name in ("squares", "drift", "nonfinite", "report")
-    )
 
 
 # --- the oracle ------------------------------------------------------------------------------------------------------
@@ -199,7 +186,7 @@ def test_a_path_is_counted_in_the_group_that_it_is_added_to(samples):
     if not COMPILED and samples > 70:
         pytest.skip("too many steps without the compiler")
     before, after = (
-        state_of(strong.plan(case_of("schemes=[euler_maruyama]", f"samples={n}"), Part("euler_maruyama")))
+        finished(strong.plan(case_of("schemes=[euler_maruyama]", f"samples={n}"), Part("euler_maruyama"))).total()
         for n in (samples, samples + 1)
     )
     changed = np.flatnonzero((before.squares != after.squares).any(axis=1))
@@ -224,11 +211,9 @@ def test_standard_errors_are_those_of_a_root_of_a_mean(samples):
 @pytest.mark.parametrize("scheme", BY_HAND)
 def test_batches_do_not_matter(scheme):
     plan = strong.plan(case_of("samples=330" if COMPILED else "samples=150"), Part(scheme))
-    whole = state_of(plan)
-    for blocks in (1, 2, 5):
-        assert same_numbers(state_of(plan, blocks=blocks), whole)
-    *_, last = plan.batches(plan.start())
-    assert same_numbers(last, whole)
+    whole = finished(plan, plan.blocks)
+    for blocks in (1, 2, 5, None):
+        assert same_numbers(finished(plan, blocks), whole)
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
@@ -240,37 +225,33 @@ def test_threads_do_not_matter(scheme):
     try:
         for threads in (1, 2):
             ensemble.use_threads(threads)
-            *_, state = plan.batches(plan.start())
-            states.append(state)
+            states.append(finished(plan))
     finally:
         ensemble.use_threads(before)
     assert same_numbers(*states)
 
 
-@pytest.mark.parametrize("middle", [1, 3])
-def test_going_on_from_the_middle_gives_the_same_bits(middle):
+def test_going_on_from_every_state_gives_the_same_bits():
     plan = strong.plan(case_of("samples=330" if COMPILED else "samples=200"), Part("splitting"))
-    begun = strong.advance_state(plan, plan.start(), middle)
-    kept = begun._replace(**{name: np.copy(v) for name, v in begun._asdict().items() if isinstance(v, np.ndarray)})
-    *_, resumed = plan.batches(begun)
-    assert same_numbers(resumed, state_of(plan))
-    assert same_numbers(begun, kept)  # a state that was handed out does not change any more
+    found = check_going_on(plan)
+    # before the first block, after each, and after each time of a step
+    assert len(found) == 1 + plan.blocks + len(plan.case.steps)
 
 
 def test_the_first_samples_of_many_are_the_samples_of_few():
     many, few = (strong.plan(case_of(f"samples={n}"), Part("splitting")) for n in (256, 128))
-    state = strong.advance_state(many, many.start(), 2)
-    assert same_numbers(state, state_of(few))
-    for a, b in zip(errors(many, state), errors(few, state_of(few)), strict=True):
+    first, all_of_few = begun(many, 2).so_far(), finished(few).total()
+    assert same_numbers(first, all_of_few)
+    for a, b in zip(errors(many, first), errors(few, all_of_few), strict=True):
         assert np.array_equal(a, b)
 
 
 def test_seeds_matter_and_orders_of_schemes_do_not():
     case = case_of("schemes=[euler_maruyama, splitting]")
     turned_round = case_of("schemes=[splitting, euler_maruyama]")
-    first = state_of(strong.plan(case, Part("splitting")))
-    assert same_numbers(first, state_of(strong.plan(turned_round, Part("splitting"))))
-    assert not same_numbers(first, state_of(strong.plan(case.model_copy(update={"seed": 2}), Part("splitting"))))
+    first = finished(strong.plan(case, Part("splitting")))
+    assert same_numbers(first, finished(strong.plan(turned_round, Part("splitting"))))
+    assert not same_numbers(first, finished(strong.plan(case.model_copy(update={"seed": 2}), Part("splitting"))))
 
 
 def test_steps_of_the_same_grid_do_not_influence_one_another():
@@ -411,20 +392,20 @@ def test_an_implicit_scheme_reports_on_its_solver():
 def test_progress_and_cost():
     case = case_of("samples=150")
     plan = strong.plan(case, Part("splitting"))
-    state = state_of(plan)
+    state = finished(plan)
     found, attributes = study(case, "splitting")
     done, total, stderr = plan.progress(state)
     assert (done, total) == (150, 150)
     assert math.isclose(stderr, found["error_final_stderr"][0], rel_tol=1e-12)
-    begun = plan.progress(strong.advance_state(plan, plan.start(), 2))
-    assert begun[:2] == (128, 150) and begun[2] > 0
-    unbegun = plan.progress(plan.start())
+    middle = plan.progress(begun(plan, 2))
+    assert middle[:2] == (128, 150) and middle[2] > 0
+    unbegun = plan.progress(State(plan))
     assert unbegun[:2] == (0, 150) and math.isnan(unbegun[2])
     steps, seconds, needed = plan.cost()
     per_path = round(case.final_time / case.reference_step) + sum(round(case.final_time / h) for h in case.steps)
     assert steps == 150 * per_path
     assert 1e-9 < seconds / steps < 1e-7
-    assert needed >= state.squares.nbytes
+    assert needed >= state.total().squares.nbytes
     assert strong.parts(case) == [Part(scheme) for scheme in case.schemes]
     assert np.allclose(found["seconds"], found["ns_per_step"] * 1e-9 * 150 * case.final_time / np.array(case.steps))
     assert (found["ns_per_step"] > 0).all()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from helpers import COMPILED, LANES, random_states, take_step, take_steps
 from scipy.linalg import expm
+from states import finished
 
 from spi import fields
 from spi.angles import ANY_ANGLES
@@ -642,8 +643,7 @@ def strong_case(name, sigma, scheme, final_time):
 def test_strong_orders(name, sigma, scheme, final_time, order):
     case = strong_case(name, sigma, scheme, final_time)
     plan = strong.plan(case, Part(scheme))
-    *_, state = plan.batches(plan.start())
-    group = plan.group(state)
+    group = plan.group(finished(plan))
     low, high = group.attributes["order_ci"]
     assert low <= order <= high
     other = 1.5 - order  # negative control: 1/2 and 1 are told apart
@@ -658,8 +658,7 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
     """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
-    *_, state = plan.batches(plan.start())
-    group = plan.group(state)
+    group = plan.group(finished(plan))
     assert group.variables["nonfinite"][1].any() and "finite" in group.attributes["note"]
 
 

@@ -5,9 +5,11 @@ import json
 import numpy as np
 import pytest
 from helpers import INITIAL, LANES, RIGID_BODY, printed, simulate
+from states import check_going_on, finished
 from trajectory_results import trajectories, trajectory_group
 
 from spi import views
+from spi.kinds.state import State
 from spi.kinds.trajectory import study
 from spi.printing import as_json
 from spi.protocol import casimirs, hamiltonian
@@ -33,11 +35,11 @@ def test_a_path_is_that_of_the_ensemble_with_its_invariants(spec):
     (case,) = spec(SPEC).cases
     (part,) = study.parts(case)
     plan = study.plan(case, part)
-    start = plan.start()
-    (state,) = plan.batches(start)
-    assert list(plan.batches(state)) == []  # there is nothing left to do
+    start, state = State(plan), finished(plan)
+    assert len(start.missing()) == 1 and state.missing() == []  # there is nothing left to do
+    assert len(check_going_on(plan)) == 2
     assert [plan.progress(one)[:2] for one in (start, state)] == [(0, 1), (1, 1)]
-    assert plan.cost().path_steps == 16 * LANES and plan.cost().bytes >= state.y.nbytes
+    assert plan.cost().path_steps == 16 * LANES and plan.cost().bytes >= state.total().y.nbytes
     reading = views.readings(trajectories(plan.group(state)))[0]
     found, _ = simulate(SCHEMES["splitting"].record, h=1 / 8, steps=16, snapshots=0, blocks=2, seed=3)
     np.testing.assert_array_equal(reading.y[1:], found[0][:, :, 70])

@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import BY_HAND, COMPILED, LANES, final_states
+from states import batches_of, begun, check_going_on, finished, ignore, resumed, same_numbers, snapshots, taken
 
-from spi import ensemble, storage
+from spi import engine, ensemble, storage
 from spi import run as runner
 from spi.ensemble import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.estimators import GROUPS, group_counts, is_resolved
+from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study import estimates, multilevel, plain
+from spi.kinds.weak.study import estimates, multilevel
 from spi.kinds.weak.study.sums import ROUND
 from spi.kolmogorov import expectations
 from spi.records import Part
@@ -51,8 +53,7 @@ def plan_of(case, scheme, estimator):
 def results_of(case, scheme, estimator):
     """(variables by name, attributes) of a whole study."""
     p = plan_of(case, scheme, estimator)
-    *_, state = p.batches(p.start())
-    group = p.group(state)
+    group = p.group(finished(p))
     assert (group.estimator, group.variant) == (estimator, scheme)
     assert list(group.coordinates["h"]) == list(case.steps)
     return group.arrays, group.attributes
@@ -127,36 +128,15 @@ def test_plain_is_what_plain_numpy_finds(scheme, samples):
     assert attributes["expected_order"] == SCHEMES[scheme].weak_order
 
 
-def same_numbers(a, b, names):
-    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
-
-
-PLAIN_NUMBERS = ("blocks", "values", "differences", "nonfinite", "report", "prefix_differences")
-
-
-def state_of(p, blocks=None, state=None):
-    """The state of plain after all blocks, in calls of so many."""
-    state = p.start() if state is None else state
-    while state.blocks < p.blocks:
-        state = plain.advance_state(p, state, min(blocks or p.blocks, p.blocks - state.blocks))
-    return state
-
-
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
 def test_plain_does_not_depend_on_batches_or_interruptions(scheme):
     """Prefixes within, at the beginning and at the end of blocks and of calls."""
     samples, prefixes = (600, "[1, 64, 100, 128, 300, 600]") if COMPILED else (130, "[1, 64, 100, 128]")
     p = plan_of(case_of(f"samples={samples}", f"prefixes={prefixes}"), scheme, "plain")
-    whole = state_of(p)
-    for blocks in (1, 2, 4):
-        assert same_numbers(state_of(p, blocks), whole, PLAIN_NUMBERS)
-    *_, last = p.batches(p.start())
-    assert same_numbers(last, whole, PLAIN_NUMBERS)
-    begun = plain.advance_state(p, p.start(), 1)
-    kept = begun._replace(**{k: np.copy(v) for k, v in begun._asdict().items() if isinstance(v, np.ndarray)})
-    *_, resumed = p.batches(begun)
-    assert same_numbers(resumed, whole, PLAIN_NUMBERS)
-    assert same_numbers(begun, kept, PLAIN_NUMBERS)  # a state that was handed out does not change any more
+    whole = finished(p, p.blocks)
+    for blocks in (1, 2, 4, None):
+        assert same_numbers(finished(p, blocks), whole)
+    assert len(check_going_on(p)) == 1 + p.blocks
 
 
 def test_results_for_the_first_samples_are_those_of_a_shorter_run():
@@ -191,12 +171,18 @@ def test_common_paths_resolve_errors_that_independent_paths_do_not():
 
 
 def after_blocks(p, blocks, calls=1):
-    """The state of multilevel after so many blocks of each level, in so many calls."""
-    state = p.start()
-    for j, n in enumerate(np.broadcast_to(blocks, len(p.levels))):
-        for part in np.array_split(np.arange(n), calls):
-            state = multilevel.advance_state(p, state, j, len(part))
+    """The state of multilevel after so many blocks of each level, at least in so many calls for each."""
+    state = State(p)
+    state.more = state.more._replace(targets=np.broadcast_to(blocks, len(p.levels)))
+    with batches_of(-(-np.max(blocks) // calls)):
+        engine.advance_stage_here([state], ignore, engine.everything)
+    assert not state.missing()
     return state
+
+
+def levels_after(p, blocks):
+    """The sums over the levels then."""
+    return multilevel.snapshot(p, after_blocks(p, blocks))
 
 
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
@@ -286,7 +272,7 @@ def test_standard_errors_of_multilevel_leave_out_groups():
     case = case_of("seed=5", *([] if COMPILED else ["steps=[2^-1, 2^-2]", "reference_step=2^-3"]))
     p = plan_of(case, "splitting", "multilevel")
     blocks = [ROUND] * len(p.levels)
-    error, without, counts = estimates.errors(p, after_blocks(p, blocks))
+    error, without, counts = estimates.errors(p, levels_after(p, blocks))
     found = p.group(after_blocks(p, blocks)).arrays["error_stderr"]
     assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
     levels, *_ = levels_by_hand(case, "splitting", blocks)
@@ -298,10 +284,6 @@ def test_standard_errors_of_multilevel_leave_out_groups():
             assert math.isclose(found[f, i], stderr_by_hand(sums), rel_tol=1e-8)
 
 
-MULTILEVEL_NUMBERS = ("allocations", "blocks", "targets", "sums", "nonfinite", "reports")
-MULTILEVEL_NUMBERS += ("history_error", "history_error_stderr")
-
-
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
 def test_multilevel_does_not_depend_on_batches(scheme):
     case = case_of(*([] if COMPILED else ["steps=[2^-1]", "reference_step=2^-2"]))
@@ -309,29 +291,25 @@ def test_multilevel_does_not_depend_on_batches(scheme):
     blocks = 12 if COMPILED else 3
     whole = after_blocks(p, blocks)
     for calls in (2, 3, blocks):
-        assert same_numbers(after_blocks(p, blocks, calls), whole, MULTILEVEL_NUMBERS)
-    assert len(np.unique(np.round(whole.sums[:, 0, 0, 0], 12))) > len(p.levels)  # random numbers of their own
-
-
-def finish(p, state):
-    *_, state = p.batches(state)
-    return state
+        assert same_numbers(after_blocks(p, blocks, calls), whole)
+    sums = multilevel.snapshot(p, whole).sums
+    assert len(np.unique(np.round(sums[:, 0, 0, 0], 12))) > len(p.levels)  # random numbers of their own
 
 
 @compiled_only
-def test_multilevel_goes_on_from_every_state(monkeypatch):
+def test_multilevel_goes_on_from_every_state():
     """Also from one just after an allocation, or before."""
-    monkeypatch.setattr(ensemble, "BATCH_SECONDS", 0.0)
     p = plan_of(case_of("seconds=0.01"), "splitting_order2", "multilevel")
-    states = list(p.batches(p.start()))
-    *_, whole = states
-    assert whole.allocations == len(multilevel.SHARES)
-    assert np.all(whole.blocks == whole.targets)
-    assert len({tuple(s.targets) for s in states}) >= 3
-    for state in states[:: max(1, len(states) // 12)] + [s for s in states if (s.blocks == s.targets).all()]:
-        assert same_numbers(finish(p, state), whole, MULTILEVEL_NUMBERS)
-    monkeypatch.undo()
-    assert same_numbers(finish(p, p.start()), whole, MULTILEVEL_NUMBERS)
+    whole, found = finished(p, 2), snapshots(p, 2)
+    assert whole.more.allocations == len(multilevel.SHARES)
+    assert np.all(multilevel.snapshot(p, whole).blocks == whole.more.targets)
+    assert len({tuple(plain["more"]["targets"]) for plain in found}) >= 3
+    fulfilled = [plain for plain in found if not taken(p, plain).missing()]
+    assert len(fulfilled) >= len(multilevel.SHARES)
+    for plain in found[:: max(1, len(found) // 12)] + fulfilled:
+        assert same_numbers(resumed(p, plain, 2), whole)
+    assert not same_numbers(found[-2], whole)
+    assert same_numbers(finished(p), whole)
 
 
 @compiled_only
@@ -341,7 +319,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
     """N_l proportional to (V_l / C_l)^(1/2), within the budget or until the standard error is what was asked for."""
     case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "seconds=null", wish)
     p = plan_of(case, scheme, "multilevel")
-    pilot = after_blocks(p, 2 * ROUND)
+    pilot = levels_after(p, 2 * ROUND)
     variance = estimates.moments(p, pilot).variance.max(axis=1)[:-1]
     cost = np.array([level.steps for level in p.levels])[:-1]
     for share in (0.5, 1.0):
@@ -358,12 +336,12 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
         else:
             hoped = math.sqrt((variance / (blocks[:-1] * LANES)).sum())
             assert 0.8 * 0.0005 < hoped * math.sqrt(share) <= 0.0005 * 1.001
-    state = finish(p, p.start())
-    assert np.all(state.blocks >= 2 * ROUND)
+    levels = multilevel.snapshot(p, finished(p))
+    assert np.all(levels.blocks >= 2 * ROUND)
     found, _ = results_of(case, scheme, "multilevel")
     stderr = found["error_stderr"][:, 0].max()
     if "seconds" in wish:
-        spent, pilot_work = state.blocks @ p.seconds_per_block, 2 * ROUND * p.seconds_per_block.sum()
+        spent, pilot_work = levels.blocks @ p.seconds_per_block, 2 * ROUND * p.seconds_per_block.sum()
         assert 0.5 * 0.8 < spent < 0.5 * 1.1 + pilot_work + rounding
     else:
         # the jackknife over 64 groups knows a standard error to 9 %
@@ -653,7 +631,7 @@ class Reports(list):
 @compiled_only
 def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path, monkeypatch):
     reports = Reports()
-    path = runner.run(experiment(), tmp_path / "whole", report=reports)
+    path = runner.run(experiment(), tmp_path / "whole", watch=runner.Watch(reports))
     whole = numbers(path)
     assert list(whole) == PARTS
     for number, part in enumerate(PARTS):
@@ -666,7 +644,7 @@ def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path
     for stop in [(0, 2), (0, 3), (1, 2), (1, 9), (1, 20), (2, 1), (3, 15)]:
         reports = Reports(*stop)
         with pytest.raises(runner.Stopped):
-            runner.run(experiment(), tmp_path / "often", report=reports)
+            runner.run(experiment(), tmp_path / "often", watch=runner.Watch(reports))
         for number in range(stop[0] + 1):
             own = reports.of(number)
             assert own[0].done == reached.get(number, 0)  # nothing is lost and nothing done again
@@ -686,9 +664,9 @@ def test_cost_is_known_before_and_progress_on_the_way():
     steps, seconds, _ = plan_of(case_of("seconds=3"), "splitting_order2", "multilevel").cost()
     assert 3 <= seconds < 3.1 and 1e-9 < seconds / steps < 1e-7
     p = plan_of(case, "splitting", "plain")
-    assert p.progress(p.start())[:2] == (0, 150)
-    assert p.progress(plain.advance_state(p, p.start(), 2))[:2] == (128, 150)
-    done = state_of(p)
+    assert p.progress(State(p))[:2] == (0, 150)
+    assert p.progress(begun(p, 2))[:2] == (128, 150)
+    done = finished(p)
     assert p.progress(done)[:2] == (150, 150)
     stderr = p.group(done).variables["error_stderr"][1][0, 0]
     assert math.isclose(p.progress(done)[2], stderr, rel_tol=1e-12)

@@ -3,17 +3,21 @@
 Times themselves are not tested: a clock is put in that goes by steps, not by seconds.
 """
 
+import copy
+import functools
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers import COMPILED, LANES
+from states import check_going_on, finished, same_numbers, taken
 
 from spi import run as runner
 from spi import storage
 from spi.ensemble import thread_count
 from spi.kinds import KINDS
+from spi.kinds.state import State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study import paths as strong_paths
 from spi.kinds.work_precision import study as work_precision
@@ -60,8 +64,7 @@ def group_of(experiment, scheme):
     """What the study of this kind finds for a scheme, by the first part that is its."""
     study, (case,) = KINDS[experiment.kind].study, experiment.cases
     plan = study.plan(case, next(part for part in study.parts(case) if part.scheme == scheme))
-    *_, state = plan.batches(plan.start())
-    return plan.group(state)
+    return plan.group(finished(plan))
 
 
 def same(a, b):
@@ -182,8 +185,8 @@ class Clock:
 def times_of(case, part):
     """What a plan measures, (repeats, step sizes), without the errors."""
     plan = work_precision.plan(case, part)
-    *_, state = work_precision._timings(plan, plan.start())
-    return state.times
+    *_, more = plan.finish(State(plan))
+    return more.times
 
 
 CASES = [STRONG, WEAK.format(estimators="multilevel")]
@@ -213,8 +216,7 @@ def test_quartiles_are_those_of_the_repetitions(spec, monkeypatch):
     if not COMPILED:
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
     plan = work_precision.plan(case, Part("splitting"))
-    *_, state = plan.batches(plan.start())
-    found = plan.group(state).variables
+    found = plan.group(finished(plan)).variables
     for name, rate in (("_low", 2.0), ("", 3.0), ("_high", 4.0)):
         assert found[f"seconds_per_path{name}"] == (("h",), [2.0**-20 * rate * 4])
     assert found["ns_per_step"][1] == pytest.approx([1e9 * 2.0**-20 * 3.0], rel=1e-15)
@@ -287,34 +289,41 @@ def test_a_stopped_measurement_goes_on_with_the_repeats_that_are_left(one_step, 
             raise KeyboardInterrupt
 
     with pytest.raises(runner.Stopped):
-        runner.run(one_step, tmp_path, report=stop_after_the_first_repeat)
-    monkeypatch.setattr(strong, "advance_state", lambda *_: pytest.fail("the errors are known"))
+        runner.run(one_step, tmp_path, watch=runner.Watch(stop_after_the_first_repeat))
+    monkeypatch.setattr(strong.StrongPlan, "rows", lambda *_: pytest.fail("the errors are known"))
     (found,) = storage.read(runner.run(one_step, tmp_path)).groups
     assert len(clock.calls) == 5
     quartiles = [found.arrays[f"seconds_per_path{end}"].tolist() for end in ("_low", "", "_high")]
     assert quartiles == [[2.0**-20 * rate * 4] for rate in (3.0, 4.0, 5.0)]
 
 
-def test_a_state_with_a_state_in_it_is_kept_whole(one_step, monkeypatch):
+def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, tmp_path):
+    """What the plan of the errors knows besides its paths stands within what the plan itself knows."""
     Clock(monkeypatch)
     (plan,) = runner.plans(one_step)
-    *_, last = plan.batches(plan.start())
-    kept = runner._flat(last, "main/splitting")
-    resumed = runner._resumed(plan.start(), "main/splitting", kept)
-    assert type(resumed) is type(last) and type(resumed.errors) is type(last.errors)
-    assert kept.keys() == runner._flat(resumed, "main/splitting").keys()
-    assert all(same(value, kept[key]) for key, value in runner._flat(resumed, "main/splitting").items())
-    for missing in ("times", "errors/squares"):
-        rest = {key: value for key, value in kept.items() if key != f"main/splitting/{missing}"}
-        begun = runner._resumed(plan.start(), "main/splitting", rest)
-        assert begun.errors.blocks == 0 and np.isnan(begun.times).all()
+    last = finished(plan)
+    storage.write_sums(tmp_path / "sums.npz", {}, {"main/splitting": last.plain()})
+    _, kept = storage.read_sums(tmp_path / "sums.npz")
+    again = taken(plan, kept["main/splitting"])
+    assert type(again.more) is type(last.more) and type(again.more.of_errors) is type(last.more.of_errors)
+    assert type(again.total()) is type(last.total())
+    assert same_numbers(again, last) and np.array_equal(again.more.times, last.more.times)
+    assert again.seconds == last.seconds
+    for record in (("more", "times"), ("more", "of_errors", "ns_per_step"), ("streams", 0, "short", 0, 1, "squares")):
+        rest = copy.deepcopy(kept["main/splitting"])
+        within = functools.reduce(lambda inner, key: inner[key], record[:-1], rest)
+        del within[record[-1]]
+        begun = State(plan)
+        with pytest.raises(ValueError, match=f"in place of .*{record[-1]}"):
+            begun.take(rest)
+        assert begun.so_far().paths == 0 and (record[0] == "streams" or np.isnan(begun.more.times).all())
 
 
 def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):
     Clock(monkeypatch)
     (plan,) = runner.plans(one_step)
-    states = [plan.start(), *plan.batches(plan.start())]
-    *errors, first, second, third = map(plan.progress, states)
+    found = check_going_on(plan)
+    *errors, first, second, third = (plan.progress(taken(plan, plain)) for plain in found)
     assert (errors[0].done, errors[-1].done) == (0, 70) and all(progress.total == 70 for progress in errors)
     for repeats, progress in enumerate((first, second, third), 1):
         assert progress.done / progress.total == pytest.approx(repeats / 3)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .files import StorageError, aside
+from .files import aside
 
 VERSION = 1
 
@@ -80,7 +80,7 @@ def _opened(path: Path) -> Any:
 def _about(file: Any) -> dict[str, Any]:
     about = json.loads(file["about"].tobytes())
     if about["version"] != VERSION:
-        raise StorageError(f"written in version {about['version']}")
+        raise ValueError(f"written in version {about['version']}")
     return about
 
 

@@ -1,0 +1,135 @@
+"""States of plans, taken to their end or part of the way in this process."""
+
+import copy
+from contextlib import ExitStack, contextmanager, nullcontext
+from unittest.mock import patch
+
+import numpy as np
+
+from spi import engine
+from spi.kinds import blocks
+from spi.kinds.long_time import study as long_time
+from spi.kinds.state import State
+from spi.kinds.weak.study import multilevel
+
+#: Fields that a clock decides: those with such ends, and those with such names.
+CLOCKS, CLOCKED = ("seconds",), ("ns_per_step", "times")
+
+
+def ignore(number):
+    """Told how far a part is."""
+
+
+@contextmanager
+def batches_of(most):
+    """Within it batches have so many blocks each, and those of long times one stretch from snapshot to snapshot."""
+
+    def in_batches(state, advance, left, memory):
+        while left(state) > 0:
+            state = advance(state, min(most, left(state)))
+            yield state
+
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(blocks, "in_batches", in_batches))
+        stack.enter_context(patch.object(long_time, "BATCH_SECONDS", 0.0))
+        yield
+
+
+@contextmanager
+def chunks_of(count):
+    """Within it whole chunks have so many blocks each, whatever the speed; those of multilevel at least ROUND."""
+    with ExitStack() as stack:
+        for module in (blocks, multilevel):
+            stack.enter_context(patch.object(module, "chunk_blocks", lambda seconds: count))
+        stack.enter_context(patch.object(long_time, "_CHUNK_BLOCKS", count))
+        yield
+
+
+def finished(plan, most=None, state=None, tick=ignore):
+    """The state of a plan at its end; `most` is the number of blocks of a batch, if it is not to be as time allows."""
+    state = State(plan) if state is None else state
+    with nullcontext() if most is None else batches_of(most):
+        engine.advance_here([state], tick)
+        engine.finish([state], tick)
+    return state
+
+
+def begun(plan, blocks, number=0):
+    """The state after so many blocks of one stream, in one batch."""
+    state = State(plan)
+    with batches_of(blocks):
+        for chunk, sums in next(plan.advance(state.streams[number].chunks(number), None)):
+            state.put(chunk, sums)
+    return state
+
+
+def taken(plan, plain):
+    """The state that knows what another one told."""
+    state = State(plan)
+    state.take(plain)
+    return state
+
+
+def resumed(plan, plain, most=None):
+    """The state at the end, from one that is `plain` on."""
+    return finished(plan, most, taken(plan, plain))
+
+
+def snapshots(plan, most=1):
+    """What the state tells at the beginning and after every batch; none of it changes any more."""
+    state, found, copies = State(plan), [], []
+
+    def tick(number):
+        found.append(state.plain())
+        copies.append(copy.deepcopy(found[-1]))
+
+    finished(plan, most, state, tick)
+    assert all(same_numbers(*one) for one in zip(found, copies, strict=True))
+    return found
+
+
+def check_going_on(plan, most=1, every=1):
+    """From each snapshot, or from every so manyth and the last, the same bits follow; returns all snapshots."""
+    whole, found = finished(plan), snapshots(plan, most)
+    for plain in [*found[::every], found[-1]]:
+        kept = copy.deepcopy(plain)
+        assert same_numbers(resumed(plan, plain), whole)
+        assert same_numbers(plain, kept)
+    assert not same_numbers(found[0], whole)
+    return found
+
+
+def numbers(known):
+    """All numbers but times of a state, of one that is plain, or of sums, by name."""
+    if isinstance(known, State):
+        known = known.plain()
+    if hasattr(known, "_asdict"):
+        known = known._asdict()
+    if isinstance(known, dict) and set(known) == {"more", "streams"}:
+        streams = {f"stream {one['number']}": one for one in known["streams"]}
+        known = {"more": known["more"]} | {name: _of_a_stream(one) for name, one in streams.items()}
+    if not isinstance(known, dict):
+        return {"": np.asarray(known)}
+    return {
+        f"{name}/{inner}": values
+        for name, one in known.items()
+        if not name.endswith(CLOCKS) and name not in CLOCKED
+        for inner, values in numbers(one).items()
+    }
+
+
+def _of_a_stream(told):
+    """What is known of a stream, by the place of its nodes, which may stand in any order."""
+    nodes = {f"node {height} {number}": sums for height, number, sums in told["nodes"]}
+    short = {f"short {index}": sums for index, sums in told["short"]}
+    return nodes | short | {f"digest {index}": text for index, text in told["digests"]}
+
+
+def same_numbers(a, b):
+    """Whether all numbers but times are the same to the last bit, and in arrays of the same shape."""
+    a, b = numbers(a), numbers(b)
+    return a.keys() == b.keys() and all(_same_bits(values, b[name]) for name, values in a.items())
+
+
+def _same_bits(a, b):
+    return (a.dtype, a.shape) == (b.dtype, b.shape) and a.tobytes() == b.tobytes()
