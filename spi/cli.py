@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .run import Progress
     from .spec import Experiment
 
-DONE, FAILED, INVALID, STOPPED = 0, 1, 2, 3
+DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
 
 app = typer.Typer(
     help="A laboratory for stochastic Poisson integrators.",
@@ -65,11 +65,12 @@ def run(
     out: Out = Path("results"),
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")] = False,
 ) -> None:
-    """Run experiments: write <out>/<name>.h5 and print a table."""
+    """Run experiments: write <out>/<name>.h5 and print a table; exit code 4 if a claim of the spec is broken."""
     experiments = _load(specs, profile, overrides, samples, seed)
-    from . import CACHE_PROBLEM, storage, views
+    from . import CACHE_PROBLEM, claims, storage, views
     from . import run as runner
     from .ensemble import use_threads
+    from .printing.claims import remarks
 
     if threads is not None:
         try:
@@ -78,12 +79,19 @@ def run(
             _end(INVALID, f"--threads: {error}")
     if CACHE_PROBLEM:
         typer.echo(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run", err=True)
-    stop = _Stop()
+    stop, broken = _Stop(), False
     for experiment in experiments:
         with _ProgressLine(experiment.name, stop) as line:
             path = runner.run(experiment, out, fresh, line.report, line.report_compiling)
-        views.print_tables(storage.read(path))
+        results = views.expecting(storage.read(path), experiment.expect)
+        views.print_tables(results)
         typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
+        judged = views.verdicts(results)
+        for line in remarks(experiment.name, judged):
+            typer.echo(line, err=True)
+        broken |= any(one.verdict == claims.BROKEN for one in judged)
+    if broken:
+        raise typer.Exit(BROKEN)
 
 
 @app.command()

@@ -183,6 +183,7 @@ def _attributes(experiment: spec.Experiment) -> dict[str, Any]:
         "figure": experiment.figure,
         "spec": experiment.text,
         "spec_hash": experiment.hash,
+        "expect": experiment.expect,
         "profile": experiment.profile,
         "seed": experiment.cases[0].seed,
         "stream_version": STREAM_VERSION,
