@@ -51,9 +51,9 @@ class Claim(NamedTuple):
     sense: str  #: EQUAL, AT_MOST or AT_LEAST
     number: float
     tolerance: float  #: to both sides of the number; 0 but for EQUAL
-    stated: str  #: the number, its tolerance and the largest step size as they stand in the spec
+    stated: str  #: the number, its tolerance and the limits as they stand in the spec
     scopes: tuple[str, ...] = ()  #: the estimator and the test function for which it is claimed; () for all
-    up_to: float | None = None  #: the largest step size for which it is claimed; None for all
+    limits: tuple[tuple[str, float], ...] = ()  #: up to which h, eps or swept value it is claimed; () for all
 
     @property
     def text(self) -> str:
@@ -72,8 +72,8 @@ class Claim(NamedTuple):
         """Whether it speaks of this quantity."""
         about = one.about
         same = (about.case, about.scheme, one.name) == (self.case, self.scheme, self.quantity)
-        small = self.up_to is None or (one.h is not None and one.h <= self.up_to * (1 + _ROUNDING))
-        return same and small and {about.estimator, one.function}.issuperset(self.scopes)
+        small = (one.places.get(name, math.inf) <= limit + _ROUNDING * abs(limit) for name, limit in self.limits)
+        return same and all(small) and {about.estimator, one.function}.issuperset(self.scopes)
 
 
 class Quantity(NamedTuple):
@@ -86,7 +86,14 @@ class Quantity(NamedTuple):
     high: float
     function: str = ""  #: the test function it belongs to
     h: float | None = None  #: the step size it belongs to
+    swept: tuple[str, float] | None = None  #: the swept word and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
+
+    @property
+    def places(self) -> dict[str, float]:
+        """The step size, eps and the swept value that it belongs to, by name, those that there are."""
+        known = {"h": self.h, "eps": self.about.eps, **dict([self.swept] if self.swept else [])}
+        return {name: value for name, value in known.items() if value is not None}
 
     @property
     def subject(self) -> str:
@@ -205,6 +212,7 @@ def of_text(text: str | None) -> list[Claim]:
     """The claims in such a text; ValueError if it is none."""
     try:
         plain = json.loads(text) if text is not None else []
-        return [Claim(**{**one, "scopes": tuple(one["scopes"])}) for one in plain]
+        lists = [{"scopes": tuple(one["scopes"]), "limits": tuple(map(tuple, one["limits"]))} for one in plain]
+        return [Claim(**(one | tuples)) for one, tuples in zip(plain, lists, strict=True)]
     except (TypeError, KeyError, ValueError) as error:
         raise ValueError(f"no list of claims ({error})") from None

@@ -87,8 +87,8 @@ def run(
         views.print_tables(results)
         typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
         judged = views.verdicts(results)
-        for line in remarks(experiment.name, judged):
-            typer.echo(line, err=True)
+        for remark in remarks(experiment.name, judged):
+            typer.echo(remark, err=True)
         broken |= any(one.verdict == claims.BROKEN for one in judged)
     if broken:
         raise typer.Exit(BROKEN)

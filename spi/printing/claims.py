@@ -19,13 +19,20 @@ def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
 
     if not verdicts:
         return
-    table = new_table("claims", ["scheme", "claim", "came out (95 %)", "at h", ""], left=5)
+    table = new_table("claims", ["scheme", "claim", "came out (95 %)", "at", ""], left=5)
     for one in verdicts:
-        h = one.found.h if one.found else None
-        cells = [one.subject, one.claim.text, came_out(one), "" if h is None else power_of_two(h)]
+        cells = [one.subject, one.claim.text, came_out(one), _at(one)]
         table.add_row(*map(Text, cells), Text(one.verdict, style=_STYLES.get(one.verdict, "yellow")))
     print_whole(console, table)
     console.print()
+
+
+def _at(one: Verdict) -> str:
+    """The step size and the swept value of what came out."""
+    found = one.found
+    h = f"h = {power_of_two(found.h)}" if found and found.h is not None else ""
+    swept = "{} = {:g}".format(*found.swept) if found and found.swept else ""
+    return ", ".join(filter(None, (h, swept)))
 
 
 def came_out(one: Verdict) -> str:

@@ -63,6 +63,11 @@ class BaseCase(Keys):
         return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
 
     @property
+    def limiting(self) -> tuple[str, ...]:
+        """What a claim may be limited by: the step size, and eps where there is one."""
+        return ("h", *["eps"] * (self.eps is not None))
+
+    @property
     def claims(self) -> tuple[Claim, ...]:
         """What must come out."""
         return tuple(claims(self))

@@ -5,8 +5,9 @@
       euler_maruyama: {order: 1/2 +- 0.05, casimir_drift: at least 0.1}
 
 Under a scheme stand quantities, and mappings of quantities that hold for one estimator or test function, by its name,
-or for step sizes ``up to`` one.  Layers override it claim by claim: a claim that is empty (``order: null``) is dropped,
-and a layer that names fewer schemes, estimators or test functions drops the claims about the others.
+or up to a step size (``up to 2^-3``), an eps (``eps up to 0.01``) or a value of the swept word.  Layers override it
+claim by claim: a claim that is empty (``order: null``) is dropped, and a layer that names fewer schemes, estimators or
+test functions drops the claims about the others.
 """
 
 import math
@@ -18,13 +19,13 @@ from pydantic import BeforeValidator
 
 from ..arithmetic import NumberError, parse
 from ..claims import EQUAL, Claim
-from .keys import quantity, shown, suggestion, wrong
+from .keys import shown, suggestion, wrong
 
 #: The keys of a spec whose entries claims may be about.
 NAMING = ("schemes", "estimators", "functions")
 
 _LEAF = re.compile(r"(at most|at least)?\s*(.*?)\s*(?:(?:\+-|±)\s*(.*))?")
-_UP_TO = re.compile(r"up to (.*)")
+_UP_TO = re.compile(r"(?:(\w+) )?up to (.*)")
 _RIGHT = "must be a number such as 1/2, a number with a tolerance such as 1/2 +- 0.05, at most 1e-12 or at least 1"
 
 
@@ -94,8 +95,8 @@ class _Place(NamedTuple):
 
     path: tuple[str, ...]
     scopes: tuple[str, ...] = ()
-    up_to: float | None = None
-    up_to_text: str = ""
+    limits: tuple[tuple[str, float], ...] = ()
+    text: str = ""  #: of the limits
 
 
 def claims(case: Any) -> Iterator[Claim]:
@@ -127,7 +128,10 @@ def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) ->
             raise wrong(f"is {shown(value.text)}", "must be a mapping of quantities", *path)
         inside = place._replace(path=path, scopes=(*place.scopes, *[key] * (limit is None)))
         if limit:
-            inside = inside._replace(up_to=_step(limit[1], path), up_to_text=f" up to h = {limit[1]}")
+            name, largest = _limit(case, limit, path)
+            inside = inside._replace(
+                limits=(*inside.limits, (name, largest)), text=f"{inside.text} up to {name} = {limit[2]}"
+            )
         yield from _claims(case, scheme, value, inside)
 
 
@@ -135,20 +139,21 @@ def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Clai
     sort = case.quantities[name]
     if isinstance(value, dict):
         raise wrong(f"is {shown(value)}", _RIGHT, *place.path)
-    if place.up_to is not None and not sort.per_step:
+    if "h" in dict(place.limits) and not sort.per_step:
         raise wrong("is not known for each step size", "state it outside of 'up to'", *place.path)
     sense = value.sense or sort.sense
     if value.tolerance and sense != EQUAL:
         raise wrong(f"is {shown(value.text)}", f"has no tolerance, because it is judged as {sense}", *place.path)
-    text = value.text + place.up_to_text
-    return Claim(case.name, scheme, name, sense, value.number, value.tolerance, text, place.scopes, place.up_to)
+    text = value.text + place.text
+    return Claim(case.name, scheme, name, sense, value.number, value.tolerance, text, place.scopes, place.limits)
 
 
-def _step(text: str, path: tuple[str, ...]) -> float:
+def _limit(case: Any, limit: re.Match[str], path: tuple[str, ...]) -> tuple[str, float]:
+    """What must not exceed which number."""
+    name = limit[1] or "h"
+    if name not in case.limiting:
+        raise wrong(f"has no limit {shown(name)}", suggestion(name, case.limiting), *path)
     try:
-        step = _number(text)
+        return name, _number(limit[2])
     except NumberError as error:
-        raise wrong(
-            f"has no step size ({error})", f"write up to and a number, as in up to {quantity(2**-3)}", *path
-        ) from None
-    return step
+        raise wrong(f"has no number ({error})", "must be like up to 2^-3 or eps up to 0.01", *path) from None

@@ -29,5 +29,6 @@ def quantities(readings: Iterable[Stability]) -> Iterator[Quantity]:
 
 def _each(name: str, one: Stability, values: np.ndarray, stderr: np.ndarray | None = None) -> Iterator[Quantity]:
     """The quantities of `values` (V, S), with their standard errors if they have any."""
-    for i, row in enumerate(values):
-        yield from each_step(name, one.about, one.h, row, None if stderr is None else stderr[i])
+    for i, value in enumerate(one.values.tolist()):
+        for found in each_step(name, one.about, one.h, values[i], None if stderr is None else stderr[i]):
+            yield found._replace(swept=(one.word, value))

@@ -36,6 +36,11 @@ class Case(FunctionsCase):
         ),
     }
 
+    @property
+    def limiting(self) -> tuple[str, ...]:
+        """The step size and the swept word."""
+        return ("h", self.sweep.word if isinstance(self.sweep, Sweep) else next(iter(self.sweep)))
+
     @pydantic.field_validator("sweep")
     @classmethod
     def _check_sweep(cls, sweep: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
