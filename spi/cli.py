@@ -85,10 +85,10 @@ def run(
             path = runner.run(experiment, out, fresh, line.report, line.report_compiling)
         results = views.expecting(storage.read(path), experiment.expect)
         views.print_tables(results)
-        typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
         judged = views.verdicts(results)
         for remark in remarks(experiment.name, judged):
             typer.echo(remark, err=True)
+        typer.echo(f"wrote {path}; `spi plot {path}` draws it", err=True)
         broken |= any(one.verdict == claims.BROKEN for one in judged)
     if broken:
         raise typer.Exit(BROKEN)
