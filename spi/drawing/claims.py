@@ -18,7 +18,7 @@ def write_under(fig: Figure, verdicts: Sequence[Verdict]) -> None:
 
 
 def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
-    """``order 1/2 (splitting, midpoint); order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
+    """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
     counts: dict[str, dict[str, list[bool]]] = {}
     for one in verdicts:
         label = one.found.about.scheme_label if one.found else one.claim.scheme
@@ -31,5 +31,5 @@ def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
             if any(hits)
         ]
         if whose:
-            told.append(f"{claim} ({', '.join(whose)})")
-    return "; ".join(told)
+            told.append(f"{claim} ({'; '.join(whose)})")
+    return ", ".join(told)

@@ -121,6 +121,8 @@ def note_under(fig: Figure, notes: Iterable[tuple[str, str]]) -> None:
         text.set_y(1 - (1 - text.get_position()[1]) * height / taller)
     fig.set_size_inches(width, taller)
     engine.set(rect=(0, room / taller, 1, top / taller))
+    for legend in fig.legends:  # "outside" of all panels, at the lower edge of what they have
+        legend.set_bbox_to_anchor((0, room / taller, 1, 1 - room / taller), fig.transFigure)
     for i, (line, colour) in enumerate(reversed(lines)):
         fig.text(0.2 / width, (0.06 + 0.14 * i) / taller, line, fontsize=7, color=colour, va="bottom")
 
