@@ -7,14 +7,19 @@ import math
 import numpy as np
 import pytest
 from helpers import printed
+from long_time_results import long_time, long_time_group
+from stability_results import predators, stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from view_helpers import inches_of_panels
+from weak_results import at_eps, weak, weak_group
+from work_results import work_results
 
 from spi import claims, run, storage, views
 from spi.claims import AT_LEAST, AT_MOST, BROKEN, EQUAL, KEPT, UNDECIDED, Claim, Quantity, judge
+from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
-from spi.records import Description
+from spi.records import Description, by_case
 from spi.spec import SpecError
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
@@ -237,6 +242,54 @@ def test_a_wrong_claim_is_named_with_its_line(load, tmp_path, base, text, line, 
 def test_claims_stand_in_the_schema(load):
     schema = json.dumps(run.layers().json_schema())
     assert "what must come out" in schema
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What comes out of each kind
+# ---------------------------------------------------------------------------------------------------------------------
+
+PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
+WHOLE = {
+    "strong": strong(strong_group("splitting")),
+    "trajectory": trajectories(PATH),
+    "weak": weak(
+        *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
+        *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
+    ),
+    "work_precision": work_results(),
+    "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
+    "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
+}
+
+
+def quantities_of(kind):
+    """All that came out in results made by hand."""
+    readings = views.readings(WHOLE[kind])
+    return [one for case in by_case(readings) for one in KINDS[kind].claims.quantities(case)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_that_may_be_expected_comes_out(kind):
+    known, found = KINDS[kind].keys.Case.quantities, quantities_of(kind)
+    assert {one.name for one in found} == set(known)
+    for name, sort in known.items():
+        assert {one.h is not None for one in found if one.name == name} == {sort.per_step}, name
+
+
+def test_what_comes_out_is_what_the_results_hold():
+    path = {one.name: one.value for one in quantities_of("trajectory")}
+    assert path == {"casimir_drift": 0.5, "hamiltonian_drift": 8.0, "lowest": -2.0, "nonfinite": 0.0}
+    group = WHOLE["weak"].groups[0]
+    errors = [one for one in quantities_of("weak") if (one.name, one.about.estimator) == ("error", "plain")]
+    second = next(one for one in errors if one.function == "square" and one.h == group.coordinates["h"][1])
+    assert second.value == pytest.approx(abs(group.arrays["error"][1, 1]))
+    assert second.high - second.value == pytest.approx(1.96 * group.arrays["error_stderr"][1, 1])
+    uniform = [one for one in quantities_of("weak") if one.name == "uniform_order"]
+    assert [(one.about.scheme, one.about.eps) for one in uniform] == [("ap_splitting", None)]
+    growth = [one for one in quantities_of("long_time") if one.name == "growth" and one.about.scheme == "splitting"]
+    assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
+    swept = {one.swept for one in quantities_of("stability")}
+    assert {word for word, _ in swept} == {"sigma"} and len(swept) > 1
 
 
 # ---------------------------------------------------------------------------------------------------------------------
