@@ -12,10 +12,10 @@ __version__ = "0.1.0"
 
 #: What :func:`source_digest` leaves out because it reads, keeps or shows: modules, and those of a kind of experiment.
 _NOT_COMPUTING = {
-    *("spec", "storage", "drawing", "printing", "compiling"),
+    *("claims", "spec", "storage", "drawing", "printing", "compiling"),
     *("loading", "workers", "engine", "checkpoint", "verification", "run", "views", "cli"),
 }
-_NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "table", "figure"}
+_NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "claims", "table", "figure"}
 
 
 def computing_sources():

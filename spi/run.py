@@ -327,6 +327,7 @@ def _identity(experiment: spec.Experiment) -> dict[str, Any]:
         "paths_hash": experiment.paths_hash,
         "samples": experiment.samples,
         "overrides": experiment.overrides,
+        "expect": experiment.expect,
         "profile": experiment.profile,
         "source_digest": source_digest(),
     }

@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from . import claims
 from .kinds import KINDS
 from .printing import anything
+from .printing import claims as printed_claims
 from .printing.text import new_console, printable
 from .records import Group, Reading, Results, by_case
 from .storage import StorageError, write_all
@@ -33,15 +35,39 @@ def _reading(kind: str, group: Group) -> Reading:
         ) from error
 
 
+def expecting(results: Results, expect: str | None) -> Results:
+    """The results with other claims in the place of those that were stored: the `expect` of an experiment."""
+    return results._replace(attributes={**results.attributes, "expect": expect})
+
+
+def verdicts(results: Results) -> list[claims.Verdict]:
+    """Whether the claims that are stored with results are kept, case by case; StorageError if they cannot be read."""
+    try:
+        stated = claims.of_text(results.attributes.get("expect"))
+    except ValueError as error:
+        raise StorageError(f"the claims in the results file are damaged: {error}; run the experiment again") from None
+    if not stated:
+        return []
+    judging = KINDS[results.attributes["kind"]].claims
+    return claims.judge(stated, [one for case in by_case(readings(results)) for one in judging.quantities(case)])
+
+
 def rows(results: Results) -> list[dict[str, Any]]:
-    """One flat record per case, scheme and point of the first axis (of errors step sizes, else times)."""
+    """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
+
+    Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
+    """
     if results.attributes.get("kind") not in KINDS:
         return list(anything.rows(results.groups))
-    return list(KINDS[results.attributes["kind"]].table.rows(readings(results)))
+    judged = verdicts(results)
+    records = KINDS[results.attributes["kind"]].table.rows(readings(results))
+    return [record | printed_claims.columns(record, judged) for record in records]
 
 
 def print_tables(results: Results, file: IO[str] | None = None) -> None:
     """Print the tables of each case to ``file`` (standard output if None), in colour if that is a terminal.
+
+    Under the tables of a case stand its claims with their verdicts.
 
     Of results of an unknown kind all numbers are printed.
     """
@@ -53,13 +79,21 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
         console.print(printable(title), style="bold", markup=False)
     if not known:
         anything.show(console, results.groups)
+        return
+    judged = verdicts(results)
     for case in cases:
-        heading = case[0].about.case_title
-        KINDS[results.attributes["kind"]].table.show(console, "" if heading == title else printable(heading), case)
+        about = case[0].about
+        heading = "" if about.case_title == title else printable(about.case_title)
+        KINDS[results.attributes["kind"]].table.show(console, heading, case)
+        printed_claims.show(console, [one for one in judged if one.claim.case == about.case])
 
 
 def figure(results: Results) -> "Figure":
-    """The matplotlib figure of results; ValueError if there is none for their kind or nothing to draw."""
+    """The matplotlib figure of results, with the verdicts on their claims under it.
+
+    ValueError if there is none for their kind or nothing to draw.
+    """
+    from .drawing import claims as drawn_claims
     from .drawing import style
 
     kind = results.attributes.get("kind")
@@ -69,7 +103,9 @@ def figure(results: Results) -> "Figure":
     if not cases:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
     with style.applied():
-        return KINDS[kind].figure.draw(results.attributes.get("title", ""), cases)
+        drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), cases)
+        drawn_claims.write_under(drawn, verdicts(results))
+        return drawn
 
 
 def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:

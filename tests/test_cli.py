@@ -108,7 +108,7 @@ def test_every_command_has_help(spi):
 
 
 def test_from_spec_to_figure(spi):
-    code, out, err = spi("run", SPEC, *TINY)
+    code, out, err = spi("run", SPEC, *TINY, "--set", "expect=null")
     assert code == 0
     assert err == f"results: {RESULTS}; `spi plot {RESULTS}` draws them\n"  # no progress: stderr is no terminal
     assert out.startswith("Strong errors, stochastic rigid body\n")
@@ -482,3 +482,39 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     assert err == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there\n"
     left = {p.name for p in kept[0].parent.iterdir()}
     assert left <= {checkpoint.name, checkpoint.name + ".previous"} and checkpoint.name in left
+
+
+def claiming(text):
+    """Options that replace the claims of the experiment by others."""
+    return ["--set", "expect=null", "--set", f"expect.splitting={{{text}}}"]
+
+
+@compiled_only
+def test_a_broken_claim_is_exit_code_4_and_is_shown(spi):
+    code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: 0, casimir_drift: 1e-12"))
+    assert code == 0 and out.count(" kept") == 2 and "claims: 2 kept" in err
+    before = RESULTS.read_bytes()
+    code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: at least 1, casimir_drift: 1e-12"))  # no --fresh
+    assert code == 4 and out.count(" kept") == 1 and out.count(" broken") == 1 and RESULTS.read_bytes() != before
+    assert "claims: 1 kept, 1 broken" in err and "splitting: nonfinite at least 1; what came out: 0" in err
+    code, shown, _ = spi("show", RESULTS)
+    assert code == 0 and " broken" in shown  # without the spec at hand
+    code, shown, _ = spi("show", RESULTS, "--format", "csv")
+    assert {row["claim[nonfinite]"] for row in csv.DictReader(io.StringIO(shown))} == {"", "broken"}
+    assert spi("plot", RESULTS)[0] == 0
+
+
+@compiled_only
+def test_a_claim_that_nothing_decides_is_a_warning(spi):
+    code, out, err = spi("run", SPEC, *TINY, "--set", "steps=[2^-4]", *claiming("order: 1/2"))
+    assert code == 0 and " not decided" in out and "claims: 1 not decided" in err
+    assert "not decided: case main: splitting: order 1/2; what came out: not resolved" in err
+
+
+@compiled_only
+def test_all_experiments_of_a_command_are_run_before_a_broken_claim_ends_it(spi):
+    other = SPEC.with_name("other.yaml")
+    other.write_bytes(SPEC.read_bytes())
+    code, _, err = spi("run", SPEC, other, *TINY, *claiming("nonfinite: at least 1"))
+    assert code == 4 and err.count("claims: 1 broken") == 2
+    assert RESULTS.exists() and RESULTS.with_name("other.h5").exists()

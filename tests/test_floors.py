@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
-    ["inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies"],
+    ["inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies", "claims"],
     ["angles", "lanes", "protocol", "registration", "fields", "increments", "steppers"],
     ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
     ["spec", "storage", "drawing", "printing", "compiling"],
@@ -32,6 +32,7 @@ ROLES = {
     "keys": (["spec"], []),
     "study": ([], []),
     "reading": ([], []),
+    "claims": ([], ["reading"]),
     "table": (["printing"], ["reading"]),
     "figure": (["drawing"], ["reading"]),
 }
@@ -168,7 +169,7 @@ SOUND = {
     "kinds/state.py": "from spi.tallies import Tally\nif TYPE_CHECKING:\n    from .plans import Plan\n",
     "kinds/blocks.py": "from .plans import Plan\n",
     "kinds/strong/keys.py": "import pydantic\nfrom spi.spec import read\n",
-    "kinds/strong/study/__init__.py": "from spi.kinds.plans import Plan\nfrom spi.kinds.blocks import x\nfrom .paths import y\n",
+    "kinds/strong/study/__init__.py": "from spi.kinds.plans import Plan\nfrom spi.kinds import blocks\nfrom . import paths\n",
     "kinds/strong/study/paths.py": "from spi.ensemble import grid\n",
     "kinds/strong/reading.py": "from spi.records import Group\n",
     "kinds/strong/table.py": "import rich\nfrom spi.printing import text\nfrom .reading import read\n",

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from spi import run, storage, views
-from spi.kinds import KINDS, FigureModule, Kind, ReadingModule, StudyModule, TableModule
+from spi.kinds import KINDS, ClaimsModule, FigureModule, Kind, ReadingModule, StudyModule, TableModule
 from spi.records import Description
 
 SPEC = """\
@@ -42,6 +42,7 @@ def test_every_kind_has_all_of_its_modules(name):
     assert kind.keys.Case.__doc__
     assert callable(kind.study.parts) and callable(kind.study.plan)
     assert callable(kind.reading.read)
+    assert kind.keys.Case.quantities and callable(kind.claims.quantities)
     assert callable(kind.table.rows) and callable(kind.table.show)
     assert callable(kind.figure.draw)
     with pytest.raises(AttributeError, match="no module 'plots', only keys, study"):
@@ -51,10 +52,13 @@ def test_every_kind_has_all_of_its_modules(name):
 CONTRACT = {"study": StudyModule, "reading": ReadingModule, "table": TableModule, "figure": FigureModule}
 
 
+CLAIMED = CONTRACT | {"claims": ClaimsModule}  #: of a kind whose keys name quantities
+
+
 def breaches(kind):
     """What modules of a kind do not take as the contract says, and those that do not take the kind's readings."""
     found = []
-    for role, contract in CONTRACT.items():
+    for role, contract in (CLAIMED if kind.keys.Case.quantities else CONTRACT).items():
         module = getattr(kind, role)
         for name, promised in vars(contract).items():
             if inspect.isfunction(promised) and not name.startswith("_"):
@@ -69,6 +73,8 @@ def breaches(kind):
         "table.show": get_args(kind.table.show.__annotations__.get("readings")),
         "figure.draw": get_args(*get_args(kind.figure.draw.__annotations__["cases"])),
     }
+    if kind.keys.Case.quantities:
+        taken["claims.quantities"] = get_args(kind.claims.quantities.__annotations__.get("readings"))
     return found + [f"{name} does not take the kind's readings" for name, types in taken.items() if types != (record,)]
 
 
@@ -83,7 +89,8 @@ def test_a_breach_of_the_contract_is_noticed():
     def rows(results: Iterable[int]): ...
 
     table = SimpleNamespace(rows=rows, show=weak.table.show)
-    other = SimpleNamespace(study=strong.study, reading=strong.reading, table=table, figure=strong.figure)
+    modules = {name: getattr(strong, name) for name in ("keys", "study", "reading", "claims", "figure")}
+    other = SimpleNamespace(**modules, table=table)
     foreign = [f"{name} does not take the kind's readings" for name in ("table.rows", "table.show")]
     assert breaches(other) == ["table.rows must take readings", *foreign]
 
@@ -103,6 +110,15 @@ def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):
     assert "splitting" in text.getvalue() and "±" in text.getvalue()
     for file in views.save(views.figure(results), tmp_path, "energy"):
         assert file.stat().st_size > 1000
+
+
+def test_a_kind_without_quantities_says_so(energy, tmp_path):
+    spec = tmp_path / "energy.yaml"
+    spec.write_text(SPEC + "expect:\n  splitting: {order: 1}\n", encoding="utf-8")
+    with pytest.raises(
+        Exception, match=r"energy.yaml:9: expect: is not possible for this kind of experiment, which has"
+    ):
+        run.load(spec)
 
 
 def test_the_further_kind_is_not_known_without_its_line(tmp_path):

@@ -62,6 +62,11 @@ class ProgressLine:
             description = f"{self.name} compiling {number} of {total}: {name}"
             self._show(self.bar, None, description, total, number - 1, "once, some seconds for each scheme")
 
+    def report_chunk(self, number: int, total: int, name: str) -> None:
+        STOP.check()
+        if self.bar:
+            self._show(self.bar, None, f"{self.name} computing {number} of {total}", total, number - 1, name)
+
     def report(self, progress: "Progress") -> None:
         STOP.check()
         if not self.bar:

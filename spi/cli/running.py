@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .options import BROKEN, INVALID, Fresh, Out, Overrides, Profile, Samples, Seed, Specs, Threads, end, load
-from .progress import ProgressLine
 from .signals import STOP
 from .streams import tell
 
@@ -42,9 +41,10 @@ def run(
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
     ] = None,
 ) -> None:
-    """Run experiments: write <out>/<name>.h5 and print a table."""
+    """Run experiments: write <out>/<name>.h5 and print a table; exit code 4 if a claim of a spec is broken."""
     experiments = load(specs, profile, overrides, samples, seed)
     from .. import run as runner
+    from .progress import ProgressLine
 
     if sum(option is not None for option in (part, workers, dask)) > 1:
         end(INVALID, "--part, --workers and --dask exclude one another; give one of them")
@@ -70,7 +70,7 @@ def merge(
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
-    """Put parts that `spi run --part` computed together: write <out>/<name>.h5 and print a table."""
+    """Put parts that `spi run --part` computed together, and go on as `spi run` does."""
     experiments = load(specs, profile, overrides, samples, seed)
     from .. import run as runner
 
@@ -83,14 +83,21 @@ def verify(
     chunks: Annotated[int, typer.Option(help="How many chunks of paths to compute again, at random.", min=1)] = 8,
     threads: Threads = None,
 ) -> None:
-    """Compute a random selection of the paths behind stored results again, and compare bit for bit."""
+    """Compute some of the paths behind stored results again, compare bit for bit, and judge the claims."""
+    from .. import claims, storage, views
     from ..printing import print_verification
+    from ..printing.claims import remarks
     from ..verification import verify
+    from .progress import ProgressLine
 
     _prepare(threads)
-    found = verify(file, chunks)
+    with ProgressLine(file.stem) as line:
+        found = verify(file, chunks, line.report_chunk)
     print_verification(file, found)
-    if found.different:
+    judged = views.verdicts(storage.read(file))
+    for remark in remarks(file.stem, judged):
+        tell(remark)
+    if found.different or any(one.verdict == claims.BROKEN for one in judged):
         raise typer.Exit(BROKEN)
 
 
@@ -153,13 +160,23 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
 
 
 def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
-    """Compute each experiment and print the tables of its results."""
-    from .. import storage, views
+    """Compute each experiment, print the tables of its results, and judge its claims."""
+    from .. import claims, storage, views
+    from ..printing.claims import remarks
+    from .progress import ProgressLine
 
+    broken = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
-        views.print_tables(storage.read(path))
+        results = storage.read(path)
+        views.print_tables(results)
+        judged = views.verdicts(results)
+        for remark in remarks(experiment.name, judged):
+            tell(remark)
+        broken |= any(one.verdict == claims.BROKEN for one in judged)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {path}` draws them")
+    if broken:
+        raise typer.Exit(BROKEN)

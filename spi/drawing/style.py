@@ -107,6 +107,26 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
     fig.text(y=1 - under / height, s="\n".join(lines), fontsize=8, color="#444444", **middle)
 
 
+def note_under(fig: Figure, notes: Iterable[tuple[str, str]]) -> None:
+    """Write notes, (text, colour) each, in small letters under the panels of a figure that :func:`dress` made."""
+    width, height = fig.get_size_inches().tolist()
+    lines = [(line, colour) for text, colour in notes for line in wrapped(plain(text).split(), " ", 7, width)]
+    engine = fig.get_layout_engine()
+    if not lines or not isinstance(engine, ConstrainedLayoutEngine):
+        return
+    room = 0.08 + 0.14 * len(lines)
+    taller = height + room
+    top = engine.get()["rect"][3] * height
+    for text in fig.texts:  # which stay where they are, seen from above
+        text.set_y(1 - (1 - text.get_position()[1]) * height / taller)
+    fig.set_size_inches(width, taller)
+    engine.set(rect=(0, room / taller, 1, top / taller))
+    for legend in fig.legends:  # "outside" of all panels, at the lower edge of what they have
+        legend.set_bbox_to_anchor((0, room / taller, 1, 1 - room / taller), fig.transFigure)
+    for i, (line, colour) in enumerate(reversed(lines)):
+        fig.text(0.2 / width, (0.06 + 0.14 * i) / taller, line, fontsize=7, color=colour, va="bottom")
+
+
 def wrapped(items: Iterable[str], separator: str, size: float, width: float) -> list[str]:
     """``items`` joined in lines that are no wider than ``width`` inches, with a margin, at font size ``size``."""
     lines: list[str] = []

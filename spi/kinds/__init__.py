@@ -1,7 +1,8 @@
 """The kinds of experiment, one folder each: the only place that lists them.
 
-A kind consists of the five modules of its folder that :class:`Kind` names, which are imported when they are first
-needed.  The protocols below say what each of them has to offer.  What stands there as Any is the kind's own: the class
+A kind consists of the modules of its folder that :class:`Kind` names, which are imported when they are first
+needed.  The protocols below say what each of them has to offer; ``claims`` may be left out by a kind whose keys name no
+quantities.  What stands there as Any is the kind's own: the class
 of its keys and the record that is its reading.
 
 A new kind is such a folder and a line in KINDS.
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from spi.records import Group, Part, Reading
 
 if TYPE_CHECKING:  # what takes a while to import
+    from spi.claims import Quantity
     from spi.drawing import Figure
     from spi.spec import BaseCase
 
@@ -45,6 +47,13 @@ class ReadingModule(Protocol):
         """What is in a stored group, a record with named fields of documented shapes."""
 
 
+class ClaimsModule(Protocol):
+    """``claims``: what a spec may expect, and judge, of readings."""
+
+    def quantities(self, readings: Sequence[Any]) -> "Iterator[Quantity]":
+        """What came out in one case, by the names that the ``quantities`` of its keys have."""
+
+
 class TableModule(Protocol):
     """``table``: readings as numbers and text."""
 
@@ -68,10 +77,11 @@ class Kind:
     keys: KeysModule
     study: StudyModule
     reading: ReadingModule
+    claims: ClaimsModule
     table: TableModule
     figure: FigureModule
 
-    MODULES = ("keys", "study", "reading", "table", "figure")
+    MODULES = ("keys", "study", "reading", "claims", "table", "figure")
 
     def __init__(self, package: str):
         self.package = package

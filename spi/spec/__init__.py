@@ -4,8 +4,9 @@ Later layers override earlier ones, key by key (and a model parameter by paramet
 
     the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
 
-so that a profile or ``--set`` has the last word in every case.  Another mapping, ``functions``, is replaced whole.  All
-profiles of a file are checked, whichever is asked for.
+so that a profile or ``--set`` has the last word in every case.  ``expect`` is overridden claim by claim, see
+:mod:`spi.spec.expect`; another mapping, ``functions``, is replaced whole.  All profiles of a file are checked,
+whichever is asked for.
 """
 
 import hashlib
@@ -19,7 +20,8 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from . import sweep
+from .. import claims
+from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, override, text_of
 from .keys import entries_in, shown, suggestion
@@ -27,6 +29,8 @@ from .layers import PROFILES, Layers
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
 
+
+_NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
 
 Layer = tuple[Document, Location]  #: a mapping that overrides others: where it stands in a document
 Owner = tuple[Location, str]  #: of a case: where it stands in the file, and its title
@@ -44,8 +48,9 @@ class Experiment(NamedTuple):
     cases: tuple[BaseCase, ...]
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
-    effective: dict  #: all that decides the results, so without titles and figure; can be written as JSON
-    overrides: tuple[str, ...]  #: such as "samples=100"
+    effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
+    overrides: tuple[str, ...] = ()  #: such as "samples=100"
+    expect: str | None = None  #: the claims of all cases, as ``spi.claims.of_text`` reads them; None if there are none
 
     @property
     def samples(self) -> tuple[int, ...]:
@@ -105,7 +110,7 @@ def load(
     for layer in last:
         _valid(kinds.profiles[file.kind].model_validate, layer[0].data, [layer])
     cases = _cases(case_class, document, owners, profiles.get(profile, []) + last)
-    effective = {"kind": file.kind, "cases": {c.name: c.model_dump(exclude={"name", "title"}) for c in cases}}
+    effective = {"kind": file.kind, "cases": {c.name: c.model_dump(exclude=_NOT_EFFECTIVE) for c in cases}}
     effective = json.loads(_canonical(effective))
     return Experiment(
         path=Path(path),
@@ -119,6 +124,7 @@ def load(
         hash=_hash(effective),
         effective=effective,
         overrides=overrides,
+        expect=claims.as_text(claim for case in cases for claim in case.claims),
     )
 
 
@@ -176,6 +182,12 @@ def _overridden(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         old, new = below["model"], above["model"]
         if "name" not in new or new["name"] == old.get("name"):
             result["model"] = {**old, **new}
+    if "expect" in below:
+        gone = {n for key in expect.NAMING if key in above for n in expect.names_in(below.get(key))}
+        gone -= {n for key in expect.NAMING for n in expect.names_in(above.get(key))}
+        result["expect"] = expect.without(below["expect"], gone)
+        if "expect" in above:
+            result["expect"] = expect.merged(result["expect"], above["expect"])
     return result
 
 

@@ -2,19 +2,21 @@
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
 from pydantic import model_validator
 
 from ..arithmetic import NumberError
+from ..claims import Claim, Sort
 from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
 from ..protocol import Positive, dimension
 from ..schemes import SCHEMES
 from ..schemes.rows import compositions
+from .expect import Expect, claims
 from .keys import (
     ESTIMATORS,
     Eps,
@@ -49,6 +51,10 @@ class BaseCase(Keys):
     initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
+    expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+
+    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
+    scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -57,6 +63,16 @@ class BaseCase(Keys):
     def runs(self) -> list[tuple[str, float | None]]:
         """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
         return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
+
+    @property
+    def limiting(self) -> tuple[str, ...]:
+        """What a claim may be limited by: the step size, and eps where there is one."""
+        return ("h", *["eps"] * (self.eps is not None))
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What must come out."""
+        return tuple(claims(self))
 
     @property
     def model_name(self) -> str:
@@ -93,6 +109,11 @@ class BaseCase(Keys):
             for name in multiscale:
                 if SCHEMES[name].needs_eps and 0 in self.eps:
                     raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        return self
+
+    @model_validator(mode="after")
+    def _check_expect(self) -> Self:
+        _ = self.claims
         return self
 
 

@@ -1,11 +1,12 @@
 """The keys of an experiment of kind long_time."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
 from pydantic import model_validator
 
+from spi.claims import AT_MOST, EQUAL, Sort
 from spi.rng import STEPS_PER_TOSS
 from spi.schemes import SCHEMES
 from spi.spec.cases import CLIP, BaseCase, check_once, check_schemes
@@ -27,6 +28,11 @@ class Case(BaseCase):
     samples: key_of(Samples, "number of Brownian paths")
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("growth",)
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    quantities: ClassVar = {
+        **dict.fromkeys(("growth", "bias"), Sort(EQUAL, per_step=True)),
+        **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
+    }
 
     @model_validator(mode="after")
     def _check_steps(self) -> Self:

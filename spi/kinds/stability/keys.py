@@ -6,6 +6,7 @@ import pydantic
 from annotated_types import MinLen
 from pydantic import model_validator
 
+from spi.claims import AT_LEAST, AT_MOST, Sort
 from spi.protocol import Positive
 from spi.spec.cases import FunctionsCase
 from spi.spec.keys import Samples, key_of, wrong
@@ -27,6 +28,18 @@ class Case(FunctionsCase):
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
 
     bounded_increments: ClassVar[bool] = False
+    quantities: ClassVar = {
+        **dict.fromkeys(("finite", "positive"), Sort(AT_LEAST, per_step=True)),
+        **dict.fromkeys(
+            ("largest_norm", "error", "casimir_worst", "casimir_median", "law_distance", "failing_fraction"),
+            Sort(AT_MOST, per_step=True),
+        ),
+    }
+
+    @property
+    def limiting(self) -> tuple[str, ...]:
+        """The step size and the swept word."""
+        return ("h", self.sweep.word if isinstance(self.sweep, Sweep) else next(iter(self.sweep)))
 
     @pydantic.field_validator("sweep")
     @classmethod

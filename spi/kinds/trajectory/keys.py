@@ -1,11 +1,12 @@
 """The keys of an experiment of kind trajectory."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
 from pydantic import model_validator
 
+from spi.claims import AT_LEAST, AT_MOST, Sort
 from spi.protocol import Positive
 from spi.spec.cases import CLIP, BaseCase, check_multiple, check_schemes
 from spi.spec.keys import Schemes, key_of, quantity, wrong
@@ -28,6 +29,11 @@ class Case(BaseCase):
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+
+    quantities: ClassVar = {
+        **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
+        "lowest": Sort(AT_LEAST),
+    }
 
     @model_validator(mode="after")
     def _check_step(self) -> Self:

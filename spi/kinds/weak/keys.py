@@ -1,11 +1,12 @@
 """The keys of an experiment of kind weak."""
 
 from itertools import pairwise
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from annotated_types import MinLen
 from pydantic import model_validator
 
+from spi.claims import AT_MOST, EQUAL, ORDER, Sort
 from spi.spec.cases import SampledCase
 from spi.spec.keys import ESTIMATORS, Estimators, Functions, Samples, key_of, wrong
 
@@ -23,6 +24,13 @@ class Case(SampledCase):
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}")
     prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
+
+    quantities: ClassVar = {
+        **ORDER,
+        "uniform_order": Sort(EQUAL),
+        **dict.fromkeys(("error", "nonfinite", "agreement"), Sort(AT_MOST, per_step=True)),
+    }
+    scoping: ClassVar = ("estimators", "functions")
 
     @model_validator(mode="after")
     def _check_prefixes(self) -> Self:

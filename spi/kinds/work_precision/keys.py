@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar, Self
 from annotated_types import Ge, Le, MinLen
 from pydantic import model_validator
 
+from spi.claims import ORDER, STEPWISE
 from spi.protocol import Positive
 from spi.spec.cases import SampledCase
 from spi.spec.keys import ESTIMATORS, key_of, wrong
@@ -21,6 +22,7 @@ class Case(SampledCase):
 
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
+    quantities: ClassVar = ORDER | STEPWISE
 
     @model_validator(mode="after")
     def _check_measure(self) -> Self:

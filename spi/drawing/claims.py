@@ -1,0 +1,35 @@
+"""What a figure says of claims: a few small lines under its panels."""
+
+from collections.abc import Iterable, Sequence
+
+from matplotlib.figure import Figure
+
+from ..claims import BROKEN, KEPT, UNDECIDED, VERDICTS, Verdict
+from . import style
+
+_WORDS = {KEPT: "Claims kept", UNDECIDED: "Claims not decided", BROKEN: "Claims broken"}
+_COLOURS = {KEPT: "#444444", UNDECIDED: "#8a6d00", BROKEN: "#c00000"}
+
+
+def write_under(fig: Figure, verdicts: Sequence[Verdict]) -> None:
+    """Write under a figure which claims are kept, not decided and broken; nothing if there are none."""
+    found = [(verdict, _summary(verdicts, verdict)) for verdict in VERDICTS]
+    style.note_under(fig, ((f"{_WORDS[verdict]}: {text}.", _COLOURS[verdict]) for verdict, text in found if text))
+
+
+def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
+    """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
+    counts: dict[str, dict[str, list[bool]]] = {}
+    for one in verdicts:
+        label = one.found.about.scheme_label if one.found else one.claim.scheme
+        counts.setdefault(one.claim.text, {}).setdefault(label, []).append(one.verdict == wanted)
+    told = []
+    for claim, schemes in counts.items():
+        whose = [
+            label if all(hits) else f"{label}: {sum(hits)} of {len(hits)}"
+            for label, hits in schemes.items()
+            if any(hits)
+        ]
+        if whose:
+            told.append(f"{claim} ({'; '.join(whose)})")
+    return ", ".join(told)

@@ -1,0 +1,23 @@
+"""What a spec may expect of trajectories."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from spi.claims import Quantity, lost_is_infinite, quantity
+
+from .reading import Trajectory
+
+
+def quantities(readings: Iterable[Trajectory]) -> Iterator[Quantity]:
+    """Of the whole path: max |C(y_n) - C(y_0)|, max |H(y_n) - H(y_0)|, the smallest component, and 1 if it was lost."""
+    for one in readings:
+        told = {
+            "hamiltonian_drift": lost_is_infinite(np.abs(one.hamiltonian - one.hamiltonian[0])).max(),
+            "lowest": one.lowest.min(),
+            "nonfinite": one.nonfinite_from is not None,
+        }
+        if one.casimir_drift:
+            told["casimir_drift"] = lost_is_infinite(np.array(one.casimir_drift)).max()
+        for name, value in told.items():
+            yield quantity(name, one.about, value)

@@ -1,0 +1,79 @@
+"""Tables of claims and their verdicts."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..claims import BROKEN, KEPT, VERDICTS, Quantity, Verdict
+from .text import new_table, power_of_two, print_whole, short
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_STYLES = {KEPT: "", BROKEN: "bold red"}
+
+
+def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
+    """Print the claims of a case, what came out and the verdict; nothing if there are none."""
+    from rich.text import Text
+
+    if not verdicts:
+        return
+    table = new_table("claims", ["scheme", "claim", "came out (95 %)", "at", ""], left=5)
+    for one in verdicts:
+        cells = [one.subject, one.claim.text, came_out(one), _at(one)]
+        table.add_row(*map(Text, cells), Text(one.verdict, style=_STYLES.get(one.verdict, "yellow")))
+    print_whole(console, table)
+    console.print()
+
+
+def _at(one: Verdict) -> str:
+    """The step size and the swept value of what came out."""
+    found = one.found
+    h = f"h = {power_of_two(found.h)}" if found and found.h is not None else ""
+    swept = "{} = {:g}".format(*found.swept) if found and found.swept else ""
+    return ", ".join(filter(None, (h, swept)))
+
+
+def came_out(one: Verdict) -> str:
+    """The value with its interval."""
+    if one.found is None:
+        return "nothing of that kind"
+    _, _, value, low, high, *_ = one.found
+    if value != value:
+        return "not resolved"
+    form = ".3f" if abs(value) < 100 and abs(value) >= 0.01 else ".2e"
+    interval = "" if low == value == high else f" [{short(low, form)}, {short(high, form)}]"
+    return f"{short(value, form if interval else '.3g')}{interval}"
+
+
+def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """How many claims of an experiment have which verdict, and a line for each that is not kept; nothing of none."""
+    counts = Counter(one.verdict for one in verdicts)
+    if counts:
+        yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
+    for one in verdicts:
+        if one.verdict != KEPT:
+            whose = f"case {one.claim.case}: {one.subject}"
+            yield f"{name}: {one.verdict}: {whose}: {one.claim.text}; what came out: {came_out(one)}"
+
+
+def columns(record: dict[str, Any], verdicts: Sequence[Verdict]) -> dict[str, str]:
+    """What a record of a table gets of the verdicts on its case, scheme, eps, estimator and test function.
+
+    That is the worst verdict on each quantity, ``claim[order]``, whatever the step size of the record.
+    """
+    found: dict[str, str] = {}
+    for one in verdicts:
+        if one.found and _is_about(one.found, record):
+            name = f"claim[{one.claim.quantity}]"
+            found[name] = max(found.get(name, KEPT), one.verdict, key=VERDICTS.index)
+    return found
+
+
+def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
+    about = found.about
+    if (record.get("case"), record.get("scheme")) != (about.case, about.scheme):
+        return False
+    own = {"eps": about.eps, "estimator": about.estimator, "function": found.function}
+    return all(record.get(key) in (value, None) for key, value in own.items() if value not in (None, ""))
