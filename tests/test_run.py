@@ -125,7 +125,7 @@ def test_a_run_writes_a_complete_file(tmp_path):
 def test_cases_are_groups_of_their_own(tmp_path):
     spec = tmp_path / "two.yaml"
     cases = "cases:\n- {name: a, samples: 3}\n- {name: b, title: other, seed: 2, schemes: [splitting]}\n"
-    spec.write_text(EXPERIMENT.read_text(encoding="utf-8").split("profiles:")[0] + cases, encoding="utf-8")
+    spec.write_text(EXPERIMENT.read_text(encoding="utf-8").split("expect:")[0] + cases, encoding="utf-8")
     overrides = ["steps=[2^-3, 2^-4]", "reference_step=2^-5", "truncate_noise=false"]
     with pytest.raises(Exception, match="midpoint"):
         load(spec, "laptop", overrides)
