@@ -95,12 +95,12 @@ class LongTimePlan(SchemePlan):
 
     def progress(self, state: State) -> Done:
         """Steps done and all steps, in paths, and no standard error."""
-        levels, under_way = len(self.case.steps), 0.0
-        for i in range(levels):
-            tally = state.tally(i)
-            for sums in (*tally.nodes.values(), *tally.short.values()):
-                under_way += sums.paths or len(sums.y) * LANES * sums.n / self.case.step_count
-        return Done(min(under_way / levels, self.samples), self.samples, float("nan"))
+        levels, done = len(self.case.steps), 0.0
+        for i, stream in enumerate(state.streams):
+            chunks, tally = stream.chunks(i), state.tally(i)
+            done += sum(sums.paths for sums in tally.nodes.values())
+            done += sum(chunks[index].paths * sums.n / self.case.step_count for index, sums in tally.short.items())
+        return Done(done / levels, self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
