@@ -188,8 +188,8 @@ def test_reversed_paths_are_what_a_plain_loop_makes_of_the_increments_and_coins(
 
 def test_final_states_are_the_states_at_the_end():
     options = {"h": 2.0**-4, "steps": 8, "blocks": 2, "first_block": 1, **REVERSED}
-    expected, _ = simulate(SCHEMES["splitting_order2"].record, **options)
-    assert np.array_equal(final_states(SCHEMES["splitting_order2"].record, **options), expected[:, 0])
+    expected, _ = simulate(SCHEMES["splitting"].record, samples=3 * LANES, **options)  # by another observer
+    assert np.array_equal(final_states(SCHEMES["splitting"].record, **options), expected[:, 0])
 
 
 @compiled_only
@@ -283,7 +283,7 @@ def test_paths_far_away_are_reached():
 @pytest.mark.parametrize("samples", [1, 64, 65, 127, 128])
 def test_paths_do_not_depend_on_the_number_of_samples(samples):
     scheme = SCHEMES["splitting"].record
-    everything, _ = simulate(scheme, blocks=2, **SMALL)
+    everything, _ = simulate(scheme, blocks=2, samples=2 * LANES, **SMALL)
     states, _ = simulate(scheme, blocks=-(-samples // LANES), samples=samples, **SMALL)
     assert np.array_equal(states[..., :samples], everything[..., :samples])
     assert np.all(np.isnan(states[..., samples:]))  # an observer is told which lanes count
@@ -293,6 +293,7 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
 
 TWIN = {"h": 2.0**-5, "steps": 12, "doublings": (0, 2), "snapshots": 3, "truncate": True, "first_block": 2}
 TWIN |= {"initial": (1.2, -0.6, 1.5)}  # so that angles at h = 1/8 exceed pi/4
+WATCHED_TWIN = TWIN | {"samples": 3 * LANES}  # by the observer that other tests of increments and coins use
 REVERSED_TWIN = TWIN | {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
 PROGRAM = """
 import json, sys
@@ -303,8 +304,8 @@ results = {}
 for name in t.SCHEMES:
     states, report = helpers.simulate(t.SCHEMES[name].record, **t.TWIN)
     results[name] = states.tolist(), report.tolist()
-results["two_noises"] = [helpers.simulate(t.Increments(), t.TWO_NOISES, **t.TWIN)[0].tolist(), None]
-results["coins"] = [helpers.simulate(t.Coins(), **t.TWIN)[0].tolist(), None]
+results["two_noises"] = [helpers.simulate(t.Increments(), t.TWO_NOISES, **t.WATCHED_TWIN)[0].tolist(), None]
+results["coins"] = [helpers.simulate(t.Coins(), **t.WATCHED_TWIN)[0].tolist(), None]
 results["reversed"] = [helpers.simulate(t.SCHEMES["splitting_order2"].record, **t.REVERSED_TWIN)[0].tolist(), None]
 json.dump(results, sys.stdout)
 """
@@ -331,9 +332,9 @@ def test_compiled_equals_uncompiled():
         if name == "midpoint":
             assert np.array_equal(report[..., :3], slow_report[..., :3])
             assert np.all(np.abs(report[..., 3] - slow_report[..., 3]) < 1e-14)
-    fast, _ = simulate(Increments(), TWO_NOISES, **TWIN)
+    fast, _ = simulate(Increments(), TWO_NOISES, **WATCHED_TWIN)
     np.testing.assert_allclose(fast, slow["two_noises"][0], rtol=1e-14, atol=1e-16)
-    assert np.array_equal(simulate(Coins(), **TWIN)[0][:, :, 0], np.array(slow["coins"][0])[:, :, 0])
+    assert np.array_equal(simulate(Coins(), **WATCHED_TWIN)[0][:, :, 0], np.array(slow["coins"][0])[:, :, 0])
     fast, _ = simulate(SCHEMES["splitting_order2"].record, **REVERSED_TWIN)
     np.testing.assert_allclose(fast, slow["reversed"][0], rtol=0, atol=1e-13)
 
