@@ -12,8 +12,9 @@ PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --co
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
 #: The tests of the inner loop: seconds each once the kernels are compiled.
-QUICK = arithmetic dispatch estimators expressions floors kinds models plot plot_trajectory plot_weak rng spec spec_eps stability_views \
-  storage tables tables_weak work_precision_views
+QUICK = coins dispatch disk_cache estimators expressions floors kinds model_fields models plot plot_trajectory plot_weak \
+  rigid_body rng spec spec_eps stability_tables stability_views storage tables tables_weak work_points work_precision_tables \
+  work_precision_views
 
 .PHONY: help install demo test test-quick test-uncompiled lint check figures bench bench-peers clean $(EXPERIMENTS)
 

@@ -157,20 +157,6 @@ def _meaning(name, cls):
     return method if inspect.isfunction(method) else None
 
 
-def means(declared, *record_classes):
-    """Decorator: make this function the method of these classes that answers the word `declared`.
-
-    Only for the observers of the studies, until they have methods of their own; then this function goes.
-    """
-
-    def register(function):
-        for cls in record_classes:
-            setattr(cls, declared.__name__, function)
-        return function
-
-    return register
-
-
 def constant(declaration):
     """Declare a function of a record that depends on the record's type only and is a constant in compiled code.
 

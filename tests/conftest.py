@@ -8,6 +8,10 @@ import pytest
 
 import spi
 
+# Two processes share the tests: where each also starts threads for its linear algebra, and lets those of its kernels
+# spin while they wait, they stand in one another's way.  Must be said before NumPy is imported.
+os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
+
 # The package names its cache by its own sources, and compiled kernels also contain what helpers.py and extending.py
 # say: without this an edit there would go unnoticed.  Programs that tests start inherit the folder.
 _sources = [Path(__file__).with_name(name).read_bytes() for name in ("helpers.py", "extending.py")]

@@ -115,45 +115,48 @@ def simulate(
 
     Returns the states at ``snapshots`` equidistant times, an array [level, snapshot, component, path] (with 0 in place
     of ``snapshots``: a list of levels, all steps kept), and the report, an array [block, level, column].
+
+    By the observer FinalStates, run until each of these times, because studies need its kernels as well.  Where all
+    steps are kept, or lanes are idle because there are fewer ``samples``, it is the observer Snapshots.
     """
+    paths = {"blocks": blocks, "first_block": first_block, "seed": seed, "initial": initial}
+    if snapshots and samples is None:
+        ends = [steps * n // snapshots for n in range(1, snapshots + 1)]
+        times = [grid(h, end, doublings, truncate, reversals) for end in ends]
+        states, reports = zip(*(_until_the_end(scheme, model, until, **paths) for until in times), strict=True)
+        return np.stack(states, axis=1), reports[-1]
     d, levels = type(model).dimension, len(doublings)
     counts = np.array([steps >> s for s in doublings])
     assert all(count << s == steps for count, s in zip(counts, doublings, strict=True))
-    most = snapshots or steps
     strides = counts // snapshots if snapshots else np.ones(levels, np.int64)
-    observer = Snapshots(strides, np.full((blocks, levels, most, d * LANES), np.nan))
-    report = empty_report(blocks, levels)
-    integrate(
-        scheme,
-        model,
-        initial,
-        grid(h, steps, doublings, truncate, reversals),
-        RandomStream(np.uint64(seed), np.uint64(BROWNIAN)),
-        observer,
-        report,
-        first_block,
-        blocks,
-        (first_block + blocks) * LANES if samples is None else samples,
-    )
-    states = observer.states.reshape(blocks, levels, most, d, LANES).transpose(1, 2, 3, 0, 4)
-    states = states.reshape(levels, most, d, blocks * LANES)
+    observer = Snapshots(strides, np.full((blocks, levels, snapshots or steps, d * LANES), np.nan))
+    report = _run(scheme, model, grid(h, steps, doublings, truncate, reversals), observer, samples=samples, **paths)
+    states = observer.states.reshape(blocks, levels, -1, d, LANES).transpose(1, 2, 3, 0, 4)
+    states = states.reshape(levels, -1, d, blocks * LANES)
     return (states if snapshots else [states[level, :count] for level, count in enumerate(counts)]), report
 
 
-def final_states(
-    scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, seed=1, stream=BROWNIAN, initial=INITIAL, **options
-):
+def final_states(scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, seed=1, stream=BROWNIAN, **options):
     """The last states alone, by the observer FinalStates, an array [level, component, path]; `options` are grid's."""
-    times, d = grid(h, steps, **options), type(model).dimension
-    levels = len(times.doublings)
+    initial = options.pop("initial", INITIAL)
+    paths = {"blocks": blocks, "first_block": first_block, "seed": seed, "stream": stream, "initial": initial}
+    return _until_the_end(scheme, model, grid(h, steps, **options), **paths)[0]
+
+
+def _until_the_end(scheme, model, times, *, blocks, **paths):
+    """The last states [level, component, path], and the report."""
+    levels, d = len(times.doublings), type(model).dimension
     observer = FinalStates(np.zeros((blocks, levels, d * LANES)), times.reference_steps >> times.doublings)
-    noise, report, end = (
-        RandomStream(np.uint64(seed), np.uint64(stream)),
-        empty_report(blocks, levels),
-        first_block + blocks,
-    )
-    integrate(scheme, model, initial, times, noise, observer, report, first_block, blocks, end * LANES)
-    return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1)
+    report = _run(scheme, model, times, observer, blocks=blocks, **paths)
+    return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1), report
+
+
+def _run(scheme, model, times, observer, *, blocks, first_block, seed, initial, stream=BROWNIAN, samples=None):
+    """Integrate blocks of paths, with all of their lanes unless there are fewer `samples`; returns the report."""
+    report, end = empty_report(blocks, len(times.doublings)), first_block + blocks
+    noise, samples = RandomStream(np.uint64(seed), np.uint64(stream)), end * LANES if samples is None else samples
+    integrate(scheme, model, initial, times, noise, observer, report, first_block, blocks, samples)
+    return report
 
 
 # --- schemes and flows without the ensemble --------------------------------------------------------------------------

@@ -1,19 +1,11 @@
-"""Functions chosen by record type: the same in Python and compiled; found in the disk cache, and never stale."""
+"""Functions chosen by record type: the same in Python and compiled."""
 
-import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 from helpers import COMPILED, INITIAL, ONE_NOISE, RIGID_BODY
 from numba import TypingError, njit
 
-import spi
 from spi import fields
 from spi.dispatch import (
     INDICES,
@@ -294,87 +286,3 @@ def test_arithmetic_of_tuples():
 @compiled_only
 def test_all_indices_can_be_compiled():
     assert numbers() == (0, 3, 15)
-
-
-# --- the disk cache --------------------------------------------------------------------------------------------------
-
-PROGRAM = """
-import json, sys
-import helpers, spi, spi.schemes
-from spi.ensemble import integrate
-states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4)
-count = lambda counter: sum(counter.values())
-json.dump(
-    {
-        "package": spi.__file__,
-        "states": states.ravel().tolist(),
-        "hits": count(integrate.stats.cache_hits),
-        "misses": count(integrate.stats.cache_misses),
-    },
-    sys.stdout,
-)
-"""
-
-
-def run(folder):
-    """Run PROGRAM in a new process with the package that lies in `folder`."""
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
-    environment |= {"PYTHONPATH": str(folder), "SPI_CACHE_DIR": str(folder / "cache")}
-    answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    assert answer.returncode == 0, answer.stderr
-    found = json.loads(answer.stdout)
-    assert Path(found["package"]).parent == folder / "spi"  # the copy, not the original
-    return found
-
-
-@compiled_only
-def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
-    """One story, since every first run costs a compilation: cold, warm, and after an edit of another file."""
-    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(Path(__file__).with_name("helpers.py"), tmp_path)
-    cold = run(tmp_path)
-    assert (cold["hits"], cold["misses"]) == (0, 1)
-    warm = run(tmp_path)
-    assert (warm["hits"], warm["misses"]) == (1, 0)
-    assert warm["states"] == cold["states"]
-
-    # Numba itself would not notice this: the kernel `integrate` lies in another file.
-    edited = tmp_path / "spi" / "models" / "rigid_body.py"
-    source, old, new = edited.read_text(), "c = 1.0 / model.noise_inertia[k]", "c = 2.0 / model.noise_inertia[k]"
-    assert source.count(old) == 1, "the model has changed: choose another constant to edit in this test"
-    edited.write_text(source.replace(old, new))
-    after = run(tmp_path)
-    assert (after["hits"], after["misses"]) == (0, 1)
-    assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
-    assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
-
-
-def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
-    """Its name changes with a byte of any module that computes, with the name of a module, and with nothing else."""
-    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
-    program = "import os, spi; print(os.environ['NUMBA_CACHE_DIR'])"
-
-    def folder():
-        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "SPI_CACHE_DIR": str(tmp_path / "cache")}
-        command = [sys.executable, "-c", program]
-        answer = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-        return Path(answer.stdout.strip())
-
-    first = folder()
-    assert first.parent == tmp_path / "cache"
-    os.utime(tmp_path / "spi" / "rng.py", (0, 0))
-    (tmp_path / "spi" / "notes.txt").write_text("no source")
-    assert folder() == first
-    with open(tmp_path / "spi" / "schemes" / "midpoint.py", "a") as file:
-        file.write("\n")
-    second = folder()
-    (tmp_path / "spi" / "rng.py").rename(tmp_path / "spi" / "rng2.py")
-    assert len({first, second, folder()}) == 3

@@ -1,19 +1,14 @@
-"""Sine, versine, logarithm and exponential against exact arithmetic, in units in the last place of the exact value."""
+"""Sine and versine against exact arithmetic."""
 
 import math
 
 import mpmath
-import numba
 import numpy as np
 import pytest
+from elementary_cases import DENORMAL, INF, LARGEST, NAN, TINY, N, assert_accurate, call, spread, with_neighbours, worst
 
 from spi import elementary
 from spi.dispatch import kernel
-
-COMPILED = not numba.config.DISABLE_JIT
-N = 12_000 if COMPILED else 3_000
-ULPS = 2.0
-INF, NAN, DENORMAL, TINY, LARGEST = math.inf, math.nan, 2.0**-1074, 2.0**-1022, float(np.finfo(np.float64).max)
 
 # The multiples n pi/2 below 1.6e6 that lie closest to a floating number, found by exact integers over all n.
 NEAR_MULTIPLES = [29, 58, 116, 232, 464, 928, 1856, 3712, 7424, 14479, 29327, 58285, 58654, 204551, 263205]
@@ -39,75 +34,14 @@ def sin_versine_huge(x, s, v):
 
 
 @kernel
-def log_normal(x, y):
-    for i in range(x.size):
-        y[i] = elementary.log_normal(x[i])
-
-
-@kernel
-def log(x, y):
-    for i in range(x.size):
-        y[i] = elementary.log(x[i])
-
-
-@kernel
-def exp(x, y):
-    for i in range(x.size):
-        y[i] = elementary.exp(x[i])
-
-
-@kernel
 def there_and_back(x, i, y):
     for k in range(x.size):
         i[k] = elementary.bits(x[k])
         y[k] = elementary.from_bits(i[k])
 
 
-def call(function, x, results=1):
-    """The results of a kernel at the points `x`; uncompiled NumPy warns where compiled code is silent."""
-    x = np.asarray(x, np.float64)
-    out = [np.empty_like(x) for _ in range(results)]
-    with np.errstate(all="ignore"):
-        function(x, *out)
-    return out[0] if results == 1 else out
-
-
-def ulps(computed, exact):
-    """|computed - exact| in units of the spacing of float64 at the exact value."""
-    if not math.isfinite(computed):
-        return math.inf
-    if exact == 0:
-        return 0.0 if computed == 0.0 else math.inf
-    spacing = mpmath.ldexp(1, max(int(mpmath.frexp(exact)[1]) - 53, -1074))
-    return float(abs(mpmath.mpf(computed) - exact) / spacing)
-
-
-def worst(x, computed, exact_function):
-    """(ulps, x) where the error is largest.  40 digits are enough; mpmath adds what the reduction of x costs."""
-    with mpmath.workdps(40):
-        return max(
-            (ulps(float(y), exact_function(mpmath.mpf(float(t)))), float(t)) for t, y in zip(x, computed, strict=True)
-        )
-
-
 def versine(x):
     return 2 * mpmath.sin(x / 2) ** 2
-
-
-def assert_accurate(x, computed, exact_function):
-    error, at = worst(x, computed, exact_function)
-    assert error <= ULPS, f"{error} ulp at {at!r}"
-
-
-def spread(low, high, count, seed):
-    """Both signs, sizes spread evenly in the logarithm between `low` and `high`, so that every binade is met."""
-    random = np.random.default_rng(seed)
-    return random.choice([-1.0, 1.0], count) * 2.0 ** random.uniform(math.log2(low), math.log2(high), count)
-
-
-def with_neighbours(x):
-    x = np.asarray(x, np.float64)
-    return np.concatenate([np.nextafter(x, -INF), x, np.nextafter(x, INF)])
 
 
 def multiples_of_half_pi(numbers):
@@ -225,77 +159,6 @@ def test_a_versine_from_a_rounded_cosine_is_noticed():
     assert error > 1e6
     assert_accurate(x, call(sin_versine_small, x, 2)[1], versine)
     assert_accurate(x, call(sin_versine, x, 2)[1], versine)
-
-
-# --- logarithm -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("function", [log_normal, log])
-def test_log(function):
-    random = np.random.default_rng(11)
-    near_one = 1.0 + spread(2.0**-52, 0.5, N // 2, 12)
-    powers = with_neighbours(2.0 ** np.arange(-1021, 1024, 1 if COMPILED else 41))
-    x = np.concatenate(
-        [
-            np.abs(spread(TINY, LARGEST, N // 2, 13)),
-            random.uniform(0.0, 2.0, N // 2) + TINY,
-            near_one,
-            with_neighbours([1.0, math.sqrt(0.5), math.sqrt(2.0), math.e]),
-            powers,
-            [TINY, np.nextafter(TINY, 1.0), LARGEST],
-        ]
-    )
-    y = call(function, x)
-    assert_accurate(x, y, mpmath.log)
-    assert call(function, [1.0])[0] == 0.0
-
-
-def test_log_of_denormals():
-    x = np.concatenate(
-        [np.abs(spread(DENORMAL, TINY, N // 4, 14)), DENORMAL * np.arange(1, 50), [np.nextafter(TINY, 0.0)]]
-    )
-    assert_accurate(x, call(log, x), mpmath.log)
-
-
-def test_log_outside_its_domain():
-    y = call(log, [0.0, -0.0, INF, -DENORMAL, -TINY, -1.0, -LARGEST, -INF, NAN])
-    assert y[0] == -INF and y[1] == -INF and y[2] == INF
-    assert np.all(np.isnan(y[3:]))
-
-
-# --- exponential -----------------------------------------------------------------------------------------------------
-
-# exp overflows above the first, has denormal results below the second, and rounds to zero below the third
-OVERFLOW, DENORMAL_RESULT, UNDERFLOW = 709.782712893384, -708.3964185322641, -745.1332191019412
-
-
-def test_exp():
-    random = np.random.default_rng(15)
-    x = np.concatenate(
-        [
-            random.uniform(-708.0, 709.0, N),
-            spread(1e-300, 1.0, N // 2, 16),
-            with_neighbours([0.0, 1.0, -1.0, 0.5 * math.log(2.0), math.log(2.0), OVERFLOW, DENORMAL_RESULT]),
-            with_neighbours((np.arange(-2000, 2000, 1 if COMPILED else 41) / 2.0 + 0.25) * (0.7 * math.log(2.0))),
-        ]
-    )
-    x = x[x <= OVERFLOW]
-    assert_accurate(x, call(exp, x), mpmath.exp)
-    assert np.array_equal(call(exp, [0.0, -0.0]), [1.0, 1.0])
-
-
-def test_exp_fades_through_the_denormals():
-    x = np.concatenate(
-        [np.random.default_rng(17).uniform(UNDERFLOW, DENORMAL_RESULT, N // 4), with_neighbours([UNDERFLOW])]
-    )
-    assert_accurate(x, call(exp, x), mpmath.exp)
-    assert call(exp, [-745.0])[0] == DENORMAL
-
-
-def test_exp_at_the_edges():
-    assert np.all(call(exp, [OVERFLOW + 1e-9, 709.8, 710.0, 711.0, 1e4, LARGEST, INF]) == INF)
-    assert np.all(call(exp, [-745.14, -746.0, -747.0, -1e4, -LARGEST, -INF]) == 0.0)
-    assert np.isnan(call(exp, [NAN])[0])
 
 
 # --- bits ------------------------------------------------------------------------------------------------------------

@@ -43,8 +43,8 @@ def by_quadrature(model, compositions, initial, h, n, phi, points):
     """E phi after n steps: all words in turn, Gauss-Hermite in each increment."""
     on = [k for k in range(3) if model.sigma[k] is not None]
     x, w = np.polynomial.hermite_e.hermegauss(points)
-    grid = np.meshgrid(*[x] * (n * len(on)), indexing="ij")
-    weight = math.prod(np.meshgrid(*[w / w.sum()] * (n * len(on)), indexing="ij"))
+    grid = np.array(np.meshgrid(*[x] * (n * len(on)))).reshape(n * len(on), -1)  # rows, for one type of the flows
+    weight = math.prod(np.meshgrid(*[w / w.sum()] * (n * len(on)))).ravel()
     total = 0.0
     for words in itertools.product(compositions, repeat=n):
         y = tuple(np.full(weight.shape, v) for v in initial)
@@ -116,8 +116,8 @@ def test_a_noise_may_occur_several_times_with_increments_of_its_own():
         y = composed(model, (*DRIFT, *halves[::-1]), h, y, {0: second})
         return np.sum(weights * mixed(np.array(y)))
 
-    first, second = np.meshgrid(*[math.sqrt(h / 2) * x] * 2, indexing="ij")
-    assert abs(found.value[0, 0] - mean(first, second, np.outer(w, w))) < found.value_bound[0, 0] < 1e-8
+    first, second = np.array(np.meshgrid(*[math.sqrt(h / 2) * x] * 2)).reshape(2, -1)
+    assert abs(found.value[0, 0] - mean(first, second, np.outer(w, w).ravel())) < found.value_bound[0, 0] < 1e-8
     assert abs(found.value[0, 0] - mean(math.sqrt(h / 2) * x, math.sqrt(h / 2) * x, w)) > 1e-4
 
     whole = expectations(model, ((1.0, (NOISE[0],)),), GENERAL, h, [h], [mixed], 1e-8)

@@ -1,56 +1,37 @@
-"""The multiscale system (eq. prob_eps): its schemes against the paper's formulas, for every eps, and where others fail.
-
-The paper's variables are xi_k = z_k / eps.  States are arrays [component, lane], behind them the rows of z, and
-increments [step, noise, lane], drawn here with fixed seeds.
-"""
-
-from pathlib import Path
+"""The multiscale system (eq. prob_eps): its schemes against the paper's formulas, for eps from 0 to 1."""
 
 import mpmath
+import multiscale_cases
 import numpy as np
 import pytest
-from helpers import (
-    COMPILED,
-    INITIAL,
-    LANES,
-    RIGID_BODY,
-    Increments,
-    WithoutCorrection,
-    final_states,
-    simulate,
-    take_steps,
-)
+from helpers import COMPILED, LANES, RIGID_BODY, Increments, final_states, simulate
 from mpmath import mpf
+from multiscale_cases import (
+    EXPLICIT,
+    IMPLICIT,
+    MIDPOINT,
+    NAMES,
+    PAIRS,
+    RULES,
+    at_rest,
+    distance,
+    go,
+    mean_square_distance,
+    normals,
+    slope,
+    start,
+)
 
-from spi import storage
 from spi.angles import ANY_ANGLES
 from spi.models import LotkaVolterra, MaxwellBloch, SineEuler
-from spi.protocol import (
-    casimirs,
-    dimension,
-    drift_flow,
-    drift_gradient,
-    memory_size,
-    noise_flow,
-    noise_gradient,
-    noises,
-    pieces,
-    structure,
-)
-from spi.records import Description
-from spi.run import load, run
-from spi.schemes import SCHEMES
-from spi.schemes.asymptotic import (
-    AsymptoticPreserving,
-    ExplicitEuler,
-    ImplicitEuler,
-    ImplicitMidpoint,
-    MultiscaleEuler,
-    increment_and_process,
-)
+from spi.protocol import casimirs, drift_flow, drift_gradient, noise_flow, noise_gradient, noises, pieces, structure
+from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
 from spi.schemes.splitting import LIE_TROTTER
 
-EXPERIMENTS = Path(__file__).parent.parent / "experiments"
+# fixtures
+generator = multiscale_cases.generator
+
+
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 MODELS = {
@@ -59,66 +40,8 @@ MODELS = {
     "sine_euler": SineEuler((0.5, 0.2, 0.7, 0.4)),
     "lotka_volterra": LotkaVolterra((0.3,)),
 }
-RULES = {"implicit Euler": ImplicitEuler(), "midpoint": ImplicitMidpoint(), "explicit Euler": ExplicitEuler()}
-IMPLICIT, MIDPOINT, EXPLICIT = RULES.values()
-#: What is tested for all models: scheme and rule.
-PAIRS = [
-    (AsymptoticPreserving, IMPLICIT),
-    (AsymptoticPreserving, MIDPOINT),
-    (MultiscaleEuler, EXPLICIT),
-    (MultiscaleEuler, IMPLICIT),
-]
-NAMES = ["AP", "AP midpoint", "explicit", "semi-implicit"]
 
 asymptotic_preserving = pytest.mark.parametrize("rule", [IMPLICIT, MIDPOINT], ids=["implicit Euler", "midpoint"])
-
-
-@pytest.fixture
-def generator():
-    return np.random.default_rng(42)
-
-
-def normals(generator, model, steps):
-    return generator.standard_normal((steps, noises(model), LANES))
-
-
-def start(generator, model):
-    """States of length about 1, positive ones for populations."""
-    y = generator.standard_normal((dimension(model), LANES))
-    return np.exp(0.5 * y) if isinstance(model, LotkaVolterra) else y / np.linalg.norm(y, axis=0)
-
-
-def at_rest(y=INITIAL):
-    """The same state in all lanes."""
-    return np.repeat(np.array(y)[:, np.newaxis], LANES, axis=1)
-
-
-def go(scheme, model, h, dW, y, z=None):
-    """States and processes after steps with increments dW; the processes begin at 0 unless given."""
-    d = dimension(model)
-    if memory_size(scheme, model):
-        y = np.vstack([y, np.zeros((noises(model), LANES)) if z is None else z])
-    end, _ = take_steps(scheme, model, h, dW, y)
-    return end[:d], end[d:]
-
-
-def summed(dW, times):
-    """Increments of steps that are so many times as large."""
-    return dW.reshape(-1, times, *dW.shape[1:]).sum(axis=1)
-
-
-def distance(a, b):
-    """Of states [component, lane], in every lane."""
-    return np.linalg.norm(a - b, axis=0)
-
-
-def mean_square_distance(a, b):
-    return np.sqrt((distance(a, b) ** 2).mean())
-
-
-def slope(x, y):
-    """Of a line through the logarithms."""
-    return np.polyfit(np.log(x), np.log(y), 1)[0]
 
 
 # --- the paper's formulas --------------------------------------------------------------------------------------------
@@ -324,244 +247,3 @@ def test_the_comparators_do_not_keep_them(rule):
     for name in ("rigid_body", "maxwell_bloch", "sine_euler"):
         errors = casimir_errors(MultiscaleEuler(1.0, rule), MODELS[name], 0.01, 100 if COMPILED else 20)
         assert np.median(errors) > 1e-4
-
-
-# --- the processes alone ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
-def test_increments_add_up_to_the_wiener_process_less_the_change_of_z(rule, generator):
-    """As eps xi_k/eps dt = dW_k - eps d xi_k says; nothing of the Wiener process is lost."""
-    with mpmath.workdps(60):
-        eps, h, z = mpf("0.1"), mpf("0.015"), mpf("0.03")
-        total, first, dW = mpf(0), z, [mpf(x) for x in generator.standard_normal(50)]
-        for x in dW:
-            increment, z = increment_and_process(rule, eps, h, x, z)
-            total += increment
-        assert abs(total - (sum(dW) + first - z)) < mpf(10) ** -57
-        assert abs(total - sum(dW)) > 1e-3
-    z = first = generator.standard_normal(1000)
-    total, walk = np.zeros(1000), np.zeros(1000)
-    for _ in range(1000):
-        x = 0.1 * generator.standard_normal(1000)
-        increment, z = increment_and_process(rule, 0.1, 0.015, x, z)
-        total, walk = total + increment, walk + x
-    assert np.abs(total - (walk + first - z)).max() < 1e-12
-
-
-#: u = h/eps^2 -> the stationary variance of z over eps^2, and the correlation of neighbours; see the recursions.
-STATIONARY = {
-    "implicit Euler": (lambda u: 1 / (2 + u), lambda u: 1 / (1 + u)),
-    "midpoint": (lambda u: 1 / 2, lambda u: (2 - u) / (2 + u)),
-    "explicit Euler": (lambda u: 1 / (2 - u), lambda u: 1 - u),
-}
-
-
-@pytest.mark.parametrize("u", [0.1, 1.0, 1.8, 10.0])
-@pytest.mark.parametrize("name", RULES)
-def test_law_of_the_processes(name, u, generator):
-    """Variance, fourth moment and correlation of neighbours, after so many steps that the beginning is forgotten."""
-    if name == "explicit Euler" and u > 2:
-        pytest.skip("unstable")
-    eps, paths = 0.3, 20_000
-    h = u * eps * eps
-    z = np.zeros(paths)
-    for _ in range(100):
-        before = z
-        _, z = increment_and_process(RULES[name], eps, h, np.sqrt(h) * generator.standard_normal(paths), z)
-    ratio, correlation = (f(u) for f in STATIONARY[name])
-    v = ratio * eps * eps
-    assert abs((z**2).mean() / v - 1) < 4 * np.sqrt(2 / paths)
-    assert abs((z**4).mean() / (3 * v * v) - 1) < 4 * np.sqrt(96 / paths) / 3
-    assert abs((before * z).mean() / v - correlation) < 4 * np.sqrt((1 + correlation**2) / paths)
-    if u >= 1 and name != "midpoint":  # negative control: the variance of the process in continuous time
-        assert abs((z**2).mean() / (eps * eps / 2) - 1) > 8 * np.sqrt(2 / paths)
-
-
-# --- a fixed eps, h to 0 ---------------------------------------------------------------------------------------------
-
-
-def test_for_a_fixed_eps_all_schemes_have_one_limit_and_order_1(generator):
-    """The equation is a random ODE and its noise additive, so that the strong order is 1 for all of them."""
-    model, eps = RIGID_BODY, 0.5
-    finest, powers = (2**12, range(4, 9)) if COMPILED else (2**6, range(2, 5))
-    y, dW = at_rest(), np.sqrt(1 / finest) * normals(generator, model, finest)
-    finals = {
-        (name, n): go(kind(eps, rule), model, 1 / n, summed(dW, finest // n), y)[0]
-        for name, (kind, rule) in zip(NAMES, PAIRS, strict=True)
-        for n in [finest, *(2**p for p in powers)]
-    }
-    h = 2.0 ** -np.array(powers)
-    for name in NAMES:
-        errors = [mean_square_distance(finals[name, 2**p], finals["AP midpoint", finest]) for p in powers]
-        if COMPILED:
-            assert 0.9 < slope(h, errors) < 1.15
-        assert np.all(np.diff(errors) < 0)
-        apart = [mean_square_distance(finals[name, n], finals["AP", n]) for n in (*(2**p for p in powers), finest)]
-        if name != "AP":
-            assert 0.85 < slope([*h, 1 / finest], apart) < 1.15
-    without, _ = go(LIE_TROTTER, model, 1 / finest, dW, y)  # negative control: eps = 0 is another equation
-    assert mean_square_distance(without, finals["AP", finest]) > 0.1
-
-
-# --- how the others fail ---------------------------------------------------------------------------------------------
-
-
-def test_the_explicit_scheme_explodes_for_h_above_2_eps_squared(generator):
-    eps, y = 0.05, at_rest()
-    noise = normals(generator, RIGID_BODY, 400 if COMPILED else 60)
-
-    def after(scheme, u):
-        """Steps of size u eps^2."""
-        with np.errstate(all="ignore"):
-            return go(scheme, RIGID_BODY, u * eps * eps, np.sqrt(u) * eps * noise, y)
-
-    explicit = MultiscaleEuler(eps, EXPLICIT)
-    for u in (0.1, 0.9, 1.9):
-        _, z = after(explicit, u)
-        assert np.abs(z).max() < 6 * eps / np.sqrt(2 - u)  # six standard deviations
-    kept, _ = after(explicit, 0.1)
-    assert np.abs(np.linalg.norm(kept, axis=0) - 1.0).max() < 0.2
-    lost, z = after(explicit, 4.0)  # z triples at each step
-    assert np.abs(z).min() > 1e20
-    assert not np.isfinite(lost).any()
-    for rule in (IMPLICIT, MIDPOINT):
-        kept, z = after(AsymptoticPreserving(eps, rule), 4.0)
-        assert np.abs(np.linalg.norm(kept, axis=0) - 1.0).max() < 1e-13
-        assert np.abs(z).max() < 6 * eps / np.sqrt(2)
-
-
-def test_the_semi_implicit_scheme_becomes_that_of_the_equation_in_itos_sense(generator):
-    """Step by step y + h B grad H + sum_k sigma_k f_k dW_k, without the Itô correction."""
-    h, y = 0.01, start(generator, RIGID_BODY)
-    dW = np.sqrt(h) * normals(generator, RIGID_BODY, 10)
-    for steps in range(1, 11):
-        read, _ = go(WithoutCorrection(), RIGID_BODY, h, dW[:steps], y)
-        assert distance(go(MultiscaleEuler(1e-6, IMPLICIT), RIGID_BODY, h, dW[:steps], y)[0], read).max() < 1e-9
-        assert np.array_equal(go(MultiscaleEuler(0.0, IMPLICIT), RIGID_BODY, h, dW[:steps], y)[0], read)
-    right, _ = go(SCHEMES["euler_maruyama"].record, RIGID_BODY, h, dW, y)
-    assert np.median(distance(right, read)) > 1e-2
-
-
-def test_its_weak_limit_is_wrong_and_that_of_the_ap_schemes_is_right():
-    """Noise alone: E y is constant in Itô's sense, |y|^2 grows; in Stratonovich's |y| is kept and E y decays.
-
-    Each scheme has its own paths.
-    """
-    model = RIGID_BODY._replace(inertia=(1e40, 1e40, 1e40), noise_inertia=(1.0, 1.0, 1.0))
-    steps, blocks = (16, 400) if COMPILED else (8, 5)
-    h = 0.5 / steps
-
-    def sample(scheme, seed):
-        """Mean and standard error of y_1 and |y|^2."""
-        generator = np.random.default_rng(seed)
-        ends = [
-            go(scheme, model, h, np.sqrt(h) * normals(generator, model, steps), at_rest())[0] for _ in range(blocks)
-        ]
-        y = np.concatenate(ends, axis=1)
-        values = np.array([y[0], (y**2).sum(axis=0)])
-        return values.mean(axis=1), values.std(axis=1) / np.sqrt(values.shape[1])
-
-    limit, limit_stderr = sample(LIE_TROTTER, 1)
-    wrong, stderr = sample(MultiscaleEuler(1e-6, IMPLICIT), 2)
-    for seed, rule in ((3, IMPLICIT), (4, MIDPOINT)):
-        mean, stderr_ap = sample(AsymptoticPreserving(1e-6, rule), seed)
-        assert abs(mean[0] - limit[0]) < 4 * np.hypot(stderr_ap[0], limit_stderr[0])
-        assert abs(mean[1] - 1.0) < 1e-13
-    assert abs(wrong[0] - INITIAL[0]) < 4 * stderr[0]
-    assert wrong[1] > 1.0 + 4 * stderr[1]
-    if COMPILED:
-        assert wrong[0] - limit[0] > 20 * np.hypot(stderr[0], limit_stderr[0])
-
-
-# --- from a spec to results ------------------------------------------------------------------------------------------
-
-
-def groups_of(experiment, folder):
-    return {(g.case, g.variant): g for g in storage.read(run(experiment, folder)).groups}
-
-
-WEAK = ["estimators=[plain]", "steps=2^-4 .. 2^-5", "reference_step=2^-7", "eps=[1e-2, 1e-5]"]
-
-
-def weak(folder, *overrides):
-    """Groups by the name of the scheme: all of one test function."""
-    samples = 20_000 if COMPILED else 64
-    experiment = load(EXPERIMENTS / "rigid_body_ap_weak.yaml", "quick", [*WEAK, f"samples={samples}", *overrides])
-    return {scheme: group for (_, scheme), group in groups_of(experiment, folder).items()}
-
-
-def values(group, name):
-    return group.variables[name][1]
-
-
-def test_weak_errors_from_spec_to_results(tmp_path):
-    found = weak(tmp_path)
-    assert list(found) == ["ap_splitting_eps_0.01", "ap_splitting_eps_1e-05", "splitting"]
-    small, limit = found["ap_splitting_eps_1e-05"], found["splitting"]
-    assert [g.attributes.get("eps") for g in found.values()] == [0.01, 1e-5, None]
-    assert (small.attributes["scheme_label"], small.attributes["scheme"]) == ("AP splitting", "ap_splitting")
-    assert Description.of(small).label == "AP splitting, eps = 1e-05"
-    for name in ("error", "expectation", "reference"):
-        assert np.abs(values(small, name) - values(limit, name)).max() < 1e-9  # the same paths
-    if not COMPILED:
-        return
-    assert np.abs(values(found["ap_splitting_eps_0.01"], "error") - values(limit, "error")).max() > 1e-7
-    other = weak(tmp_path / "other", "schemes=[splitting]", "eps=null", "seed=2")["splitting"]
-    assert values(other, "resolved").any()
-    for name in ("error", "expectation"):
-        stderr = np.hypot(values(small, f"{name}_stderr"), values(other, f"{name}_stderr"))
-        difference = np.abs(values(small, name) - values(other, name))
-        assert np.all(difference > 0)
-        assert np.all(difference < 4 * stderr)
-
-
-def test_weak_errors_of_the_comparators_against_the_ap_scheme(tmp_path):
-    schemes = ["ap_splitting", "multiscale_euler", "multiscale_euler_semi_implicit"]
-    experiment = load(
-        EXPERIMENTS / "rigid_body_ap_failure.yaml",
-        "quick",
-        [
-            f"schemes=[{', '.join(schemes)}]",
-            "eps=[1, 1e-5]",
-            f"samples={20_000 if COMPILED else 64}",
-            "steps=[2^-5]",
-            f"reference_step=2^-{8 if COMPILED else 6}",
-        ],
-    )
-    (case,) = experiment.cases
-    assert (case.reference_scheme, case.panels) == ("ap_splitting", ("eps",))
-    found = {scheme: group for (_, scheme), group in groups_of(experiment, tmp_path).items()}
-    assert list(found) == [f"{scheme}_eps_{eps}" for scheme in schemes for eps in ("1", "1e-05")]
-    for group in found.values():
-        assert (group.attributes["panels"], group.attributes["reference_scheme"]) == (("eps",), "ap_splitting")
-    # one reference for all, the AP scheme at each eps
-    for eps in ("1", "1e-05"):
-        references = [values(found[f"{scheme}_eps_{eps}"], "reference") for scheme in schemes]
-        assert np.array_equal(references[0], references[1]) and np.array_equal(references[0], references[2])
-    assert values(found["ap_splitting_eps_1"], "reference") != values(found["ap_splitting_eps_1e-05"], "reference")
-    for scheme in schemes:  # at eps = 1 all are accurate
-        assert np.abs(values(found[f"{scheme}_eps_1"], "error")).max() < 0.1
-    lost = found["multiscale_euler_eps_1e-05"]
-    assert values(lost, "nonfinite")[0] == experiment.cases[0].samples
-    assert not values(lost, "resolved").any()
-    good, bad = (found[f"{scheme}_eps_1e-05"] for scheme in (schemes[0], schemes[2]))
-    if COMPILED:
-        assert np.abs(values(bad, "error")).max() > 10 * values(bad, "error_stderr").max()
-        assert np.abs(values(bad, "error")).max() > 3 * np.abs(values(good, "error")).max()
-
-
-def test_trajectories_for_several_eps(tmp_path):
-    step = "1/93" if COMPILED else "1/31"
-    experiment = load(
-        EXPERIMENTS / "rigid_body_ap_trajectories.yaml", "quick", ["eps=[0.1, 0, 1e-3]", f"step={step}", "path=70"]
-    )
-    found = {scheme: group for (_, scheme), group in groups_of(experiment, tmp_path).items()}
-    assert list(found) == ["ap_splitting_eps_0.1", "ap_splitting_eps_0", "ap_splitting_eps_0.001", "splitting"]
-    assert [g.attributes.get("eps") for g in found.values()] == [0.1, 0.0, 1e-3, None]
-    limit = values(found["splitting"], "y")
-    assert np.array_equal(values(found["ap_splitting_eps_0"], "y"), limit)
-    far, near = (np.abs(values(found[f"ap_splitting_eps_{eps}"], "y") - limit).max() for eps in ("0.1", "0.001"))
-    assert 0 < near < 1e-3 and far > 0.03
-    for group in found.values():
-        assert max(group.attributes["casimir_drift"]) < 1e-14

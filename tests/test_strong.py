@@ -1,32 +1,19 @@
-"""The strong study against the same numbers computed in plain NumPy, and on what its results may not depend.
-
-The oracle takes the normals of the generator and writes everything else out anew, from the printed equations:
-increments, schemes, errors, drifts, standard errors and the fit.  All seeds are fixed.
-"""
+"""The strong study against plain NumPy, and on what its results may not depend; all seeds are fixed."""
 
 import math
-import re
-from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 from helpers import COMPILED
 from states import begun, check_going_on, finished, same_numbers
+from strong_cases import BY_HAND, case_of, clipped, fine_increments, paths_by_hand, study
 
 from spi import ensemble
-from spi.dispatch import kernel
 from spi.estimators import GROUPS, group_counts
-from spi.kinds.state import State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import errors
-from spi.protocol import REPORT
 from spi.records import Part
-from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
-from spi.run import load
-
-EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
-SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -37,96 +24,7 @@ def _no_stopwatch_without_the_compiler(monkeypatch):
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
-def case_of(*overrides, profile="quick"):
-    return load(EXPERIMENT, profile, [*(SIZES if profile == "quick" else ()), *overrides]).cases[0]
-
-
-def study(case, scheme):
-    """(variables by name, attributes) of a whole study."""
-    plan = strong.plan(case, Part(scheme))
-    group = plan.group(finished(plan))
-    assert list(group.coordinates["h"]) == list(case.steps)
-    return {name: values for name, (_, values) in group.variables.items()}, group.attributes
-
-
 # --- the oracle ------------------------------------------------------------------------------------------------------
-
-
-@kernel
-def draw(seed, channel, draws, block, words, normals):
-    for n in range(draws):
-        draw_normals(seed, np.uint64(BROWNIAN), channel, np.uint64(n), block, words, normals[n])
-
-
-def fine_increments(case):
-    """sqrt(h_ref) times the normals, an array [step, noise, path]."""
-    steps, blocks = round(case.final_time / case.reference_step), -(-case.samples // LANES)
-    draws = -(-steps // STEPS_PER_DRAW)
-    words, normals = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty((draws, STEPS_PER_DRAW * LANES))
-    increments = np.empty((steps, 3, blocks * LANES))
-    for block in range(blocks):
-        for k in range(3):
-            draw(np.uint64(case.seed), np.uint64(k), draws, np.uint64(block), words, normals)
-            increments[:, k, block * LANES : (block + 1) * LANES] = normals.reshape(-1, LANES)[:steps]
-    return math.sqrt(case.reference_step) * increments[:, :, : case.samples]
-
-
-def clipped(dW, h):
-    """The increments of steps h that lie within sqrt(h) A_h, A_h = sqrt(4 |ln h|), the others put on its ends."""
-    bound = math.sqrt(h) * math.sqrt(4 * abs(math.log(h)))
-    return np.clip(dW, -bound, bound)
-
-
-AXES = np.eye(3)
-
-
-def field(k, inertia, y):
-    """B(y) grad (y_k^2 / 2 I_k) = (y_k / I_k) y x e_k, which is a column of the printed matrix B(y)."""
-    return y[k] / inertia[k] * np.cross(y, AXES[k][:, np.newaxis], axis=0)
-
-
-def by_euler_maruyama(model, h, dW, y):
-    """The Itô form: f_k' f_k turns twice about the axis k, which takes y to -(y_k / Î_k)^2 (y - y_k e_k)."""
-    new = y.copy()
-    for k, sigma in enumerate(model.sigma):
-        across = y.copy()
-        across[k] = 0.0
-        new += h * field(k, model.inertia, y) + sigma * dW[k] * field(k, model.noise_inertia, y)
-        new -= 0.5 * h * sigma**2 * (y[k] / model.noise_inertia[k]) ** 2 * across
-    return new
-
-
-def turned(k, angle, y):
-    """exp(t (y_k / I_k) (y x e_k)): turned by -angle about the axis k (Rodrigues' formula)."""
-    axis = AXES[k][:, np.newaxis]
-    along = axis * y[k]
-    return along + np.cos(angle) * (y - along) + np.sin(angle) * np.cross(y, axis, axis=0)
-
-
-def by_splitting(model, h, dW, y):
-    """Eq. slpI: the noises first, then the pieces of H."""
-    for k, sigma in enumerate(model.sigma):
-        y = turned(k, sigma * dW[k] * y[k] / model.noise_inertia[k], y)
-    for k in range(3):
-        y = turned(k, h * y[k] / model.inertia[k], y)
-    return y
-
-
-BY_HAND = {"euler_maruyama": by_euler_maruyama, "splitting": by_splitting}
-
-
-def paths_by_hand(case, scheme):
-    """h -> states [step, component, path] for the reference step and all others."""
-    fine, result = fine_increments(case), {}
-    for h in (case.reference_step, *case.steps):
-        dW = fine.reshape(-1, round(h / case.reference_step), 3, case.samples).sum(axis=1)
-        y, states = np.repeat(np.array(case.initial)[:, np.newaxis], case.samples, axis=1), []
-        with np.errstate(over="ignore", invalid="ignore"):
-            for increments in clipped(dW, h) if case.truncate_noise else dW:
-                y = BY_HAND[scheme](case.model, h, increments, y)
-                states.append(y)
-        result[h] = np.array(states)
-    return result
 
 
 def group_of_paths(samples):
@@ -261,153 +159,3 @@ def test_steps_of_the_same_grid_do_not_influence_one_another():
     part, _ = study(case_of("schemes=[splitting]", f"steps=[{steps[0]}, {steps[2]}]"), "splitting")
     for name in ("error", "error_stderr", "error_final", "casimir_drift"):
         assert np.array_equal(part[name], whole[name][[0, 2]])
-
-
-# --- paths that leave the finite numbers -----------------------------------------------------------------------------
-
-
-@compiled_only
-def test_blow_up_is_counted_and_left_out_of_the_fit():
-    """One step size is far too large for Euler-Maruyama; nearly all of its paths overflow, in y or in |y|^2."""
-    case = case_of(
-        "schemes=[euler_maruyama]",
-        "model.sigma=[0.05, 0.05, 0.05]",
-        "initial=[1.5*cos(1.1), 0, 1.5*sin(1.1)]",
-        "truncate_noise=false",
-        "final_time=16",
-        "steps=[1, 2^-5, 2^-6, 2^-7, 2^-8]",
-        "reference_step=2^-10",
-        "samples=256",
-    )
-    found, attributes = study(case, "euler_maruyama")
-    paths = paths_by_hand(case, "euler_maruyama")
-    lost = [int((~np.isfinite(paths[h][-1]).all(axis=0)).sum()) for h in case.steps]
-    assert 0 < lost[0] < case.samples
-    assert lost[1:] == [0, 0, 0, 0]
-    assert found["nonfinite"].tolist() == lost
-    assert attributes["reference_nonfinite"] == 0
-    for name in ("error", "error_final", "casimir_drift"):
-        assert np.isinf(found[name][0]).all()
-        assert np.isfinite(found[name][1:]).all()
-    assert not np.isfinite(found["error_stderr"][0])
-    assert found["resolved"].tolist() == [False, True, True, True, True]
-    assert attributes["points_in_fit"] == 4
-    assert 0.5 < attributes["order"] < 1.2  # hardly any noise
-    assert "left the finite numbers" in attributes["note"]
-
-
-@compiled_only
-def test_paths_that_are_finite_but_whose_squares_are_not_are_infinitely_far():
-    case = case_of(
-        "schemes=[euler_maruyama]", "model.sigma=[4, 4, 4]", "samples=256", "steps=2^-4 .. 2^-9", "reference_step=2^-12"
-    )
-    found, _ = study(case, "euler_maruyama")
-    for name in ("error", "error_final", "casimir_drift"):
-        assert np.isinf(found[name]).any()
-        assert not (np.isfinite(found[name]) & (found[name] > 1e300)).any()
-
-
-@compiled_only
-def test_a_reference_that_blows_up_is_reported():
-    case = case_of("schemes=[euler_maruyama]", "model.sigma=[60, 60, 60]", "samples=64")
-    found, attributes = study(case, "euler_maruyama")
-    reference = paths_by_hand(case, "euler_maruyama")[case.reference_step][-1]
-    assert attributes["reference_nonfinite"] == (~np.isfinite(reference).all(axis=0)).sum() > 0
-    assert np.isinf(found["error"]).all()
-    assert math.isnan(attributes["order"])
-    assert np.isnan(attributes["order_ci"]).all()
-
-
-# --- few samples -----------------------------------------------------------------------------------------------------
-
-
-def test_one_sample_has_an_error_but_no_standard_error():
-    found, attributes = study(case_of("schemes=[splitting]", "samples=1"), "splitting")
-    assert (found["error"] > 0).all()
-    assert np.isnan(found["error_stderr"]).all()
-    assert not found["resolved"].any()
-    assert math.isnan(attributes["order"])
-    assert attributes["points_in_fit"] == 0
-    assert "not resolved" in attributes["note"]
-
-
-def test_too_few_samples_are_said_to_be_too_few():
-    """With 3 samples some seed leaves a point unresolved; what the note asks for then follows the formula."""
-    for seed in range(1, 30):
-        found, attributes = study(case_of("schemes=[splitting]", "samples=3", f"seed={seed}"), "splitting")
-        if not found["resolved"].all():
-            break
-    needed = 3 * (4 * found["error_stderr"] / found["error"])[~found["resolved"]].max() ** 2
-    said = re.fullmatch(r"in brackets: not resolved, would need about (\d+) samples", attributes["note"])
-    assert float(said[1]) == float(f"{needed:.1g}")
-    assert attributes["points_in_fit"] == np.count_nonzero(found["resolved"])
-
-
-# --- what the paper says ---------------------------------------------------------------------------------------------
-
-
-def contains(attributes, order):
-    low, high = attributes["order_ci"]
-    return low <= order <= high and high - low < 0.1
-
-
-@compiled_only
-def test_orders_with_three_noises_are_one_half_and_only_the_splitting_keeps_the_casimir():
-    case = case_of("schemes=[euler_maruyama, splitting]", profile="laptop")
-    assert (case.samples, case.reference_step, case.steps) == (500, 2.0**-16, tuple(2.0 ** -np.arange(5, 14)))
-    (euler, euler_attributes), (splitting, attributes) = (study(case, scheme) for scheme in case.schemes)
-    assert contains(attributes, 0.5)
-    assert contains(euler_attributes, 0.5)
-    assert not contains(attributes, 1.0)
-    assert splitting["casimir_drift"].max() < 1e-12
-    assert euler["casimir_drift"].min() > 1e-3
-    assert attributes["expected_order"] == 0.5
-    assert splitting["resolved"].all()
-
-
-@compiled_only
-def test_order_with_one_noise_is_one():
-    case = case_of("schemes=[splitting]", "model.sigma=[1, 0, 0]", profile="laptop")
-    _, attributes = study(case, "splitting")
-    assert contains(attributes, 1.0)
-    assert attributes["expected_order"] == 1.0
-
-
-# --- the rest --------------------------------------------------------------------------------------------------------
-
-
-def test_an_implicit_scheme_reports_on_its_solver():
-    case = case_of("samples=70")
-    found, _ = study(case, "midpoint")
-    assert set(REPORT[:-1]) <= set(found)  # the last one is for angles
-    steps = np.round(case.final_time / np.array(case.steps))
-    assert found["solves"].tolist() == (steps * 2 * LANES).tolist()  # blocks are computed whole
-    assert (found["iterations"] >= found["solves"]).all()
-    assert not found["failures"].any()
-    assert found["largest_residual"].max() < 1e-13
-    assert found["casimir_drift"].max() < 1e-12
-    assert not set(REPORT) & set(study(case, "euler_maruyama")[0])
-
-
-def test_progress_and_cost():
-    case = case_of("samples=150")
-    plan = strong.plan(case, Part("splitting"))
-    state = finished(plan)
-    found, attributes = study(case, "splitting")
-    done, total, stderr = plan.progress(state)
-    assert (done, total) == (150, 150)
-    assert math.isclose(stderr, found["error_final_stderr"][0], rel_tol=1e-12)
-    middle = plan.progress(begun(plan, 2))
-    assert middle[:2] == (128, 150) and middle[2] > 0
-    unbegun = plan.progress(State(plan))
-    assert unbegun[:2] == (0, 150) and math.isnan(unbegun[2])
-    steps, seconds, needed = plan.cost()
-    per_path = round(case.final_time / case.reference_step) + sum(round(case.final_time / h) for h in case.steps)
-    assert steps == 150 * per_path
-    assert 1e-9 < seconds / steps < 1e-7
-    assert needed >= state.total().squares.nbytes
-    assert strong.parts(case) == [Part(scheme) for scheme in case.schemes]
-    assert np.allclose(found["seconds"], found["ns_per_step"] * 1e-9 * 150 * case.final_time / np.array(case.steps))
-    assert (found["ns_per_step"] > 0).all()
-    assert attributes["wall_seconds"] > 0
-    assert attributes["samples"] == 150

@@ -1,74 +1,25 @@
-"""The study of work and precision: its errors are those of other studies, and what it times is what it says.
-
-Times themselves are not tested: a clock is put in that goes by steps, not by seconds.
-"""
-
-import copy
-import functools
-from pathlib import Path
-from types import SimpleNamespace
+"""The study of work and precision: its errors are those of the other studies, and its times those of whole paths."""
 
 import numpy as np
 import pytest
+import work_study_cases
 from helpers import COMPILED, LANES
-from states import check_going_on, finished, same_numbers, taken
+from states import finished
+from work_study_cases import STRONG, WEAK, Clock, group_of, same
 
-from spi import run as runner
-from spi import storage
 from spi.ensemble import thread_count
-from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study import paths as strong_paths
 from spi.kinds.work_precision import study as work_precision
 from spi.records import Part
-from spi.run import load
 from spi.schemes import SCHEMES
-from spi.spec import SpecError
 
-SPEC = """\
-kind: {kind}
-model: {{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}}
-initial: [cos(1.1), 0, sin(1.1)]
-final_time: 1
-steps: 2^-2 .. 2^-4
-reference_step: 2^-6
-schemes: [euler_maruyama, splitting]
-"""
-STRONG, WEAK = "samples: 70\n", "functions: y1^2\nestimators: [{estimators}]\nseconds: 0.02\n"
+# fixtures
+spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
+
 
 pytestmark = pytest.mark.filterwarnings("error")
-
-
-@pytest.fixture
-def spec(tmp_path, monkeypatch):
-    """Write a spec as s.yaml in the current folder and load it."""
-    monkeypatch.chdir(tmp_path)
-
-    def write_and_load(text, kind="work_precision", overrides=()):
-        Path("s.yaml").write_text(SPEC.format(kind=kind) + text)
-        return load("s.yaml", overrides=overrides)
-
-    return write_and_load
-
-
-@pytest.fixture
-def few_steps(monkeypatch):
-    """A repetition is one block."""
-    monkeypatch.setattr(work_precision, "_PATH_STEPS", 1)
-    if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
-
-
-def group_of(experiment, scheme):
-    """What the study of this kind finds for a scheme, by the first part that is its."""
-    study, (case,) = KINDS[experiment.kind].study, experiment.cases
-    plan = study.plan(case, next(part for part in study.parts(case) if part.scheme == scheme))
-    return plan.group(finished(plan))
-
-
-def same(a, b):
-    return np.array_equal(a, b, equal_nan=True)
 
 
 # --- errors ----------------------------------------------------------------------------------------------------------
@@ -163,25 +114,6 @@ def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypat
 # --- times -----------------------------------------------------------------------------------------------------------
 
 
-class Clock:
-    """In the place of the processor's clock and of `integrate`: a step of a path takes `rates` units, in turn."""
-
-    def __init__(self, monkeypatch, rates=(1.0,), fail_at=None):
-        self.now, self.rates, self.fail_at, self.calls = 0.0, rates, fail_at, []
-        monkeypatch.setattr(
-            work_precision, "time", SimpleNamespace(process_time=lambda: self.now, perf_counter=lambda: 7.0)
-        )
-        monkeypatch.setattr(work_precision, "integrate", self.integrate)
-
-    def integrate(self, scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
-        if len(self.calls) == self.fail_at:
-            raise KeyboardInterrupt
-        sizes = len(grid.doublings)
-        assert report.shape[:2] == (blocks, sizes) and len(observer[0]) == blocks and first_block == 0
-        self.calls.append(SimpleNamespace(scheme=scheme, grid=grid, samples=samples, threads=thread_count()))
-        self.now += 2.0**-20 * self.rates[(len(self.calls) - 1) % len(self.rates)] * grid.reference_steps * samples
-
-
 def times_of(case, part):
     """What a plan measures, (repeats, step sizes), without the errors."""
     plan = work_precision.plan(case, part)
@@ -267,127 +199,3 @@ def test_whole_paths_are_integrated(spec, text):
         drift = observer.drift[0, 0, 0]
         assert np.all((drift >= 0) & (drift < 1e-14)) and drift.any() and not observer.nonfinite.any()
         assert not observer.squares.any()  # nothing but the end is looked at
-
-
-# --- stopped and resumed ---------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def one_step(spec):
-    """An experiment whose times are measured at one step size, three times."""
-    if not COMPILED:
-        pytest.skip("the errors take a while without the compiler")
-    return spec(STRONG + "repeats: 3\n", overrides=["steps=[2^-2]", "schemes=[splitting]"])
-
-
-def test_a_stopped_measurement_goes_on_with_the_repeats_that_are_left(one_step, monkeypatch, tmp_path):
-    """The first and the third call warm up; 2, 4 and 6 are measured, the first of them before the run is stopped."""
-    clock = Clock(monkeypatch, rates=(100.0, 2.0, 100.0, 4.0, 6.0))
-
-    def stop_after_the_first_repeat(progress):
-        if len(clock.calls) == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(runner.Stopped):
-        runner.run(one_step, tmp_path, watch=runner.Watch(stop_after_the_first_repeat))
-    monkeypatch.setattr(strong.StrongPlan, "rows", lambda *_: pytest.fail("the errors are known"))
-    (found,) = storage.read(runner.run(one_step, tmp_path)).groups
-    assert len(clock.calls) == 5
-    quartiles = [found.arrays[f"seconds_per_path{end}"].tolist() for end in ("_low", "", "_high")]
-    assert quartiles == [[2.0**-20 * rate * 4] for rate in (3.0, 4.0, 5.0)]
-
-
-def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, tmp_path):
-    """What the plan of the errors knows besides its paths stands within what the plan itself knows."""
-    Clock(monkeypatch)
-    (plan,) = runner.plans(one_step)
-    last = finished(plan)
-    storage.write_sums(tmp_path / "sums.npz", {}, {"main/splitting": last.plain()})
-    _, kept = storage.read_sums(tmp_path / "sums.npz")
-    again = taken(plan, kept["main/splitting"])
-    assert type(again.more) is type(last.more) and type(again.more.of_errors) is type(last.more.of_errors)
-    assert type(again.total()) is type(last.total())
-    assert same_numbers(again, last) and np.array_equal(again.more.times, last.more.times)
-    assert again.seconds == last.seconds
-    for record in (("more", "times"), ("more", "of_errors", "ns_per_step"), ("streams", 0, "short", 0, 1, "squares")):
-        rest = copy.deepcopy(kept["main/splitting"])
-        within = functools.reduce(lambda inner, key: inner[key], record[:-1], rest)
-        del within[record[-1]]
-        begun = State(plan)
-        with pytest.raises(ValueError, match=f"in place of .*{record[-1]}"):
-            begun.take(rest)
-        assert begun.so_far().paths == 0 and (record[0] == "streams" or np.isnan(begun.more.times).all())
-
-
-def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):
-    Clock(monkeypatch)
-    (plan,) = runner.plans(one_step)
-    found = check_going_on(plan)
-    *errors, first, second, third = (plan.progress(taken(plan, plain)) for plain in found)
-    assert (errors[0].done, errors[-1].done) == (0, 70) and all(progress.total == 70 for progress in errors)
-    for repeats, progress in enumerate((first, second, third), 1):
-        assert progress.done / progress.total == pytest.approx(repeats / 3)
-        assert progress.stderr == errors[-1].stderr > 0
-
-
-# --- through the one path from a spec to a file ----------------------------------------------------------------------
-
-
-@pytest.mark.usefixtures("few_steps")
-def test_a_run_writes_errors_and_times(spec, tmp_path):
-    cases = "cases:\n  - name: paths\n  - {name: laws, functions: y1^2, estimators: [kolmogorov]}\n"
-    experiment = spec("samples: 70\nrepeats: 3\n" + cases, overrides=["schemes=[splitting]"])
-    results = storage.read(runner.run(experiment, tmp_path))
-    assert results.attributes["kind"] == "work_precision"
-    paths, laws = results.groups
-    assert [g.case for g in (paths, laws)] == ["paths", "laws"]
-    assert {(g.variant, g.estimator) for g in (paths, laws)} == {("splitting", "")}
-    assert [g.attributes["measure"] for g in (paths, laws)] == ["strong", "weak"]
-    for group in (paths, laws):
-        assert len(group.attributes["targets"]) > 0 and group.attributes["repeats"] == 3
-        assert set(group.variables) >= {"error", "error_stderr", "resolved", "seconds_per_path", "ns_per_step"}
-    direct = group_of(spec(STRONG, overrides=["schemes=[splitting]"]), "splitting")
-    assert same(paths.variables["error"][1], direct.variables["error"][1])
-
-
-# --- specs -----------------------------------------------------------------------------------------------------------
-
-
-def test_defaults(spec):
-    case = spec(STRONG).cases[0]
-    assert (case.targets, case.repeats, case.functions, case.estimators) == (None, 15, {}, ())
-    case = spec(WEAK.format(estimators="multilevel") + "targets: [1/8]\nrepeats: 3\n").cases[0]
-    assert (case.targets, case.repeats, case.estimators) == ((0.125,), 3, ("multilevel",))
-
-
-ESTIMATORS = "add estimators: some of plain, multilevel, kolmogorov"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        (STRONG + "estimators: [plain]\n", "9: estimators: is for weak errors; leave it out, or give functions"),
-        (STRONG + "functions: y1\n", f"1: estimators: missing key 'estimators'; {ESTIMATORS}"),
-        (
-            "functions: {a: y1, b: y2}\nestimators: [multilevel]\nseconds: 1\n",
-            "8: functions: has 2 functions; must have one, for one error",
-        ),
-        ("repeats: 5\n", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
-        (STRONG + "repeats: 2\n", "9: repeats: is '2'; must be at least 3"),
-        (STRONG + "repeats: 1001\n", "9: repeats: is '1001'; must be at most 1000"),
-        (STRONG + "targets: [0.1, 0]\n", "9: targets: entry 2 is '0'; must be greater than 0"),
-        (STRONG + "targets: []\n", "9: targets: is an empty list; must have at least 1 item"),
-        (STRONG + "panels: [errors]\n", "9: panels: is no known key;"),
-        (STRONG + "prefixes: [10]\n", "9: prefixes: is no known key;"),
-        (
-            "functions: y1\nestimators: [plain]\n",
-            "1: samples: missing key 'samples', needed by the estimator 'plain'; add samples: number of Brownian paths",
-        ),
-    ],
-)
-def test_bad_specs(spec, text, message):
-    with pytest.raises(SpecError) as caught:
-        spec(text)
-    found = str(caught.value)
-    assert found == f"s.yaml:{message}" if not message.endswith(";") else found.startswith(f"s.yaml:{message}")
-    assert len(found.splitlines()) == 1

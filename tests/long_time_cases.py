@@ -1,0 +1,71 @@
+"""What the tests of the long-time study share: a spec, and the states of its study."""
+
+import numpy as np
+import pytest
+from states import finished
+
+from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
+from spi.kinds.long_time import study as long_time
+from spi.kinds.long_time.study import paths
+from spi.protocol import memory_size
+from spi.records import Part
+from spi.rng import BROWNIAN, LANES
+from spi.run import load
+
+RIGID = """\
+title: A title
+kind: long_time
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+steps: [1/8, 1/4]
+step_count: 640
+schemes: [splitting, euler_maruyama_renormalised, euler_maruyama]
+samples: 70
+seed: 3
+"""
+
+
+@pytest.fixture
+def load_text(tmp_path):
+    """Load a spec with overrides."""
+
+    def load_text(text, *overrides):
+        path = tmp_path / "s.yaml"
+        path.write_text(text, encoding="utf-8")
+        return load(path, overrides=overrides)
+
+    return load_text
+
+
+@pytest.fixture
+def case_of(load_text):
+    return lambda *overrides: load_text(RIGID, *overrides).cases[0]
+
+
+def study(case, scheme, state=None):
+    """(variables by name, group) of a whole study."""
+    plan = long_time.plan(case, Part(scheme))
+    group = plan.group(finished(plan) if state is None else state)
+    return group.arrays, group
+
+
+def initial_rows(scheme, model, initial, blocks):
+    rows = np.zeros((blocks, len(initial) * LANES + memory_size(scheme, model)))
+    rows[:, : len(initial) * LANES] = np.repeat(initial, LANES)
+    return rows
+
+
+def rows_after(scheme, model, rows, h, first, steps, seed=3):
+    """The rows that ``integrate`` takes and FinalStates keeps, after so many more steps."""
+    last, report = FinalStates(np.empty((len(rows), 1, rows.shape[1])), np.array([first + steps])), empty_report(2, 1)
+    times, noise = grid(h, steps, first_step=first), RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
+    integrate(scheme, model, rows, times, noise, last, report[: len(rows)], 0, len(rows), len(rows) * LANES)
+    return last.y[:, 0]
+
+
+def paths_done(plan, chunk, casimir=None):
+    """The paths of a chunk as if all steps were done: no counts, and these errors of the Casimirs, or none known."""
+    start = paths.paths_at_start(plan, chunk.blocks)
+    of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in paths.OF_PATHS}
+    done = start._replace(paths=chunk.paths, n=plan.case.step_count, y=start.y[:0], **of_paths)
+    return done if casimir is None else done._replace(casimir=casimir)

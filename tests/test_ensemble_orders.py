@@ -1,0 +1,101 @@
+"""The schemes, run by the loop over time, converge to the right equation with the right orders."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers import COMPILED, LANES, ONE_NOISE, RIGID_BODY, SCHEMES, WithoutCorrection, simulate
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+# --- the right limit -------------------------------------------------------------------------------------------------
+
+
+PATHS = 512
+LEVELS = tuple(range(7))  # h = 2^-10, ..., 2^-4
+
+
+def root_mean_square(differences):
+    """Of the lengths of differences [level, component, path]: values [level] and their relative standard errors."""
+    squares = (differences**2).sum(axis=1)
+    values = np.sqrt(squares.mean(axis=1))
+    return values, 0.5 * squares.std(axis=1, ddof=1) / np.sqrt(squares.shape[1]) / values**2
+
+
+def slope(differences, steps):
+    """The order with its standard error by the jackknife over 16 groups of paths."""
+    x = np.log2(steps)
+
+    def fit(d):
+        return np.polyfit(x, np.log2(root_mean_square(d)[0]), 1)[0]
+
+    groups = np.array_split(np.arange(differences.shape[-1]), 16)
+    left_out = np.array([fit(np.delete(differences, group, axis=-1)) for group in groups])
+    return fit(differences), np.sqrt(15 / 16 * ((left_out - left_out.mean()) ** 2).sum())
+
+
+@pytest.fixture(scope="module")
+def at_time_one():
+    """name -> states at T = 1, an array [level, component, path], all driven by the same truncated Brownian paths."""
+    options = {"h": 2.0**-10, "steps": 2**10, "doublings": LEVELS, "blocks": PATHS // LANES, "truncate": True}
+    schemes = {name: row.record for name, row in SCHEMES.items()}
+    schemes["wrong"] = WithoutCorrection()
+    return {name: simulate(scheme, **options)[0][:, 0] for name, scheme in schemes.items()}
+
+
+STEP_SIZES = 2.0 ** (np.array(LEVELS) - 10)
+
+
+@compiled_only
+@pytest.mark.parametrize(("a", "b"), list(itertools.combinations(SCHEMES, 2)))
+def test_schemes_approach_each_other(at_time_one, a, b):
+    """The distance of two schemes falls with the smaller of their orders.
+
+    The two splittings differ by one flow of the deterministic part at either end only, hence by O(h).
+    """
+    differences = at_time_one[a] - at_time_one[b]
+    distances, errors = root_mean_square(differences)
+    order, error = slope(differences, STEP_SIZES)
+    expected = 1.0 if {a, b} == {"splitting", "splitting_drift_first"} else 0.5
+    assert error < 0.02
+    assert abs(order - expected) < 4 * error + 0.01
+    assert np.all(np.diff(distances) > 0)
+    # At h = 2^-10 far below the distance, 0.115, to the wrong equation of the next test.
+    assert np.all(distances * (1 - 4 * errors) < 0.4 * STEP_SIZES**expected)
+
+
+@compiled_only
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_scheme_for_another_equation_is_caught(at_time_one, name):
+    """Negative control: Euler-Maruyama without the Itô correction converges, but elsewhere."""
+    differences = at_time_one["wrong"] - at_time_one[name]
+    distances, errors = root_mean_square(differences)
+    order, _ = slope(differences[:4], STEP_SIZES[:4])
+    assert distances[0] * (1 - 4 * errors[0]) > 0.1
+    assert abs(order) < 0.03
+    itself, _ = root_mean_square(np.diff(at_time_one["wrong"], axis=0))
+    assert np.all(np.diff(itself) > 0) and itself[0] < 0.01
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    ("name", "model", "expected"),
+    [
+        ("splitting", ONE_NOISE, 1.0),
+        ("splitting", RIGID_BODY, 0.5),
+        ("euler_maruyama_renormalised", RIGID_BODY, 0.5),
+    ],
+)
+def test_strong_orders(name, model, expected):
+    """Against its own reference 16 times finer than the finest step: splitting has order 1 with one noise."""
+    row = SCHEMES[name]
+    assert expected == (row.strong_order_commuting if model is ONE_NOISE else row.strong_order)
+    states, _ = simulate(
+        row.record, model, h=2.0**-13, steps=2**13, doublings=(0, 4, 5, 6, 7, 8), blocks=PATHS // LANES
+    )
+    differences = states[1:, 0] - states[0, 0]
+    order, error = slope(differences, 2.0 ** (np.arange(4.0, 9.0) - 13))
+    assert error < 0.03
+    # The reference has an error of its own, which lifts the slope by less than 0.03.
+    assert abs(order - expected) < 4 * error + 0.03
