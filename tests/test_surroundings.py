@@ -191,6 +191,7 @@ def weak(words, *overrides):
         (BODY, "model.sigma=[1, 1e150, 1]", "s are the most"),
         (BODY, "model.sigma=[1, 1e200, 1]", "would take for ever"),
         (BODY, "functions=sin(1e3*y1)", "waves"),
+        (BODY, "functions=exp(1e3*y1)", "needs functions that are finite"),
     ],
 )
 def test_what_a_solver_without_sampling_cannot_do_is_refused_by_name(words, override, why):
@@ -210,6 +211,7 @@ def test_the_cost_of_a_solver_depends_on_the_parameters():
     assert usual < 20
     assert seconds("initial=[100, 0, 1]", "functions=y1^2") > 2 * usual
     assert seconds("initial=[10, 0, 1]") > 5 * usual
+    assert seconds("initial=[1e9, 0, 0]") < usual  # at rest
 
 
 # --- signals ---------------------------------------------------------------------------------------------------------

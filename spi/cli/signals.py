@@ -1,6 +1,7 @@
 """How a run is asked to stop."""
 
 import signal
+import sys
 
 
 class Stop:
@@ -11,12 +12,20 @@ class Stop:
 
     def __init__(self) -> None:
         self.wanted = False
+        self.usual_hook = sys.unraisablehook
 
     def listen(self) -> None:
         """From now on either signal stops the program."""
         self.wanted = False
+        if sys.unraisablehook != self._unraisable:
+            self.usual_hook, sys.unraisablehook = sys.unraisablehook, self._unraisable
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._wanted)
+
+    def _unraisable(self, lost: "sys.UnraisableHookArgs") -> None:
+        """Say nothing of the exception that got lost, since it is remembered."""
+        if not (self.wanted and isinstance(lost.exc_value, KeyboardInterrupt)):
+            self.usual_hook(lost)
 
     def ignore(self) -> None:
         """From now on there is nothing left to stop."""

@@ -75,6 +75,8 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
 
     Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
     """
+    if np.count_nonzero(initial) <= 1:  # at rest
+        return Demands(0.1, 1e8)
     try:
         with np.errstate(all="ignore"):
             problem = _Problem.of(model, compositions, initial, final_time, steps, functions)
@@ -85,13 +87,13 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
         what = f"would take about {first:.1g} s" if np.isfinite(first) else "would take for ever"
         what = f"{what} at the coarsest degrees; {LONGEST_FIRST:g} s are the most"
         return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
-    if np.count_nonzero(initial) <= 1:
-        return Demands(0.0, 1e8)
     lost, waves = problem.waves()
-    if not lost <= 0.25:  # so much is lost that the projection would be, too
-        what = (
-            f"knows functions of up to {LEVELS[-1]} waves around the sphere |y| = {problem.radius:.3g}, these have more"
-        )
+    on = f"on the sphere |y| = {problem.radius:.3g}"
+    if np.isnan(lost):
+        what = f"needs functions that are finite {on}"
+        return Demands(np.inf, np.inf, what, "decrease initial, or use functions that grow less")
+    if lost > 0.25:  # so much is lost that the projection would be, too
+        what = f"knows functions of up to {LEVELS[-1]} waves {on}, these have more"
         return Demands(np.inf, np.inf, what, "decrease initial, or use functions that oscillate less")
     return problem.demands(waves)
 
@@ -239,7 +241,7 @@ class _Problem(NamedTuple):
     def waves(self):
         """(the share of phi beyond the highest degree, waves that it has), the worst of all phi on three great circles.
 
-        The share is of the mean square; all but 1e-8 of it has at most so many waves.
+        The share is of the mean square, NaN where phi is not finite; all but 1e-8 of it has at most so many waves.
         """
         n = 16 * LEVELS[-1]
         angle = 2 * np.pi / n * np.arange(n)
@@ -248,10 +250,11 @@ class _Problem(NamedTuple):
             points = self.radius * (np.outer(axes[0], np.cos(angle)) + np.outer(axes[1], np.sin(angle)))
             with np.errstate(all="ignore"):
                 values = np.array([np.broadcast_to(f(points), n) for f in self.functions], float)
-                power = abs(np.fft.rfft(values)) ** 2
-                power /= power.sum(axis=1, keepdims=True)
-            if not np.isfinite(power).all():
+            if not np.isfinite(values).all():
                 return np.nan, n
+            largest = abs(values).max(axis=1, keepdims=True)
+            power = abs(np.fft.rfft(values / np.where(largest > 0, largest, 1.0))) ** 2
+            power /= np.maximum(power.sum(axis=1, keepdims=True), 1e-300)
             lost = max(lost, power[:, LEVELS[-1] :].sum(axis=1).max())
             most = max(most, int((np.cumsum(power, axis=1) < 1 - 1e-8).sum(axis=1).max()))
         return lost, most

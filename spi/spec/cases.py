@@ -230,9 +230,8 @@ class SampledCase(FunctionsCase):
             rows = SCHEMES[name].composition
             if rows is None or SCHEMES[name].multiscale != multiscale:
                 continue
-            need = _demands(
-                rows, self.model, self.initial, self.final_time, self.steps, self.expressions, self.accuracy
-            )
+            acting, texts = compositions(rows, self.model), tuple(self.functions.values())
+            need = _demands(self.model, acting, self.initial, self.final_time, self.steps, texts, self.accuracy)
             if need.obstacle:
                 its = f" for '{name}'" if multiscale else ""
                 raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
@@ -261,13 +260,16 @@ class SampledCase(FunctionsCase):
             raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=256, typed=True)
 def _demands(
-    rows: tuple, model: Any, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
+    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
 ) -> Demands:
-    """What solving without sampling takes; kept, because the layers of a file often ask the same."""
-    acting = compositions(rows, model)
-    return demands(model, acting, initial, final_time, steps, [as_numpy(f) for f in functions], accuracy)
+    """What solving without sampling takes; kept, because the layers of a file often ask the same.
+
+    The functions are texts, since as trees sin(y1) and exp(y1) are equal tuples; models of two kinds may be, too.
+    """
+    callables = [as_numpy(parse_expression(text, dimension(model))) for text in functions]
+    return demands(model, acting, initial, final_time, steps, callables, accuracy)
 
 
 def check_count(end: float, step: float, key: str) -> None:

@@ -6,7 +6,6 @@ given the file, because a damaged file can make HDF5 itself crash.
 
 import contextlib
 import hashlib
-import io
 import os
 import platform
 import re
@@ -100,10 +99,12 @@ def create(path: str | Path) -> Iterator[h5py.File]:
 
     It is built in memory: HDF5 crashes when it closes a file that it could not write, for instance on a full disk.
     """
-    memory = io.BytesIO()
-    with h5py.File(memory, "w", track_order=True) as file:
+    # HDF5's own memory, not a BytesIO: a signal while HDF5 calls Python would get lost or become another error.
+    with h5py.File(str(path), "w", driver="core", backing_store=False, track_order=True) as file:
         yield file
-    write_bytes(path, with_checksum(memory.getvalue()))
+        file.flush()
+        data = file.id.get_file_image()
+    write_bytes(path, with_checksum(data))
 
 
 def write_bytes(path: str | Path, data: bytes) -> None:
@@ -143,7 +144,7 @@ def opened(data: bytes) -> Iterator[h5py.File]:
 
     HDF5 refuses to open a path that something else in the same process, such as xarray, holds open in another way.
     """
-    with h5py.File(io.BytesIO(data), "r") as file:
+    with h5py.File(h5py.h5f.open_file_image(data)) as file:
         yield file
 
 
