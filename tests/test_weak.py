@@ -20,6 +20,7 @@ from weak_cases import (
 
 from spi import ensemble, storage
 from spi import run as runner
+from spi.expressions import parse_expression
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.sums import ROUND
@@ -202,3 +203,15 @@ def test_cost_is_known_before_and_progress_on_the_way():
     assert p.progress(done)[:2] == (150, 150)
     stderr = p.group(done).variables["error_stderr"][1][0, 0]
     assert math.isclose(p.progress(done)[2], stderr, rel_tol=1e-12)
+
+
+def test_solutions_that_are_kept_are_told_apart_by_their_functions():
+    """As trees sin(y1) and exp(y1) are equal tuples: what is kept of one must not be taken for the other."""
+    assert parse_expression("sin(y1)", 3) == parse_expression("exp(y1)", 3)
+    found = []
+    for function in ("sin(y1)", "exp(y1)"):
+        plan = weak.plan(
+            case_of("estimators=[kolmogorov]", f"functions={{phi: {function}}}"), Part("splitting", "kolmogorov")
+        )
+        found.append(plan.group(finished(plan)).arrays["limit"][0])
+    assert found[0] != found[1]

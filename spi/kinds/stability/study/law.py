@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.expressions import as_numpy
+from spi.expressions import as_numpy, canonical, parse_expression
 from spi.kolmogorov import can_solve_equation, exact_expectations
+from spi.protocol import dimension
 from spi.records import Variables
 
 if TYPE_CHECKING:
@@ -24,12 +25,16 @@ def has_truth(p: "StabilityPlan") -> bool:
     return bool(p.functions) and can_solve_equation(p.first.model)
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=256, typed=True)
 def _truth(
-    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple
+    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple[str, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes."""
-    return exact_expectations(model, initial, final_time, [as_numpy(f) for f in functions], _ACCURACY)
+    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes.
+
+    The functions are texts, since as trees sin(y1) and exp(y1) are equal tuples; models of two classes may be, too.
+    """
+    callables = [as_numpy(parse_expression(text, dimension(model))) for text in functions]
+    return exact_expectations(model, initial, final_time, callables, _ACCURACY)
 
 
 class Truth(NamedTuple):
@@ -51,7 +56,7 @@ def with_truth(p: "StabilityPlan", known: Truth, i: int) -> Truth:
     began = time.perf_counter()
     truth, bound = known.truth.copy(), known.truth_bound.copy()
     point = p.points[i]
-    truth[i], bound[i] = _truth(point.model, point.initial, p.case.final_time, p.functions)
+    truth[i], bound[i] = _truth(point.model, point.initial, p.case.final_time, tuple(map(canonical, p.functions)))
     return Truth(known.seconds + time.perf_counter() - began, truth, bound)
 
 

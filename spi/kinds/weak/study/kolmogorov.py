@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble import thread_count
-from spi.expressions import as_numpy
+from spi.expressions import as_numpy, canonical, parse_expression
 from spi.kinds.plans import Cost, Done, PartPlan, State
 from spi.kolmogorov import Expectations, demands, expectations
+from spi.protocol import dimension
 from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
 from spi.tallies import Chunk, Stream
@@ -92,7 +93,7 @@ class KolmogorovPlan(PartPlan):
             limit_bound=found.limit_bound,
             error=found.weak_error,
             error_bound=found.weak_error_bound,
-            notes=json.dumps(found.notes, default=lambda value: value.tolist()),
+            notes=json.dumps(_untimed(found.notes), default=lambda value: value.tolist()),
         )
         yield [(chunks[0], solved)]
 
@@ -120,25 +121,33 @@ class KolmogorovPlan(PartPlan):
         return weak_group(self, {}, variables, attributes)
 
 
+def _untimed(notes: dict[str, Any]) -> dict[str, Any]:
+    """What a solver notes but its times, which would be others each time."""
+    return {name: value for name, value in notes.items() if not name.startswith("seconds")}
+
+
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
     """The :class:`~spi.kolmogorov.Expectations` of a composition of flows for a case at the step sizes `steps`."""
-    acting = compositions(rows, case.model)
+    acting, texts = compositions(rows, case.model), tuple(canonical(e) for e in case.expressions)
     steps = tuple(float(h) for h in steps)
-    return _solution(case.model, acting, case.initial, case.final_time, steps, case.expressions, case.accuracy)
+    return _solution(case.model, acting, case.initial, case.final_time, steps, texts, case.accuracy)
 
 
-@functools.lru_cache(maxsize=8)
+@functools.lru_cache(maxsize=8, typed=True)
 def _solution(
     model: Any,
     acting: tuple,
     initial: tuple[float, ...],
     final_time: float,
     steps: tuple[float, ...],
-    functions: tuple,
+    functions: tuple[str, ...],
     accuracy: float | None,
 ) -> Expectations:
-    """Kept, because the control of several eps is the same."""
-    callables = [as_numpy(f) for f in functions]
+    """Kept, because the control of several eps is the same.
+
+    The functions are texts, since as trees sin(y1) and exp(y1) are equal tuples; models of two classes may be, too.
+    """
+    callables = [as_numpy(parse_expression(text, dimension(model))) for text in functions]
     return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
 
 
