@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from helpers import COMPILED, LANES, final_states
-from states import finished, resumed, snapshots, taken
+from states import finished, resumed, same_numbers, snapshots, taken
 from weak_cases import (
     FUNCTIONS,
     after_blocks,
@@ -14,7 +14,6 @@ from weak_cases import (
     levels_after,
     plan_of,
     results_of,
-    same_numbers,
     stderr_by_hand,
 )
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from helpers import COMPILED
-from states import check_going_on, finished
+from states import check_going_on, finished, same_numbers
 from weak_cases import (
     FUNCTIONS,
     case_of,
@@ -13,7 +13,6 @@ from weak_cases import (
     has_order,
     plan_of,
     results_of,
-    same_numbers,
     stderr_by_hand,
     values_by_hand,
 )
