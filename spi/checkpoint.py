@@ -1,9 +1,11 @@
 """The states of all parts of an experiment, and the file in which they are kept while it runs and afterwards."""
 
+import contextlib
 import math
+import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +30,8 @@ class Limits(NamedTuple):
     max_seconds: float = math.inf  #: after which it stops as if it were interrupted
 
 
-class Slice(NamedTuple):
+@dataclass(frozen=True)
+class Slice:
     """Part number `number` of `count` of an experiment that is divided among several runs."""
 
     number: int  #: from 1 on
@@ -53,9 +56,12 @@ class _TimeIsUp(Exception):
     """The run has taken as long as it may."""
 
 
-def sums_path(experiment: spec.Experiment, out: str | Path, one: Slice | None = None) -> Path:
-    """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>.npz``."""
-    return Path(out) / "sums" / f"{experiment.name}-{experiment.hash[:12]}{one.suffix if one else ''}.npz"
+def sums_path(
+    experiment: spec.Experiment, out: str | Path, one: Slice | None = None, spec_hash: str | None = None
+) -> Path:
+    """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>.npz``; `spec_hash` is that of another."""
+    name = f"{experiment.name}-{(spec_hash or experiment.hash)[:12]}{one.suffix if one else ''}.npz"
+    return Path(out) / "sums" / name
 
 
 class Checkpoint:
@@ -80,15 +86,22 @@ class Checkpoint:
     def chunks(self) -> tuple[str, ...]:
         """A line for each chunk, as ``Results.chunks``."""
         return tuple(
-            f"{name} {chunk.stream} {chunk.index} {chunk.paths} {state.digests[chunk.stream][chunk.index]}"
+            f"{name} {chunk.path_set} {chunk.index} {chunk.paths} {state.digests[chunk.path_set][chunk.index]}"
             for name, state in self.by_name.items()
-            for number, stream in enumerate(state.streams)
-            for chunk in stream.chunks(number)
+            for number, path_set in enumerate(state.path_sets)
+            for chunk in path_set.chunks(number)
         )
 
+    def slices(self) -> dict[Slice, Path]:
+        """The files of those slices of the experiment that have been begun."""
+        name = re.compile(re.escape(self.path.stem) + r"[.]part-([0-9]+)-of-([0-9]+)[.]npz")
+        found = {file: name.fullmatch(file.name) for file in self.path.parent.glob("*.npz")}
+        return {Slice(int(match[1]), int(match[2])): file for file, match in found.items() if match}
+
     def resume(self) -> None:
-        """Take what is known from the file; if there is none, from that of a run with other numbers of samples."""
-        if not self.take(self.path):
+        """Take what is known from the file and from those of slices; else of a run with other numbers of samples."""
+        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.slices().values())]
+        if not any(known):
             others = self.path.parent.glob(f"{self.experiment.name}-*.npz")
             sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
             for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
@@ -102,7 +115,8 @@ class Checkpoint:
             return False
         for name, state in self.by_name.items():
             if name in read[1]:
-                state.take(read[1][name], with_more)
+                with contextlib.suppress(ValueError, LookupError, TypeError):  # of a file that somebody edited
+                    state.take(read[1][name], with_more)
         return True
 
     def save(self, finished: bool = False) -> None:
@@ -133,7 +147,7 @@ class Checkpoint:
                     self.tell(f"warning: no checkpoint could be written: {error}; the run goes on")
                 self.failed = True
 
-    @contextmanager
+    @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
         """Within it an interruption, or the end of the time, is turned into Stopped once all that is done is kept."""
         try:

@@ -42,6 +42,7 @@ def advance_stage_here(states: Sequence[State], tick: Tick, share: Share) -> Non
 
 def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
     """Have all chunks computed by workers; what one of them loses is handed out again."""
+    tick(0)
     queue, waiting = _Queue(states), dict[Future, Task]()
     losses = Counter[Task]()
     while True:
@@ -112,7 +113,7 @@ def settle(state: State) -> bool:
 def _advance_stage(number: int, state: State, tick: Tick, share: Share) -> None:
     """The chunks that are wanted for now, as far as they are part of the share."""
     for chunks in _runs([chunk for chunk in state.missing() if share(number, chunk)], state):
-        for added in state.plan.advance(chunks, state.tally(chunks[0].stream).known(chunks[0])):
+        for added in state.plan.advance(chunks, state.tally(chunks[0].path_set).known(chunks[0])):
             for chunk, sums in added:
                 state.put(chunk, sums)
             tick(number)
@@ -122,8 +123,8 @@ def _runs(chunks: Sequence[Chunk], state: State) -> Iterator[list[Chunk]]:
     """Chunks as runs of consecutive ones; one of which something is known begins a run."""
     run: list[Chunk] = []
     for chunk in chunks:
-        follows = run and (chunk.stream, chunk.index) == (run[-1].stream, run[-1].index + 1)
-        if run and (not follows or state.tally(chunk.stream).known(chunk) is not None):
+        follows = run and (chunk.path_set, chunk.index) == (run[-1].path_set, run[-1].index + 1)
+        if run and (not follows or state.tally(chunk.path_set).known(chunk) is not None):
             yield run
             run = []
         run.append(chunk)

@@ -49,7 +49,7 @@ class Results(NamedTuple):
 
     attributes: dict[str, Any]  #: of the whole experiment: kind, title, figure, spec, spec_hash, profile, seed, ...
     groups: tuple[Group, ...]
-    #: one for each chunk of paths: its part, stream, index and number of paths, and a digest of what they summed up to
+    #: one for each chunk of paths: its part, path set, index, number of paths, and a digest of what they summed up to
     chunks: tuple[str, ...] = ()
 
 

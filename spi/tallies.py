@@ -1,6 +1,6 @@
 """Sums over paths that are equal to the last bit however the work was divided.
 
-The blocks of a stream of paths fall into **chunks** of fixed content.  Within a chunk the sum is made block after
+The blocks of a path set of paths fall into **chunks** of fixed content.  Within a chunk the sum is made block after
 block.  Chunks are then added in pairs, pairs of chunks in pairs and so on: a binary tree over the numbers of the
 chunks.  The result depends neither on the order in which chunks are computed, nor on who computes them, nor on whether
 more of them follow later.  Only the roots of the largest complete subtrees are kept, about log2(N) of them for N
@@ -10,7 +10,9 @@ chunks.
 and states of paths are joined.
 """
 
+import functools
 import hashlib
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -35,23 +37,24 @@ class Sums(Protocol):
         """Wall-clock time spent on them."""
 
     def plus(self, later: Self) -> Self:
-        """These paths together with some that come later in the stream."""
+        """These paths together with some that come later in the path set."""
 
     def _asdict(self) -> dict[str, Any]: ...
 
 
-class Chunk(NamedTuple):
-    """Consecutive blocks of the paths of one stream."""
+@dataclass(frozen=True)
+class Chunk:
+    """Consecutive blocks of the paths of one path set."""
 
-    stream: int  #: the number of the stream within its part
-    index: int  #: the number of the chunk within its stream
+    path_set: int  #: the number of the path set within its part
+    index: int  #: the number of the chunk within its path set
     first: int  #: its first block
     end: int  #: the number of the path after its last one
 
     @classmethod
-    def of(cls, stream: int, index: int, size: int, paths: int) -> "Chunk":
-        """Chunk number `index`, of so many paths, of a stream whose whole chunks have `size` blocks."""
-        return cls(stream, index, index * size, index * size * LANES + paths)
+    def of(cls, path_set: int, index: int, size: int, paths: int) -> "Chunk":
+        """Chunk number `index`, of so many paths, of a path set whose whole chunks have `size` blocks."""
+        return cls(path_set, index, index * size, index * size * LANES + paths)
 
     @property
     def paths(self) -> int:
@@ -64,7 +67,7 @@ class Chunk(NamedTuple):
         return -(-self.end // LANES) - self.first
 
 
-class Stream(NamedTuple):
+class PathSet(NamedTuple):
     """A set of paths 0, ..., samples - 1 that are summed up together."""
 
     samples: int
@@ -76,7 +79,7 @@ class Stream(NamedTuple):
         return self.samples // (self.chunk_blocks * LANES)
 
     def chunks(self, number: int) -> list[Chunk]:
-        """All chunks, in order; `number` is that of the stream within its part."""
+        """All chunks, in order; `number` is that of the path set within its part."""
         size = self.chunk_blocks * LANES
         count = -(-self.samples // size)
         return [Chunk.of(number, i, self.chunk_blocks, min(size, self.samples - i * size)) for i in range(count)]
@@ -88,11 +91,11 @@ def chunk_blocks(seconds_per_block: float) -> int:
 
 
 class Tally(NamedTuple):
-    """What is known of the chunks of one stream; methods return another one and leave this one as it is."""
+    """What is known of the chunks of one path set; methods return another one and leave this one as it is."""
 
     #: (height, number) -> the sums of the chunks number * 2^height, ..., (number + 1) * 2^height - 1
     nodes: dict[tuple[int, int], Any]
-    #: index -> the sums of a chunk that is under way, or that ends a stream before it is whole
+    #: index -> the sums of a chunk that is under way, or that ends a path set before it is whole
     short: dict[int, Any]
 
     @classmethod
@@ -117,7 +120,7 @@ class Tally(NamedTuple):
         return Tally(self.nodes, short | {chunk.index: sums})
 
     def merged(self, other: "Tally") -> "Tally":
-        """With what another tally of the same stream knows."""
+        """With what another tally of the same path set knows."""
         tally = self
         for node, sums in sorted(other.nodes.items(), reverse=True):
             if not tally._covers_node(node):
@@ -128,23 +131,23 @@ class Tally(NamedTuple):
                 short[index] = sums
         return Tally(tally.nodes, {i: sums for i, sums in short.items() if not tally._covers(i)})
 
-    def within(self, stream: Stream) -> "Tally":
-        """Without what belongs to later paths than those of `stream`, alone or in one sum with earlier ones."""
-        nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= stream.whole}
-        wanted = {chunk.index: chunk.paths for chunk in stream.chunks(0)}
+    def within(self, path_set: PathSet) -> "Tally":
+        """Without what belongs to later paths than those of `path_set`, alone or in one sum with earlier ones."""
+        nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= path_set.whole}
+        wanted = {chunk.index: chunk.paths for chunk in path_set.chunks(0)}
         return Tally(nodes, {i: sums for i, sums in self.short.items() if i in wanted and sums.paths <= wanted[i]})
 
-    def total(self, stream: Stream) -> Any:
-        """The sums of all paths of a stream; KeyError if something is missing."""
+    def total(self, path_set: PathSet) -> Any:
+        """The sums of all paths of a path set; KeyError if something is missing."""
         found, first = [], 0
-        for height in reversed(range(stream.whole.bit_length())):
-            if stream.whole >> height & 1:
+        for height in reversed(range(path_set.whole.bit_length())):
+            if path_set.whole >> height & 1:
                 found.append(self.nodes[height, first >> height])
                 first += 1 << height
-        if rest := stream.samples - stream.whole * stream.chunk_blocks * LANES:
-            if self.short[stream.whole].paths != rest:
-                raise KeyError(stream.whole)
-            found.append(self.short[stream.whole])
+        if rest := path_set.samples - path_set.whole * path_set.chunk_blocks * LANES:
+            if self.short[path_set.whole].paths != rest:
+                raise KeyError(path_set.whole)
+            found.append(self.short[path_set.whole])
         return _joined(found)
 
     def so_far(self) -> Any | None:
@@ -175,10 +178,7 @@ class Tally(NamedTuple):
 
 def _joined(found: list[Any]) -> Any | None:
     """The sums one after the other, from the first paths on."""
-    total = found[0] if found else None
-    for later in found[1:]:
-        total = total.plus(later)
-    return total
+    return functools.reduce(lambda earlier, later: earlier.plus(later), found) if found else None
 
 
 def digest(sums: Sums) -> str:

@@ -50,9 +50,9 @@ def verify(
     chosen = random.SystemRandom().sample(results.chunks, min(chunks, len(results.chunks)))
     checked, different = [], []
     for number, line in enumerate(sorted(chosen), 1):
-        name, stream, index, paths, expected = line.rsplit(" ", 4)
-        chunk = _chunk(by_name[name], int(stream), int(index), int(paths))
-        label = f"{name}, paths {chunk.end - chunk.paths} to {chunk.end - 1} of stream {stream}"
+        name, path_set, index, paths, expected = line.rsplit(" ", 4)
+        chunk = _chunk(by_name[name], int(path_set), int(index), int(paths))
+        label = f"{name}, paths {chunk.end - chunk.paths} to {chunk.end - 1} of path set {path_set}"
         report(number, len(chosen), label)
         checked.append(label)
         if digest(_computed(by_name[name], chunk)) != expected:
@@ -60,10 +60,10 @@ def verify(
     return Verification(len(results.chunks), tuple(checked), tuple(different), _causes(results))
 
 
-def _chunk(plan: Any, stream: int, index: int, paths: int) -> Chunk:
-    """The chunk of so many paths; a stream may have grown since the plan began."""
-    size = plan.streams(plan.begin())[stream].chunk_blocks
-    return Chunk.of(stream, index, size, paths)
+def _chunk(plan: Any, path_set: int, index: int, paths: int) -> Chunk:
+    """The chunk of so many paths; a path set may have grown since the plan began."""
+    size = plan.path_sets(plan.begin())[path_set].chunk_blocks
+    return Chunk.of(path_set, index, size, paths)
 
 
 def _computed(plan: Any, chunk: Chunk) -> Any:

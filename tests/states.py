@@ -55,10 +55,10 @@ def finished(plan, most=None, state=None, tick=ignore):
 
 
 def begun(plan, blocks, number=0):
-    """The state after so many blocks of one stream, in one batch."""
+    """The state after so many blocks of one path set, in one batch."""
     state = State(plan)
     with batches_of(blocks):
-        for chunk, sums in next(plan.advance(state.streams[number].chunks(number), None)):
+        for chunk, sums in next(plan.advance(state.path_sets[number].chunks(number), None)):
             state.put(chunk, sums)
     return state
 
@@ -105,9 +105,9 @@ def numbers(known):
         known = known.plain()
     if hasattr(known, "_asdict"):
         known = known._asdict()
-    if isinstance(known, dict) and set(known) == {"more", "streams"}:
-        streams = {f"stream {one['number']}": one for one in known["streams"]}
-        known = {"more": known["more"]} | {name: _of_a_stream(one) for name, one in streams.items()}
+    if isinstance(known, dict) and set(known) == {"more", "path_sets"}:
+        path_sets = {f"path_set {one['number']}": one for one in known["path_sets"]}
+        known = {"more": known["more"]} | {name: _of_a_path_set(one) for name, one in path_sets.items()}
     if not isinstance(known, dict):
         return {"": np.asarray(known)}
     return {
@@ -118,8 +118,8 @@ def numbers(known):
     }
 
 
-def _of_a_stream(told):
-    """What is known of a stream, by the place of its nodes, which may stand in any order."""
+def _of_a_path_set(told):
+    """What is known of a path set, by the place of its nodes, which may stand in any order."""
     nodes = {f"node {height} {number}": sums for height, number, sums in told["nodes"]}
     short = {f"short {index}": sums for index, sums in told["short"]}
     return nodes | short | {f"digest {index}": text for index, text in told["digests"]}

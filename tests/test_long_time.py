@@ -172,7 +172,7 @@ def study_of_errors(case_of, errors):
     state = State(plan)
     assert plan.records.tolist() == RECORDS.tolist()
     for stream, error in enumerate(errors):
-        for chunk in state.streams[stream].chunks(stream):
+        for chunk in state.path_sets[stream].chunks(stream):
             state.put(chunk, paths_done(plan, chunk, error[:, np.newaxis, chunk.first * LANES : chunk.end]))
     return study(case, "splitting", state)[0]
 

@@ -9,10 +9,11 @@ import pytest
 from helpers import COMPILED
 
 from spi import run as runner
-from spi import storage, tallies, workers
+from spi import slices, storage, tallies, workers
+from spi.checkpoint import Checkpoint, Slice
 from spi.cli.running import _seconds
 from spi.rng import LANES
-from spi.run import Limits, Slice, Watch, load
+from spi.run import Limits, Watch, load
 from spi.verification import verify
 
 if not COMPILED:
@@ -64,8 +65,8 @@ def straight(tmp_path_factory):
 
 def test_there_are_several_chunks_and_more_nodes_than_one():
     for experiment in (strong(), weak()):
-        streams = [stream for plan in runner.plans(experiment) for stream in plan.streams(plan.begin())]
-        assert max(stream.whole for stream in streams) > 4
+        path_sets = [path_set for plan in runner.plans(experiment) for path_set in plan.path_sets(plan.begin())]
+        assert max(path_set.whole for path_set in path_sets) > 4
 
 
 # --- parts -----------------------------------------------------------------------------------------------------------
@@ -75,9 +76,9 @@ def merged(experiment, out, count, order=lambda numbers: numbers):
     """Run all parts and merge them, again as long as a multilevel estimator wants more; (path, rounds)."""
     for rounds in range(1, 10):
         for number in order(range(1, count + 1)):
-            runner.run_slice(experiment, Slice(number, count), out)
+            slices.run_slice(experiment, Slice(number, count), out)
         try:
-            return runner.merge(experiment, out), rounds
+            return slices.merge(experiment, out), rounds
         except runner.Stopped as wanted:
             assert "run all parts" in str(wanted)
     raise AssertionError("never done")
@@ -99,25 +100,25 @@ def test_parts_of_a_multilevel_estimator_go_in_rounds(tmp_path, straight):
 
 def test_a_missing_part_is_named_and_can_be_run_again(tmp_path, straight):
     with pytest.raises(storage.StorageError, match=r"no parts .* --part 1/4"):
-        runner.merge(strong(), tmp_path)
+        slices.merge(strong(), tmp_path)
     for number in (3, 1):
-        runner.run_slice(strong(), Slice(number, 3), tmp_path)
+        slices.run_slice(strong(), Slice(number, 3), tmp_path)
     with pytest.raises(runner.Stopped, match=r"part 2 of 3 is missing \(\d+ of its \d+ chunks\): run it"):
-        runner.merge(strong(), tmp_path)
+        slices.merge(strong(), tmp_path)
     stop = Stop(after=2)
     with pytest.raises(runner.Stopped, match="the same command goes on"):
-        runner.run_slice(strong(), Slice(2, 3), tmp_path, watch=Watch(report=stop))
+        slices.run_slice(strong(), Slice(2, 3), tmp_path, watch=Watch(report=stop))
     with pytest.raises(runner.Stopped, match="part 2 of 3 is unfinished"):
-        runner.merge(strong(), tmp_path)
-    runner.run_slice(strong(), Slice(2, 3), tmp_path)
-    assert numbers(runner.merge(strong(), tmp_path)) == straight["rigid_body_strong"]
+        slices.merge(strong(), tmp_path)
+    slices.run_slice(strong(), Slice(2, 3), tmp_path)
+    assert numbers(slices.merge(strong(), tmp_path)) == straight["rigid_body_strong"]
 
 
 def test_parts_of_other_paths_are_not_merged(tmp_path):
     for number, seed in ((1, 1), (2, 2)):
-        runner.run_slice(strong(f"seed={seed}"), Slice(number, 2), tmp_path)
+        slices.run_slice(strong(f"seed={seed}"), Slice(number, 2), tmp_path)
     with pytest.raises(runner.Stopped, match="part 2 of 2 is missing"):
-        runner.merge(strong(), tmp_path)
+        slices.merge(strong(), tmp_path)
 
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1", "a/b", "1/0", "", "-1/-1"])
@@ -241,7 +242,7 @@ def test_writing_checkpoints_takes_a_small_share_of_the_time(tmp_path, monkeypat
     """Where one takes long, the next is later."""
     monkeypatch.setattr("spi.checkpoint.time", clock := Clock())
     monkeypatch.setattr(storage, "write_sums", lambda *_: clock.wait(2.0))
-    checkpoint = runner.Checkpoint(strong(), tmp_path / "x.npz", Limits(checkpoint_seconds=5.0), print)
+    checkpoint = Checkpoint(strong(), tmp_path / "x.npz", Limits(checkpoint_seconds=5.0), print)
     writes = 0
     for _ in range(1000):
         clock.wait(1.0)

@@ -15,7 +15,7 @@ from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.rng import LANES
 from spi.run import load
-from spi.tallies import CHUNK_SECONDS, Chunk, Stream, Tally, chunk_blocks, digest
+from spi.tallies import CHUNK_SECONDS, Chunk, PathSet, Tally, chunk_blocks, digest
 
 COUNTS = range(1, 41)
 SIZE = 2  #: blocks of a whole chunk
@@ -58,21 +58,21 @@ def computed(chunk, blocks=None, known=None):
     return Sums(paths, 0.5, 0.25, total, float(np.abs(total).max()), (chunk.index,))
 
 
-def stream_of(count, short):
-    """A stream with so many chunks, the last of them short or not."""
-    return Stream(count * SIZE * LANES - (LANES + 7 if short else 0), SIZE)
+def path_set_of(count, short):
+    """A path_set with so many chunks, the last of them short or not."""
+    return PathSet(count * SIZE * LANES - (LANES + 7 if short else 0), SIZE)
 
 
-def put(tally, stream, chunk, sums):
+def put(tally, path_set, chunk, sums):
     done = sums.paths == chunk.paths
-    return tally.with_chunk(chunk, sums, done and chunk.index < stream.whole)
+    return tally.with_chunk(chunk, sums, done and chunk.index < path_set.whole)
 
 
-def tally_of(stream, order=None, tally=None):
+def tally_of(path_set, order=None, tally=None):
     """A tally into which the chunks are put in some order; only those that are given."""
-    tally, chunks = tally or Tally.empty(), stream.chunks(0)
+    tally, chunks = tally or Tally.empty(), path_set.chunks(0)
     for i in range(len(chunks)) if order is None else order:
-        tally = put(tally, stream, chunks[i], computed(chunks[i]))
+        tally = put(tally, path_set, chunks[i], computed(chunks[i]))
     return tally
 
 
@@ -98,21 +98,21 @@ def by_hand(found):
     return total
 
 
-# --- streams ---------------------------------------------------------------------------------------------------------
+# --- path sets -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("samples", [1, 63, 64, 65, 127, 128, 129, 1000, 1024])
 @pytest.mark.parametrize("size", [1, 2, 8])
-def test_the_chunks_of_a_stream_have_all_its_paths(samples, size):
-    stream = Stream(samples, size)
-    chunks = stream.chunks(3)
-    assert [chunk.index for chunk in chunks] == list(range(len(chunks))) and {chunk.stream for chunk in chunks} == {3}
+def test_the_chunks_of_a_path_set_have_all_its_paths(samples, size):
+    path_set = PathSet(samples, size)
+    chunks = path_set.chunks(3)
+    assert [chunk.index for chunk in chunks] == list(range(len(chunks))) and {chunk.path_set for chunk in chunks} == {3}
     assert chunks[0].first == 0 and chunks[-1].end == samples
     assert all(a.end == b.first * LANES for a, b in itertools.pairwise(chunks))
     assert sum(chunk.paths for chunk in chunks) == samples
     assert sum(chunk.blocks for chunk in chunks) == -(-samples // LANES)
     assert all(chunk.blocks == size for chunk in chunks[:-1]) and 1 <= chunks[-1].blocks <= size
-    assert stream.whole == sum(chunk.paths == size * LANES for chunk in chunks)
+    assert path_set.whole == sum(chunk.paths == size * LANES for chunk in chunks)
 
 
 def test_the_size_of_a_chunk_is_a_power_of_two_that_takes_about_so_long():
@@ -132,19 +132,19 @@ def test_the_size_of_a_chunk_is_a_power_of_two_that_takes_about_so_long():
 def test_the_total_is_that_of_a_fixed_tree_in_whatever_order_chunks_come(short):
     differ = 0
     for count in COUNTS:
-        stream = stream_of(count, short)
-        chunks = [computed(chunk).sum for chunk in stream.chunks(0)]
-        wanted = tally_of(stream).total(stream)
+        path_set = path_set_of(count, short)
+        chunks = [computed(chunk).sum for chunk in path_set.chunks(0)]
+        wanted = tally_of(path_set).total(path_set)
         # the short chunk comes after all whole ones
-        expected = by_hand(chunks[: stream.whole]) if stream.whole else chunks[-1]
-        if short and stream.whole:
+        expected = by_hand(chunks[: path_set.whole]) if path_set.whole else chunks[-1]
+        if short and path_set.whole:
             expected = expected + chunks[-1]
         assert wanted.sum.tobytes() == expected.tobytes()
-        assert wanted.paths == stream.samples and wanted.places == tuple(range(count))
+        assert wanted.paths == path_set.samples and wanted.places == tuple(range(count))
         for key in range(4):
             order = np.random.default_rng([key, count]).permutation(count)
-            tally = tally_of(stream, order)
-            assert bits(tally.total(stream)) == bits(wanted)
+            tally = tally_of(path_set, order)
+            assert bits(tally.total(path_set)) == bits(wanted)
             assert bits(tally.so_far()) == bits(wanted)
             assert tally.seconds == pytest.approx(0.5 * count, rel=1e-14)
             # Negative control: one after the other in this order gives other bits.
@@ -158,55 +158,55 @@ def test_the_total_is_that_of_a_fixed_tree_in_whatever_order_chunks_come(short):
 @pytest.mark.parametrize("short", [False, True])
 def test_tallies_of_parts_are_merged_in_any_order(short):
     for count in COUNTS:
-        stream = stream_of(count, short)
-        wanted = bits(tally_of(stream).total(stream))
+        path_set = path_set_of(count, short)
+        wanted = bits(tally_of(path_set).total(path_set))
         for key, parts in enumerate((1, 2, 3, 7)):
             generator = np.random.default_rng([key, count])
             # neighbours, as slices have them; or whatever comes
             owner = np.arange(count) * parts // count if key % 2 else generator.integers(0, parts, count)
-            tallies = [tally_of(stream, np.flatnonzero(owner == part)) for part in range(parts)]
+            tallies = [tally_of(path_set, np.flatnonzero(owner == part)) for part in range(parts)]
             merged = Tally.empty()
             for part in generator.permutation(parts):
                 merged = merged.merged(tallies[part])
-            assert bits(merged.total(stream)) == wanted
-            assert set(merged.nodes) == set(tally_of(stream).nodes)
+            assert bits(merged.total(path_set)) == wanted
+            assert set(merged.nodes) == set(tally_of(path_set).nodes)
             # once more, or with what is known of the same chunks in larger or smaller subtrees, changes nothing
             for again in (*tallies, merged):
-                assert bits(merged.merged(again).total(stream)) == wanted
-                assert bits(again.merged(merged).total(stream)) == wanted
+                assert bits(merged.merged(again).total(path_set)) == wanted
+                assert bits(again.merged(merged).total(path_set)) == wanted
 
 
 def test_tallies_that_know_the_same_chunks_are_merged():
     """Parts that overlap, where one knows the sum of chunks that the other knows one by one."""
-    stream = stream_of(13, True)
-    wanted = bits(tally_of(stream).total(stream))
+    path_set = path_set_of(13, True)
+    wanted = bits(tally_of(path_set).total(path_set))
     generator = np.random.default_rng(5)
     for _ in range(100):
         known = [np.flatnonzero(generator.random(13) < share) for share in (0.7, 0.5)]
         missing = np.setdiff1d(np.arange(13), np.concatenate(known))
-        a, b = (tally_of(stream, generator.permutation(part)) for part in known)
+        a, b = (tally_of(path_set, generator.permutation(part)) for part in known)
         merged = a.merged(b)
-        assert [chunk.index for chunk in stream.chunks(0) if not merged.has(chunk)] == missing.tolist()
-        assert merged.so_far().paths == sum(stream.chunks(0)[i].paths for i in np.union1d(*known))
-        assert bits(tally_of(stream, missing, merged).total(stream)) == wanted
+        assert [chunk.index for chunk in path_set.chunks(0) if not merged.has(chunk)] == missing.tolist()
+        assert merged.so_far().paths == sum(path_set.chunks(0)[i].paths for i in np.union1d(*known))
+        assert bits(tally_of(path_set, missing, merged).total(path_set)) == wanted
 
 
 def test_only_the_roots_are_kept():
     for count in (*COUNTS, 255, 256, 1000):
-        stream = stream_of(count, False)
-        tally = tally_of(stream)
+        path_set = path_set_of(count, False)
+        tally = tally_of(path_set)
         assert len(tally.nodes) == count.bit_count() <= np.log2(count) + 1 and not tally.short
-        found = tally.total(stream)
-        assert found.paths == stream.samples and found.places == tuple(range(count))
+        found = tally.total(path_set)
+        assert found.paths == path_set.samples and found.places == tuple(range(count))
     # on the way there are more if chunks come in another order, but never more than chunks
-    assert len(tally_of(stream, range(0, 1000, 2)).nodes) == 500
+    assert len(tally_of(path_set, range(0, 1000, 2)).nodes) == 500
 
 
 @pytest.mark.parametrize("few", [1, LANES - 1, LANES, LANES + 1, 2 * LANES, 3 * LANES, 1000, 1024, 4000])
 @pytest.mark.parametrize("more", [64, 129, 1024, 1025, 3000, 4096, 5000])
-def test_a_stream_with_more_paths_goes_on_from_one_with_fewer(few, more):
+def test_a_path_set_with_more_paths_goes_on_from_one_with_fewer(few, more):
     """Whole chunks are kept; and of the last one what is known if that ends with a block."""
-    before, after = Stream(few, SIZE), Stream(more, SIZE)
+    before, after = PathSet(few, SIZE), PathSet(more, SIZE)
     tally = tally_of(before).within(after)
     wanted = bits(tally_of(after).total(after))
     missing = [chunk for chunk in after.chunks(0) if not tally.has(chunk)]
@@ -224,27 +224,27 @@ def test_a_stream_with_more_paths_goes_on_from_one_with_fewer(few, more):
 
 
 def test_a_chunk_goes_on_from_its_middle():
-    stream = Stream(7 * 4 * LANES - 5, 4)
-    wanted = bits(tally_of(stream).total(stream))
+    path_set = PathSet(7 * 4 * LANES - 5, 4)
+    wanted = bits(tally_of(path_set).total(path_set))
     for middle in (1, 2, 3):
         tally = Tally.empty()
-        for chunk in stream.chunks(0)[::-1]:
-            tally = put(tally, stream, chunk, computed(chunk, middle))
+        for chunk in path_set.chunks(0)[::-1]:
+            tally = put(tally, path_set, chunk, computed(chunk, middle))
             assert not tally.has(chunk)
             assert tally.known(chunk).paths == middle * LANES
             with pytest.raises(KeyError):
-                tally.total(stream)
+                tally.total(path_set)
         assert tally.so_far().paths == 7 * middle * LANES
-        for chunk in stream.chunks(0):
-            tally = put(tally, stream, chunk, computed(chunk, known=tally.known(chunk)))
+        for chunk in path_set.chunks(0):
+            tally = put(tally, path_set, chunk, computed(chunk, known=tally.known(chunk)))
             assert tally.has(chunk) and tally.known(chunk) is None
-        assert bits(tally.total(stream)) == wanted
+        assert bits(tally.total(path_set)) == wanted
 
 
 def test_of_two_sums_of_a_chunk_the_one_with_more_paths_is_kept():
-    stream = Stream(3 * 4 * LANES, 4)
-    chunk = stream.chunks(0)[1]
-    one, two, whole = (put(Tally.empty(), stream, chunk, computed(chunk, blocks)) for blocks in (1, 3, 4))
+    path_set = PathSet(3 * 4 * LANES, 4)
+    chunk = path_set.chunks(0)[1]
+    one, two, whole = (put(Tally.empty(), path_set, chunk, computed(chunk, blocks)) for blocks in (1, 3, 4))
     assert one.merged(two).known(chunk).paths == two.merged(one).known(chunk).paths == 3 * LANES
     for tally in (one.merged(whole), whole.merged(one)):
         assert tally.has(chunk) and tally.known(chunk) is None and not tally.short
@@ -253,43 +253,43 @@ def test_of_two_sums_of_a_chunk_the_one_with_more_paths_is_kept():
 def test_what_is_missing_is_a_key_error():
     for short in (False, True):
         for count in COUNTS:
-            stream = stream_of(count, short)
+            path_set = path_set_of(count, short)
             for left_out in {0, count // 2, count - 1}:
-                tally = tally_of(stream, [i for i in range(count) if i != left_out])
-                assert [chunk.index for chunk in stream.chunks(0) if not tally.has(chunk)] == [left_out]
+                tally = tally_of(path_set, [i for i in range(count) if i != left_out])
+                assert [chunk.index for chunk in path_set.chunks(0) if not tally.has(chunk)] == [left_out]
                 with pytest.raises(KeyError):
-                    tally.total(stream)
+                    tally.total(path_set)
     with pytest.raises(KeyError):
-        Tally.empty().total(stream)
+        Tally.empty().total(path_set)
     assert Tally.empty().so_far() is None and Tally.empty().seconds == 0.0
 
 
 def test_what_belongs_to_unwanted_paths_is_left_out():
     """Also if it begins just where the wanted paths end; and a last chunk of other paths does not pass for this one."""
-    many = Stream(3 * SIZE * LANES + LANES + 7, SIZE)
+    many = PathSet(3 * SIZE * LANES + LANES + 7, SIZE)
     known = tally_of(many)
     for chunks, kept in ((3, 3), (2, 2), (1, 0)):  # the sum of the first two chunks is only known together
-        few = Stream(chunks * SIZE * LANES, SIZE)
+        few = PathSet(chunks * SIZE * LANES, SIZE)
         tally = known.within(few)
         assert (
             not tally.short and sum(chunk.paths for chunk in few.chunks(0) if tally.has(chunk)) == kept * SIZE * LANES
         )
         assert (tally.so_far().paths if kept else tally.so_far()) == (kept * SIZE * LANES or None)
-    other = Stream(many.samples - 1, SIZE)
+    other = PathSet(many.samples - 1, SIZE)
     assert not known.within(other).short and not known.has(other.chunks(0)[-1])
     with pytest.raises(KeyError):
         known.total(other)
 
 
 def test_a_tally_does_not_change_any_more():
-    stream = stream_of(11, True)
+    path_set = path_set_of(11, True)
     tallies, kept = [Tally.empty()], []
-    for chunk in stream.chunks(0):
+    for chunk in path_set.chunks(0):
         kept.append((dict(tallies[-1].nodes), dict(tallies[-1].short)))
-        tallies.append(put(tallies[-1], stream, chunk, computed(chunk)))
+        tallies.append(put(tallies[-1], path_set, chunk, computed(chunk)))
         tallies[-1].merged(tallies[0])
         tallies[0].merged(tallies[-1])
-        tallies[-1].within(Stream(3 * LANES, SIZE))
+        tallies[-1].within(PathSet(3 * LANES, SIZE))
     assert [(tally.nodes, tally.short) for tally in tallies[:-1]] == kept
 
 
@@ -364,7 +364,7 @@ def numbers_of_group(plan, state):
 
 def test_the_bits_do_not_depend_on_batches(plan):
     whole = finished(plan)
-    assert all(len(stream.chunks(0)) >= 2 for stream in whole.streams)
+    assert all(len(path_set.chunks(0)) >= 2 for path_set in whole.path_sets)
     assert not whole.missing()
     for most in (1, 2, 3, 1000):
         assert same_numbers(finished(plan, most), whole)
@@ -396,7 +396,7 @@ def test_the_bits_do_not_depend_on_who_computes_which_chunk(plan):
     states = [State(plan), State(plan)]
     for state in states:
         state.more = whole.more
-    chunks = [chunk for number, stream in enumerate(whole.streams) for chunk in stream.chunks(number)]
+    chunks = [chunk for number, path_set in enumerate(whole.path_sets) for chunk in path_set.chunks(number)]
     for i in np.random.default_rng(3).permutation(len(chunks)):
         for added in plan.advance([chunks[i]], None):
             for chunk, sums in added:
@@ -411,11 +411,11 @@ def test_the_bits_do_not_depend_on_who_computes_which_chunk(plan):
 def test_chunks_change_no_more_than_roundings(plan):
     """What one chunk of all paths gives; it would notice a chunk that is lost, taken twice or put in another place."""
     whole = finished(plan)
-    totals = [whole.total(number) for number in range(len(whole.streams))]
+    totals = [whole.total(number) for number in range(len(whole.path_sets))]
     with chunks_of(2**20):
-        streams = plan.streams(whole.more)
-    for number, stream in enumerate(streams):
-        (chunk,) = stream.chunks(number)
+        path_sets = plan.path_sets(whole.more)
+    for number, path_set in enumerate(path_sets):
+        (chunk,) = path_set.chunks(number)
         *_, ((_, sums),) = plan.advance([chunk], None)
         a, b = numbers(sums), numbers(totals[number])
         assert a.keys() == b.keys()

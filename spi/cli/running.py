@@ -14,7 +14,8 @@ from .signals import STOP
 from .streams import tell
 
 if TYPE_CHECKING:
-    from ..run import Limits, Slice, Watch
+    from ..checkpoint import Slice
+    from ..run import Limits, Watch
     from ..spec import Experiment
     from ..workers import Workers
 
@@ -44,6 +45,7 @@ def run(
     """Run experiments: write <out>/<name>.h5 and print a table; exit code 4 if a claim of a spec is broken."""
     experiments = load(specs, profile, overrides, samples, seed)
     from .. import run as runner
+    from .. import slices
     from .progress import ProgressLine
 
     if sum(option is not None for option in (part, workers, dask)) > 1:
@@ -53,7 +55,7 @@ def run(
     if slice_ is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
-                path = runner.run_slice(experiment, slice_, out, fresh, line.watch, limits)
+                path = slices.run_slice(experiment, slice_, out, fresh, line.watch, limits)
             tell(f"wrote {path}; `spi merge` with the same spec and options puts all parts together")
         return
     with _workers(workers, dask) as pool:
@@ -72,10 +74,10 @@ def merge(
 ) -> None:
     """Put parts that `spi run --part` computed together, and go on as `spi run` does."""
     experiments = load(specs, profile, overrides, samples, seed)
-    from .. import run as runner
+    from .. import slices
 
     _prepare(threads)
-    _show_each(experiments, lambda experiment, watch: runner.merge(experiment, out, fresh, watch))
+    _show_each(experiments, lambda experiment, watch: slices.merge(experiment, out, fresh, watch))
 
 
 def verify(
@@ -132,7 +134,7 @@ def _seconds(option: str, text: str) -> float:
 
 def _slice(text: str | None) -> "Slice | None":
     """Which part of how many."""
-    from ..run import Slice
+    from ..checkpoint import Slice
 
     try:
         return None if text is None else Slice.of(text)

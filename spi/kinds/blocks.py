@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 from spi.ensemble import in_batches
 from spi.rng import LANES
 from spi.schemes import typical_ns
-from spi.tallies import Chunk, Stream, chunk_blocks
+from spi.tallies import Chunk, PathSet, chunk_blocks
 
 from .plans import PathsPlan
 
 
 class _Batch(NamedTuple):
-    """Where a stream stands after a batch."""
+    """Where a path set stands after a batch."""
 
     block: int  #: the next one
     sums: Any  #: of the chunk of the last block
@@ -26,15 +26,15 @@ class Blockwise:
     """How a plan advances that sums up paths block after block."""
 
     def empty(self, number: int) -> Any:
-        """The sums over no paths of a stream."""
+        """The sums over no paths of a path set."""
         raise NotImplementedError
 
     def most_blocks(self, number: int) -> int:
-        """How many blocks of a stream a batch may have, because of memory."""
+        """How many blocks of a path set a batch may have, because of memory."""
         raise NotImplementedError
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """What `blocks` blocks of a stream contribute, from block `first` on; paths from number `end` on are idle."""
+        """What `blocks` blocks of a path set contribute, from block `first` on; paths from number `end` on are idle."""
         raise NotImplementedError
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
@@ -49,8 +49,8 @@ class Blockwise:
         return sums._replace(seconds=sums.seconds + seconds, cpu_seconds=sums.cpu_seconds + cpu_seconds)
 
     def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
-        """Compute consecutive chunks of one stream, see :class:`Plan`."""
-        number, last = chunks[0].stream, chunks[-1].first + chunks[-1].blocks
+        """Compute consecutive chunks of one path set, see :class:`Plan`."""
+        number, last = chunks[0].path_set, chunks[-1].first + chunks[-1].blocks
         sums = self.empty(number) if known is None else known
         begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
         advance = partial(self._batch, chunks)
@@ -60,9 +60,9 @@ class Blockwise:
     def _batch(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> _Batch:
         """The next `blocks` blocks, which may belong to several chunks."""
         began, cpu_began = time.perf_counter(), time.process_time()
-        number, end = chunks[0].stream, chunks[-1].end
+        number, end = chunks[0].path_set, chunks[-1].end
         rows = self.rows(number, before.block, blocks, end)
-        size = chunks[0].blocks  # only the last chunk of a stream can have fewer
+        size = chunks[0].blocks  # only the last chunk of a path set can have fewer
         found: list[tuple[Chunk, int, int, Any]] = []
         first, stop, sums = before.block, before.block + blocks, before.sums
         while first < stop:
@@ -83,13 +83,13 @@ class Blockwise:
 
 @dataclass(frozen=True, kw_only=True)
 class BlocksPlan(Blockwise, PathsPlan):
-    """The head of every plan with one stream of paths, on one grid, that are summed up block after block."""
+    """The head of every plan with one path set of paths, on one grid, that are summed up block after block."""
 
     @property
     def seconds_per_block(self) -> float:
         """Of one thread at typical speed."""
         return int(self.steps.sum()) * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
 
-    def streams(self, more: Any) -> Sequence[Stream]:
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
         """All paths."""
-        return (Stream(self.samples, chunk_blocks(self.seconds_per_block)),)
+        return (PathSet(self.samples, chunk_blocks(self.seconds_per_block)),)

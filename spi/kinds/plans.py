@@ -1,6 +1,6 @@
 """What a study hands to the run: a plan for each part, and what all plans of sampled paths have in common.
 
-A part is computed in three steps.  Its paths belong to streams, which fall into chunks of fixed content
+A part is computed in three steps.  Its paths belong to path sets, which fall into chunks of fixed content
 (``spi.tallies``); a chunk can be computed by any process, and what is known of its paths is summed up in a fixed order.
 Once all chunks are in, the plan may **settle** on further paths, as a multilevel estimator does.  When there are none,
 it **finishes**: it measures times, or finds what needs no paths.
@@ -16,7 +16,7 @@ from spi.ensemble import Grid, RandomStream, brownian, empty_report, integrate, 
 from spi.records import Group, Part, describe
 from spi.rng import LANES
 from spi.schemes import Scheme, scheme_row
-from spi.tallies import Chunk, Stream, Sums
+from spi.tallies import Chunk, PathSet, Sums
 
 from .state import Nothing, State
 
@@ -68,14 +68,14 @@ class Plan(Protocol):
     def begin(self) -> Any:
         """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""
 
-    def streams(self, more: Any) -> Sequence[Stream]:
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
         """The paths that are wanted for now; `more` is what is known besides sums over paths."""
 
     def empty(self, number: int) -> Sums:
-        """The sums over no paths of a stream."""
+        """The sums over no paths of a path set."""
 
     def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Sums]]]:
-        """Compute consecutive chunks of one stream, of the first of which `known` may be known already.
+        """Compute consecutive chunks of one path set, of the first of which `known` may be known already.
 
         Yields after each batch of about half a second what it added: chunks with what is now known of them.
         """

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from spi.tallies import Chunk, Stream, Sums, Tally, digest
+from spi.tallies import Chunk, PathSet, Sums, Tally, digest
 
 if TYPE_CHECKING:
     from .plans import Plan
@@ -21,33 +21,33 @@ class State:
     def __init__(self, plan: "Plan") -> None:
         self.plan = plan
         self.more: Any = plan.begin()  #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
-        self.tallies: dict[int, Tally] = {}  #: by the number of the stream
-        self.digests: dict[int, dict[int, str]] = {}  #: of all chunks that are done, by stream and index
+        self.tallies: dict[int, Tally] = {}  #: by the number of the path set
+        self.digests: dict[int, dict[int, str]] = {}  #: of all chunks that are done, by path set and index
 
     @property
-    def streams(self) -> Sequence[Stream]:
+    def path_sets(self) -> Sequence[PathSet]:
         """The paths that are wanted for now."""
-        return self.plan.streams(self.more)
+        return self.plan.path_sets(self.more)
 
     def tally(self, number: int = 0) -> Tally:
-        """What is known of one stream."""
+        """What is known of one path set."""
         return self.tallies.get(number) or Tally.empty()
 
     def total(self, number: int = 0) -> Any:
-        """The sums over all paths of a stream; KeyError if some are missing."""
-        return self.tally(number).total(self.streams[number])
+        """The sums over all paths of a path set; KeyError if some are missing."""
+        return self.tally(number).total(self.path_sets[number])
 
     def so_far(self, number: int = 0) -> Any:
-        """The sums over those paths of a stream that are known."""
+        """The sums over those paths of a path set that are known."""
         found = self.tally(number).so_far()
         return self.plan.empty(number) if found is None else found
 
     def missing(self) -> list[Chunk]:
-        """The chunks that are wanted and not done, stream by stream."""
+        """The chunks that are wanted and not done, path set by path set."""
         return [
             chunk
-            for number, stream in enumerate(self.streams)
-            for chunk in stream.chunks(number)
+            for number, path_set in enumerate(self.path_sets)
+            for chunk in path_set.chunks(number)
             if not self.tally(number).has(chunk)
         ]
 
@@ -55,9 +55,9 @@ class State:
         """Keep what is now known of a chunk."""
         done = sums.paths == chunk.paths
         if done:
-            self.digests.setdefault(chunk.stream, {})[chunk.index] = digest(sums)
-        whole = done and chunk.index < self.streams[chunk.stream].whole
-        self.tallies[chunk.stream] = self.tally(chunk.stream).with_chunk(chunk, sums, whole)
+            self.digests.setdefault(chunk.path_set, {})[chunk.index] = digest(sums)
+        whole = done and chunk.index < self.path_sets[chunk.path_set].whole
+        self.tallies[chunk.path_set] = self.tally(chunk.path_set).with_chunk(chunk, sums, whole)
 
     @property
     def seconds(self) -> float:
@@ -68,7 +68,7 @@ class State:
         """All that is known as dicts, lists, arrays, numbers and texts, for a file."""
         return {
             "more": _plain(self.more),
-            "streams": [
+            "path_sets": [
                 {
                     "number": number,
                     "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
@@ -86,15 +86,15 @@ class State:
         """
         if with_more:
             self.more = _rebuilt(self.more, plain["more"])
-        streams = self.streams
-        for told in plain["streams"]:
+        path_sets = self.path_sets
+        for told in plain["path_sets"]:
             number = told["number"]
-            if number >= len(streams):
+            if number >= len(path_sets):
                 continue
             empty = self.plan.empty(number)
             nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in told["nodes"]}
             short = {index: _rebuilt(empty, sums) for index, sums in told["short"]}
-            known = Tally(nodes, short).within(streams[number])
+            known = Tally(nodes, short).within(path_sets[number])
             self.tallies[number] = self.tally(number).merged(known)
             self.digests.setdefault(number, {}).update(dict(told["digests"]))
 

@@ -15,7 +15,7 @@ from spi.protocol import REPORT, casimir_indices, casimirs, hamiltonian
 from spi.records import Group, Part
 from spi.rng import LANES
 from spi.schemes import typical_ns
-from spi.tallies import Chunk, Stream
+from spi.tallies import Chunk, PathSet
 
 
 class Recorder(NamedTuple):
@@ -63,9 +63,9 @@ class TrajectoryPlan(PathsPlan):
         seconds = steps * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
         return Cost(steps * LANES, seconds, 8 * (steps + 1) * (len(self.initial) + 4))
 
-    def streams(self, more: Any) -> Sequence[Stream]:
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
         """One path."""
-        return (Stream(1, 1),)
+        return (PathSet(1, 1),)
 
     def empty(self, number: int) -> Path:
         """No path."""

@@ -20,7 +20,7 @@ from spi.kinds.weak import study as weak
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import reference_record, typical_ns
-from spi.tallies import Chunk, Stream
+from spi.tallies import Chunk, PathSet
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
@@ -70,9 +70,9 @@ class WorkPlan(PartPlan):
         times = np.full((self.case.repeats, len(self.case.steps)), np.nan)
         return Times(of_errors=self.errors.begin(), times=times, timing_seconds=0.0)
 
-    def streams(self, more: Times) -> Sequence[Stream]:
+    def path_sets(self, more: Times) -> Sequence[PathSet]:
         """The paths of the errors."""
-        return self.errors.streams(more.of_errors)
+        return self.errors.path_sets(more.of_errors)
 
     def empty(self, number: int) -> Any:
         """The sums over no paths."""

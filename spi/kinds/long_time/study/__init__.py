@@ -19,7 +19,7 @@ from spi.records import Group, Part
 from spi.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.sphere_law import SphereLaw, obstacle
-from spi.tallies import Chunk, Stream
+from spi.tallies import Chunk, PathSet
 
 from .paths import Paths, advanced, initial_rows, integration, paths_at_start
 from .results import group
@@ -67,9 +67,9 @@ class LongTimePlan(SchemePlan):
         of_a_block = sum(np.asarray(v).nbytes for v in paths_at_start(self, 1))
         return Cost(steps, seconds, of_a_block * self.blocks * len(self.case.steps))
 
-    def streams(self, more: Any) -> Sequence[Stream]:
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
         """All paths of each step size."""
-        return (Stream(self.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
+        return (PathSet(self.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 
     def empty(self, number: int) -> Paths:
         """No paths."""
@@ -96,8 +96,8 @@ class LongTimePlan(SchemePlan):
     def progress(self, state: State) -> Done:
         """Steps done and all steps, in paths, and no standard error."""
         levels, done = len(self.case.steps), 0.0
-        for i, stream in enumerate(state.streams):
-            chunks, tally = stream.chunks(i), state.tally(i)
+        for i, path_set in enumerate(state.path_sets):
+            chunks, tally = path_set.chunks(i), state.tally(i)
             done += sum(sums.paths for sums in tally.nodes.values())
             done += sum(chunks[index].paths * sums.n / self.case.step_count for index, sums in tally.short.items())
         return Done(done / levels, self.samples, float("nan"))

@@ -97,7 +97,7 @@ def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
     """The paths of a chunk at the next snapshot."""
     began = time.perf_counter()
     stop = next_stop(p, known.n)
-    times = grid(p.case.steps[chunk.stream], stop - known.n, truncate=p.case.truncate_noise, first_step=known.n)
+    times = grid(p.case.steps[chunk.path_set], stop - known.n, truncate=p.case.truncate_noise, first_step=known.n)
     arguments = integration(p, times, known.y, chunk.first, chunk.end)
     integrate(*arguments)
     *_, last, report, _, _, _ = arguments

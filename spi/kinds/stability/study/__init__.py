@@ -18,7 +18,7 @@ from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.protocol import casimirs
 from spi.records import Group, Part
 from spi.schemes import SCHEMES, reference_record, typical_ns
-from spi.tallies import Stream
+from spi.tallies import PathSet
 
 from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
 from .paths import Paths, Rows, added, extremes_of, no_paths, rows_of
@@ -81,9 +81,9 @@ class StabilityPlan(Blockwise):
         """No expectation is known."""
         return unknown_truth(self)
 
-    def streams(self, more: Truth) -> Sequence[Stream]:
+    def path_sets(self, more: Truth) -> Sequence[PathSet]:
         """All paths for each value."""
-        return tuple(stream for point in self.points for stream in point.streams(more))
+        return tuple(stream for point in self.points for stream in point.path_sets(more))
 
     def empty(self, number: int) -> Paths:
         """No paths for a value."""

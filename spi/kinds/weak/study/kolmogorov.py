@@ -16,7 +16,7 @@ from spi.kolmogorov import Expectations, demands, expectations
 from spi.protocol import dimension
 from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
-from spi.tallies import Chunk, Stream
+from spi.tallies import Chunk, PathSet
 
 from .groups import PER_POINT, order_variables, weak_group
 
@@ -58,9 +58,9 @@ class KolmogorovPlan(PartPlan):
         need = demands(case.model, acting, case.initial, case.final_time, case.steps, functions, case.accuracy)
         return Cost(0, need.seconds * thread_count(), int(need.bytes))
 
-    def streams(self, more: Any) -> Sequence[Stream]:
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
         """All in one piece, as if it were one path."""
-        return (Stream(1, 1),)
+        return (PathSet(1, 1),)
 
     def empty(self, number: int) -> Solution:
         """Nothing is known."""

@@ -31,7 +31,7 @@ from spi.rng import LANES
 from spi.schemes import scheme_row, typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_reversed_twin
-from spi.tallies import Chunk, Stream, chunk_blocks
+from spi.tallies import Chunk, PathSet, chunk_blocks
 
 from .estimates import errors, group, moments
 from .kolmogorov import solution
@@ -139,10 +139,10 @@ class MultilevelPlan(Blockwise, PartPlan):
             history_cpu_seconds=np.zeros(allocations),
         )
 
-    def streams(self, more: Decisions) -> Sequence[Stream]:
+    def path_sets(self, more: Decisions) -> Sequence[PathSet]:
         """The samples of each level that the current allocation wants."""
         return tuple(
-            Stream(int(blocks) * LANES, max(ROUND, chunk_blocks(seconds)))
+            PathSet(int(blocks) * LANES, max(ROUND, chunk_blocks(seconds)))
             for blocks, seconds in zip(more.targets, self.seconds_per_block, strict=True)
         )
 

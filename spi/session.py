@@ -1,0 +1,145 @@
+"""What every way to compute an experiment begins and ends with, and who is told how far it is."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import __version__, compiling, engine, source_digest, spec, storage
+from .checkpoint import Checkpoint, Limits, sums_path
+from .kinds.plans import KernelCall, Plan
+from .kinds.state import State
+from .records import Results
+from .rng import STREAM_VERSION
+
+
+class Progress(NamedTuple):
+    """How far a run is; one is reported before the first and after every batch of paths."""
+
+    case: str
+    part: str  #: scheme, and estimator if there are several
+    done: float  #: in paths, or in seconds of typical speed
+    total: float
+    seconds: float  #: wall clock spent on it, including earlier runs
+    stderr: float  #: of the error at the largest step and the final time; NaN before there is one
+    number: int  #: of this part among all parts of all cases, from 0
+    parts: int
+
+
+class Watch(NamedTuple):
+    """Who is told what while a run lasts."""
+
+    report: Callable[[Progress], None] = lambda progress: None  #: how far it is
+    #: which of how many kernels is compiled next, and for which scheme
+    report_compiling: Callable[[int, int, str], None] = lambda number, total, name: None
+    tell: Callable[[str], None] = lambda news: None  #: what else a person should know
+
+
+NOBODY, USUAL = Watch(), Limits()
+
+
+def results_path(experiment: spec.Experiment, out: str | Path) -> Path:
+    """Where the results of an experiment go: ``<out>/<name>.h5``."""
+    return Path(out) / f"{experiment.name}.h5"
+
+
+class Session:
+    """An experiment that is computed: where its results go, and its checkpoint.
+
+    StorageError if either could not be written, or if there are results of another spec and `fresh` does not say that
+    they may be replaced.
+    """
+
+    def __init__(
+        self, experiment: spec.Experiment, out: str | Path, fresh: bool, watch: Watch, limits: Limits, path: Path
+    ) -> None:
+        self.experiment, self.fresh, self.watch = experiment, fresh, watch
+        self.target = results_path(experiment, out)
+        storage.check_writable(self.target)
+        if not fresh:
+            storage.check_replaceable(self.target, identity(experiment))
+        self.checkpoint = Checkpoint(experiment, path, limits, watch.tell)
+        storage.check_writable(path)
+
+    def compile(self) -> None:
+        """Compile what is missing of all kernels."""
+        calls = kernel_calls([state.plan for state in self.checkpoint.states])
+        compiling.compile_missing(calls, self.watch.report_compiling)
+
+    def tick(self, number: int) -> None:
+        """After each batch of a part: report, and keep what is done if it is time to."""
+        self.watch.report(_progress(self.checkpoint.states[number], number, len(self.checkpoint.states)))
+        self.checkpoint.tick()
+
+    def finish(self) -> Path:
+        """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
+        experiment, checkpoint = self.experiment, self.checkpoint
+        engine.finish(checkpoint.states, self.tick)
+        checkpoint.save(finished=True)
+        replaced = storage.replaced_hash(self.target)
+        if not self.fresh:  # another run may have written there in the meantime
+            storage.check_replaceable(self.target, identity(experiment))
+        groups = tuple(state.plan.group(state) for state in checkpoint.states)
+        storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
+        if replaced not in (None, experiment.hash):
+            old = sums_path(experiment, self.target.parent, spec_hash=replaced)
+            if (storage.about_sums(old) or {}).get("finished"):
+                storage.remove_sums(old)
+        storage.previous(checkpoint.path).unlink(missing_ok=True)
+        for file in checkpoint.slices().values():
+            storage.remove_sums(file)
+        return self.target
+
+
+def kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
+    """(name of a scheme, call) for all kernels; schemes first whose steps take long, as they do to compile as well."""
+
+    def of_a_step(plan: Plan) -> float:
+        cost = plan.cost()
+        return float(np.nan_to_num(cost.seconds / max(cost.path_steps, 1)))
+
+    dearest_first = sorted(ready, key=of_a_step, reverse=True)
+    return [(plan.part.scheme, call) for plan in dearest_first for call in plan.kernel_calls()]
+
+
+def _progress(state: State, number: int, parts: int) -> Progress:
+    plan, done = state.plan, state.plan.progress(state)
+    return Progress(
+        case=plan.case.name,
+        part=plan.part.name,
+        done=done.done,
+        total=done.total,
+        seconds=state.seconds,
+        stderr=done.stderr,
+        number=number,
+        parts=parts,
+    )
+
+
+def identity(experiment: spec.Experiment) -> dict[str, Any]:
+    """The root attributes that say of which spec results are."""
+    return {
+        "spec": experiment.text,
+        "spec_hash": experiment.hash,
+        "paths_hash": experiment.paths_hash,
+        "samples": experiment.samples,
+        "overrides": experiment.overrides,
+        "expect": experiment.expect,
+        "profile": experiment.profile,
+        "source_digest": source_digest(),
+    }
+
+
+def _attributes(experiment: spec.Experiment) -> dict[str, Any]:
+    return {
+        **identity(experiment),
+        "kind": experiment.kind,
+        "title": experiment.title,
+        "figure": experiment.figure,
+        "seed": experiment.cases[0].seed,
+        "stream_version": STREAM_VERSION,
+        "spi_version": __version__,
+        "complete": True,
+        **storage.provenance(),
+    }
