@@ -13,7 +13,8 @@ from test_floors import FLOORS, PACKAGE, ROLES, imports
 import spi
 
 SOURCES = [source.relative_to(PACKAGE).as_posix() for source in spi.computing_sources()]
-LOWEST = [name for names in FLOORS[:3] for name in names]
+#: Of the lowest floors what computes; claims are judged when all is computed.
+LOWEST = [name for names in FLOORS[:3] for name in names if name != "claims"]
 
 
 @pytest.fixture
@@ -71,7 +72,7 @@ def test_an_edit_of_what_computes_changes_the_digest(digest, file):
 
 def test_the_lowest_floors_and_all_studies_are_computing():
     """The rule of the package names what is left out; this one names what must be in."""
-    expected = {"__init__.py", "kinds/plans.py"}
+    expected = {"__init__.py", "tallies.py", "kinds/plans.py", "kinds/state.py", "kinds/blocks.py"}
     for path in PACKAGE.rglob("*.py"):
         file = path.relative_to(PACKAGE)
         names = file.with_suffix("").parts

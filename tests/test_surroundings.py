@@ -64,9 +64,9 @@ def test_without_a_home_folder():
     none = {"HOME": None, "XDG_CACHE_HOME": None, "SPI_CACHE_DIR": None, "MPLCONFIGDIR": None}
     done = program("run", PATH, *TINY, before=no_home, **none)
     assert done.returncode == 0
-    first, last = done.stderr.decode().splitlines()
+    first, *_, last = done.stderr.decode().splitlines()
     assert "home" in first and "cannot be kept" in first
-    assert last.startswith("wrote ")
+    assert last.startswith("results: ")
 
 
 def test_a_backend_that_matplotlib_does_not_know():
@@ -231,10 +231,10 @@ def test_a_signal_before_anything_is_done_stops_with_the_code_of_a_stop():
 @pytest.mark.parametrize("specs", [1, 2])
 def test_a_signal_after_everything_is_written_changes_nothing(specs):
     """After the last experiment the exit code is 0; between two it is that of a stop."""
-    before = "import os, signal, spi.cli as cli\ntold = cli.tell\n"
+    before = "import os, signal, spi.cli.running as cli\ntold = cli.tell\n"
     before += "def tell(text):\n    told(text)\n"
-    before += "    if text.startswith('wrote'): os.kill(os.getpid(), signal.SIGTERM)\ncli.tell = tell"
+    before += "    if text.startswith('results'): os.kill(os.getpid(), signal.SIGTERM)\ncli.tell = tell"
     Path("other.yaml").write_bytes(PATH.read_bytes())
     done = program("run", *[PATH, "other.yaml"][:specs], *TINY, before=before)
     assert done.returncode == (0 if specs == 1 else cli.STOPPED), done.stderr
-    assert done.stderr.startswith(b"wrote ") and done.stderr.count(b"\n") == specs
+    assert done.stderr.count(b"\nresults: ") == specs

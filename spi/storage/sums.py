@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .files import aside
+from .files import aside, write_bytes
 
 VERSION = 1
 
@@ -32,11 +32,10 @@ def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None
         arrays = io.BytesIO()
         members[f"structure_{number}"] = _text(_without_arrays(part, arrays))
         members[f"arrays_{number}"] = np.frombuffer(arrays.getvalue(), np.uint8)
+    archive = io.BytesIO()
+    np.savez(archive, **members)
     with aside(path) as temporary:
-        with open(temporary, "wb") as file:
-            np.savez(file, **members)
-            file.flush()
-            os.fsync(file.fileno())
+        write_bytes(temporary, archive.getvalue())
         with contextlib.suppress(FileNotFoundError):
             os.replace(path, previous(path))
 
