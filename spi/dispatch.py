@@ -6,6 +6,7 @@ called from a kernel, Numba picks it by the type of the record while compiling, 
 contain no closures and take no functions as arguments, so that Numba finds them in its disk cache.
 """
 
+import contextlib
 import functools
 import inspect
 from typing import NamedTuple
@@ -43,13 +44,20 @@ linked = njit(**{**INLINED, "forceinline": False})
 def inlined(function):
     """Decorator: compiled code that calls this function contains a copy of it.
 
-    Called from Python it is compiled by itself, so that it rounds as in kernels; ``__wrapped__`` is the bare function.
+    Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk;
+    ``__wrapped__`` is the bare function.
     """
-    by_itself = njit(**OPTIONS)(function)
+
+    @functools.cache
+    def by_itself():
+        compiled = njit(**OPTIONS)(function)
+        with contextlib.suppress(RuntimeError):  # a function without a file, which has no place in the cache
+            keep_in_shared_cache(compiled)
+        return compiled
 
     @functools.wraps(function)
     def called(*arguments, **named):
-        return by_itself(*arguments, **named)
+        return by_itself()(*arguments, **named)
 
     # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
     overload(called, jit_options=INLINED, strict=False, prefer_literal=True)(lambda *arguments, **named: function)

@@ -384,11 +384,11 @@ def test_an_interrupted_write_leaves_the_old_sums(tmp_path, monkeypatch, fault):
     storage.write_sums(path, {"n": 1}, {})
     before = path.read_bytes()
 
-    def interrupted(file, **members):
-        file.write(b"half")
+    def interrupted(file, data):
+        file.write_bytes(data[:100])
         raise fault
 
-    monkeypatch.setattr(storage.sums.np, "savez", interrupted)
+    monkeypatch.setattr(storage.sums, "write_bytes", interrupted)
     with pytest.raises(KeyboardInterrupt if fault is KeyboardInterrupt else storage.StorageError) as caught:
         storage.write_sums(path, {"n": 2}, {})
     if fault is not KeyboardInterrupt:
