@@ -48,16 +48,13 @@ def inlined(function):
     ``__wrapped__`` is the bare function.
     """
 
-    @functools.cache
-    def by_itself():
-        compiled = njit(**OPTIONS)(function)
-        with contextlib.suppress(RuntimeError):  # a function without a file, which has no place in the cache
-            keep_in_shared_cache(compiled)
-        return compiled
+    by_itself = njit(**OPTIONS)(function)
+    with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
+        keep_in_shared_cache(by_itself)
 
     @functools.wraps(function)
     def called(*arguments, **named):
-        return by_itself()(*arguments, **named)
+        return by_itself(*arguments, **named)
 
     # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
     overload(called, jit_options=INLINED, strict=False, prefer_literal=True)(lambda *arguments, **named: function)

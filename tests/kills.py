@@ -8,7 +8,6 @@ of a run that nobody disturbed, how much work was done more than once, and wheth
 
 import os
 import random
-import signal
 import sys
 import tempfile
 import time
@@ -78,7 +77,7 @@ def killed(kind, out, kills, generator, context):
             time.sleep(0.002)  # until it computes
         time.sleep(generator.uniform(0.0, 0.3))
         met += process.is_alive()
-        os.kill(process.pid, signal.SIGKILL)
+        process.kill()
         process.join()
         if runner.results_path(experiment(kind), out).exists():
             break

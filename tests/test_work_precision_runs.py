@@ -63,14 +63,14 @@ def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, 
     assert type(again.total()) is type(last.total())
     assert same_numbers(again, last) and np.array_equal(again.more.times, last.more.times)
     assert again.seconds == last.seconds
-    for record in (("more", "times"), ("more", "of_errors", "ns_per_step"), ("streams", 0, "short", 0, 1, "squares")):
+    for record in (("more", "times"), ("more", "of_errors", "ns_per_step"), ("path_sets", 0, "short", 0, 1, "squares")):
         rest = copy.deepcopy(kept["main/splitting"])
         within = functools.reduce(lambda inner, key: inner[key], record[:-1], rest)
         del within[record[-1]]
         begun = State(plan)
         with pytest.raises(ValueError, match=f"in place of .*{record[-1]}"):
             begun.take(rest)
-        assert begun.so_far().paths == 0 and (record[0] == "streams" or np.isnan(begun.more.times).all())
+        assert begun.so_far().paths == 0 and (record[0] == "path_sets" or np.isnan(begun.more.times).all())
 
 
 def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):

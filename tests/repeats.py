@@ -1,0 +1,152 @@
+"""Every experiment in every way in which it can be computed: one set of numbers.
+
+    python tests/repeats.py [SPEC ...]
+
+runs the quick profile of the experiments (all of them), with many small chunks, straight and then
+
+    with one thread; with batches of one block, and with large ones; interrupted after every few batches; in three
+    parts that are merged; by two processes, of which one is killed; by two workers of Dask, of which one is killed;
+    and extended from a third of the samples, where there are samples,
+
+and prints for each a digest of all numbers that no clock decides.  The exit code is 1 if an experiment has two.
+"""
+
+import hashlib
+import os
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+from kills import numbers
+
+from spi import ensemble, slices, tallies, workers
+from spi import run as runner
+from spi.checkpoint import Slice
+from spi.ensemble import thread_count, use_threads
+from spi.run import Stopped, Watch, load
+
+EXPERIMENTS = Path(__file__).parents[1] / "experiments"
+
+
+class Interruptions:
+    """Interrupts a run after every few reports."""
+
+    def __init__(self, after):
+        self.after, self.left = after, after
+
+    def __call__(self, progress):
+        self.left -= 1
+        if self.left < 0:
+            self.left = self.after
+            raise KeyboardInterrupt
+
+
+class Killer:
+    """Kills the first of some processes once something is done."""
+
+    def __init__(self, victims):
+        self.victims, self.killed = victims, False
+
+    def __call__(self, progress):
+        if progress.done and not self.killed:
+            self.killed = True
+            os.kill(self.victims()[0], signal.SIGKILL)
+
+
+def straight(experiment, out):
+    return runner.run(experiment, out)
+
+
+def one_thread(experiment, out):
+    before = thread_count()
+    use_threads(1)
+    try:
+        return runner.run(experiment, out)
+    finally:
+        use_threads(before)
+
+
+def with_batches(seconds):
+    def run(experiment, out):
+        before, ensemble.BATCH_SECONDS = ensemble.BATCH_SECONDS, seconds
+        try:
+            return runner.run(experiment, out)
+        finally:
+            ensemble.BATCH_SECONDS = before
+
+    return run
+
+
+def interrupted(experiment, out):
+    stops = Interruptions(7)
+    while True:
+        try:
+            return runner.run(experiment, out, watch=Watch(report=stops))
+        except Stopped:
+            pass
+
+
+def in_parts(experiment, out):
+    while True:
+        for number in (3, 1, 2):
+            slices.run_slice(experiment, Slice(number, 3), out)
+        try:
+            return slices.merge(experiment, out)
+        except Stopped:
+            pass
+
+
+def by_processes(experiment, out):
+    with workers.processes(2) as pool:
+        killer = Killer(lambda: list(pool.executor._processes))
+        return runner.run(experiment, out, watch=Watch(report=killer), workers=pool)
+
+
+def by_dask(experiment, out):
+    with workers.dask("local:2") as pool:
+        killer = Killer(lambda: list(pool.client.run(os.getpid).values()))
+        return runner.run(experiment, out, watch=Watch(report=killer), workers=pool)
+
+
+def extended(experiment, out):
+    if not any(experiment.samples):
+        return None
+    prefixes = [number for case in experiment.cases for number in getattr(case, "prefixes", None) or ()]
+    few = max([1, min(filter(None, experiment.samples)) // 3, *prefixes])
+    runner.run(load(experiment.path, "quick", [f"samples={few}"]), out)
+    return runner.run(experiment, out)
+
+
+WAYS = {
+    "straight": straight,
+    "1 thread": one_thread,
+    "small batches": with_batches(0.0),
+    "large batches": with_batches(10.0),
+    "interrupted": interrupted,
+    "3 parts": in_parts,
+    "2 processes": by_processes,
+    "Dask": by_dask,
+    "extended": extended,
+}
+
+
+def main():
+    tallies.CHUNK_SECONDS = 0.02
+    wrong = 0
+    for path in map(Path, sys.argv[1:]) if len(sys.argv) > 1 else sorted(EXPERIMENTS.glob("*.yaml")):
+        experiment, found = load(path, "quick"), {}
+        chunks = sum(len(p.chunks(0)) for plan in runner.plans(experiment) for p in plan.path_sets(plan.begin()))
+        for way, run in WAYS.items():
+            with tempfile.TemporaryDirectory() as folder:
+                results = run(experiment, Path(folder))
+                if results is not None:
+                    found[way] = hashlib.sha256(repr(sorted(numbers(results).items())).encode()).hexdigest()[:12]
+        wrong += len(set(found.values())) > 1
+        told = found["straight"] if len(set(found.values())) == 1 else found
+        print(f"{path.stem:32} {chunks:5} chunks, {len(found)} ways: {told}", flush=True)
+    sys.exit(1 if wrong else 0)
+
+
+if __name__ == "__main__":
+    main()
