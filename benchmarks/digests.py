@@ -35,7 +35,8 @@ def digests(path):
         def collect(name, item):
             if isinstance(item, h5py.Dataset) and not TIMES.search(item.name.rsplit("/", 1)[1]):
                 group, _, variable = name.rpartition("/")
-                found.setdefault(group, {})[variable] = _bytes(item[()])
+                if group:  # beside the groups stand the digests of chunks
+                    found.setdefault(group, {})[variable] = _bytes(item[()])
 
         file.visititems(collect)
         for group, values in found.items():

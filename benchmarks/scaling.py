@@ -24,7 +24,7 @@ REPEATS = 3
 
 
 def experiment(samples):
-    return load(SPEC, "quick", ["estimators=[plain]", "prefixes=[100]", f"samples={samples}"])
+    return load(SPEC, "quick", ["estimators=[plain]", "prefixes=[1]", f"samples={samples}"])
 
 
 def states(wanted):

@@ -67,7 +67,7 @@ def merge(
             for file in checkpoint.slices().values():
                 storage.remove_sums(file)
             raise Stopped(
-                f"all parts of this round are in, and {len(left)} further chunks are wanted: run all parts of "
+                f"all parts of this round are in, and further chunks are wanted ({len(left)}): run all parts of "
                 f"{experiment.path} again, then `spi merge`"
             )
         return session.finish()

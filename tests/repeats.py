@@ -30,16 +30,17 @@ EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
 
 class Interruptions:
-    """Interrupts a run after every few reports."""
+    """Interrupts a run after every few reports of something new."""
 
     def __init__(self, after):
-        self.after, self.left = after, after
+        self.after, self.known = after, set()
 
     def __call__(self, progress):
-        self.left -= 1
-        if self.left < 0:
-            self.left = self.after
-            raise KeyboardInterrupt
+        place = progress.case, progress.part, progress.done
+        if place not in self.known:
+            self.known.add(place)
+            if len(self.known) % self.after == 0:
+                raise KeyboardInterrupt
 
 
 class Killer:
