@@ -1,6 +1,7 @@
 """The states of all parts of an experiment, and the file in which they are kept while it runs and afterwards."""
 
 import contextlib
+import glob
 import math
 import re
 import time
@@ -102,7 +103,7 @@ class Checkpoint:
         """Take what is known from the file and from those of slices; else of a run with other numbers of samples."""
         known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.slices().values())]
         if not any(known):
-            others = self.path.parent.glob(f"{self.experiment.name}-*.npz")
+            others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
             sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
             for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
                 if self.take(other):
