@@ -75,5 +75,7 @@ def _point_cache_at_sources():
     return problem
 
 
+#: Of the sources as they were when this process began to import them: with an edit later it computes nothing else.
+SOURCE_DIGEST = source_digest()
 #: Why compiled kernels cannot be kept for the next run; None where they are.
 CACHE_PROBLEM = _point_cache_at_sources()

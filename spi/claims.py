@@ -136,9 +136,15 @@ def each_step(
     name: str, about: Description, h: np.ndarray, values: np.ndarray, stderr: np.ndarray | None = None
 ) -> Iterator[Quantity]:
     """A quantity for each step size in `h` (S,): the `values` (S,) and their standard errors if they have any."""
-    halves = np.zeros(len(h)) if stderr is None else INTERVAL * stderr
+    yield from at_steps(name, about, h, values, np.zeros(len(h)) if stderr is None else INTERVAL * stderr)
+
+
+def at_steps(
+    name: str, about: Description, h: np.ndarray, values: np.ndarray, halves: np.ndarray, function: str = ""
+) -> Iterator[Quantity]:
+    """The same with half the widths of their intervals (S,), perhaps of one test function."""
     for step, value, half in zip(h.tolist(), values.tolist(), halves.tolist(), strict=True):
-        yield quantity(name, about, value, half, h=step)
+        yield quantity(name, about, value, half, function, step)
 
 
 def drifts(about: Description, h: np.ndarray, drift: np.ndarray) -> Iterator[Quantity]:

@@ -1,7 +1,7 @@
 """States of parts taken to their end, in this process or by workers."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 
 from .kinds.state import State
@@ -11,15 +11,9 @@ from .workers import MOST_LOSSES, Workers
 
 Tick = Callable[[int], None]  #: told the number of a part after each batch of it; whatever it raises ends the work
 Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
-Share = Callable[[int, Chunk], bool]  #: whether a chunk of a part, given by its number, is to be computed at all
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-
-
-def everything(number: int, chunk: Chunk) -> bool:
-    """All chunks are to be computed."""
-    return True
 
 
 def advance_here(states: Sequence[State], tick: Tick) -> None:
@@ -27,17 +21,17 @@ def advance_here(states: Sequence[State], tick: Tick) -> None:
     for number, state in enumerate(states):
         tick(number)
         while True:
-            _advance_stage(number, state, tick, everything)
+            _advance_chunks(number, state, state.missing(), tick)
             if not settle(state):
                 break
             tick(number)
 
 
-def advance_stage_here(states: Sequence[State], tick: Tick, share: Share) -> None:
-    """Compute, of the chunks that are wanted for now, a share, in this process."""
+def advance_some_here(states: Sequence[State], tasks: Collection[Task], tick: Tick) -> None:
+    """Compute those of some chunks that are missing, and nothing that only they would lead to, in this process."""
     for number, state in enumerate(states):
         tick(number)
-        _advance_stage(number, state, tick, share)
+        _advance_chunks(number, state, [chunk for chunk in state.missing() if (number, chunk) in tasks], tick)
 
 
 def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
@@ -110,9 +104,9 @@ def settle(state: State) -> bool:
     return more is not None
 
 
-def _advance_stage(number: int, state: State, tick: Tick, share: Share) -> None:
-    """The chunks that are wanted for now, as far as they are part of the share."""
-    for chunks in _runs([chunk for chunk in state.missing() if share(number, chunk)], state):
+def _advance_chunks(number: int, state: State, missing: Sequence[Chunk], tick: Tick) -> None:
+    """Compute chunks of part number `number` that are missing, from what is known of each."""
+    for chunks in _runs(missing, state):
         for added in state.plan.advance(chunks, state.tally(chunks[0].path_set).known(chunks[0])):
             for chunk, sums in added:
                 state.put(chunk, sums)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import __version__, compiling, engine, source_digest, spec, storage
+from . import SOURCE_DIGEST, __version__, compiling, engine, spec, storage
 from .checkpoint import Checkpoint, Limits, sums_path
 from .kinds.plans import KernelCall, Plan
 from .kinds.state import State
@@ -127,7 +127,7 @@ def identity(experiment: spec.Experiment) -> dict[str, Any]:
         "overrides": experiment.overrides,
         "expect": experiment.expect,
         "profile": experiment.profile,
-        "source_digest": source_digest(),
+        "source_digest": SOURCE_DIGEST,
     }
 
 

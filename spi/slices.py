@@ -6,7 +6,6 @@ puts the files together.  Slices may be run in any order, at the same time or no
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -37,7 +36,7 @@ def run_slice(
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()
-        engine.advance_stage_here(checkpoint.states, session.tick, lambda number, chunk: (number, chunk) in mine)
+        engine.advance_some_here(checkpoint.states, mine, session.tick)
         checkpoint.save()
     return checkpoint.path
 
@@ -91,7 +90,7 @@ def _need_all(checkpoint: Checkpoint) -> None:
     raise Stopped(f"{'; '.join(lacking)}: run it, then `spi merge` again")
 
 
-def _slices(states: Sequence[State], count: int) -> list[list[tuple[int, Any]]]:
+def _slices(states: Sequence[State], count: int) -> list[list[engine.Task]]:
     """The chunks that are wanted for now, in `count` slices of about equal work: (number of a part, chunk)."""
     tasks, work = [], []
     for number, state in enumerate(states):
@@ -100,7 +99,7 @@ def _slices(states: Sequence[State], count: int) -> list[list[tuple[int, Any]]]:
                 tasks.append((number, chunk))
                 work.append(chunk.blocks / path_set.chunk_blocks)
     middles = np.cumsum(work) - np.array(work) / 2
-    found: list[list[tuple[int, Any]]] = [[] for _ in range(count)]
+    found: list[list[engine.Task]] = [[] for _ in range(count)]
     for task, place in zip(tasks, middles / max(sum(work), 1e-300) * count, strict=True):
         found[min(int(place), count - 1)].append(task)
     return found

@@ -1,6 +1,6 @@
 """Sums over paths that are equal to the last bit however the work was divided.
 
-The blocks of a path set of paths fall into **chunks** of fixed content.  Within a chunk the sum is made block after
+The blocks of a set of paths fall into **chunks** of fixed content.  Within a chunk the sum is made block after
 block.  Chunks are then added in pairs, pairs of chunks in pairs and so on: a binary tree over the numbers of the
 chunks.  The result depends neither on the order in which chunks are computed, nor on who computes them, nor on whether
 more of them follow later.  Only the roots of the largest complete subtrees are kept, about log2(N) of them for N
@@ -22,7 +22,7 @@ from .rng import LANES
 #: A chunk takes about so many seconds of one thread.
 CHUNK_SECONDS = 2.0
 
-_TIMES = ("seconds", "cpu_seconds")  # fields that a clock decides, with which names of fields end
+_CLOCK = "seconds"  # with which the names of those fields end that a clock decides
 
 
 class Sums(Protocol):
@@ -156,9 +156,19 @@ class Tally(NamedTuple):
         return _joined([*(sums for _, sums in nodes), *(sums for _, sums in sorted(self.short.items()))])
 
     @property
+    def each(self) -> list[Any]:
+        """All sums that are kept, in no particular order."""
+        return [*self.nodes.values(), *self.short.values()]
+
+    @property
+    def paths(self) -> int:
+        """Of how many paths everything is known."""
+        return sum(sums.paths for sums in self.each)
+
+    @property
     def seconds(self) -> float:
         """Wall-clock time spent on all that is known."""
-        return float(sum(sums.seconds for sums in (*self.nodes.values(), *self.short.values())))
+        return float(sum(sums.seconds for sums in self.each))
 
     def _with_node(self, node: tuple[int, int], sums: Any, short: dict[int, Any]) -> "Tally":
         height, number = node
@@ -185,7 +195,7 @@ def digest(sums: Sums) -> str:
     """A hash of all that is known of some paths but the time spent, of 32 characters."""
     found = hashlib.sha256()
     for name, value in sorted(sums._asdict().items()):
-        if not name.endswith(_TIMES):
+        if not name.endswith(_CLOCK):
             values = np.asarray(value)
             data = repr(value).encode() if values.dtype.kind == "U" else np.ascontiguousarray(values).tobytes()
             found.update(f"{name} {values.dtype} {values.shape} ".encode() + data)

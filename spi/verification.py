@@ -3,9 +3,10 @@
 import random
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from . import source_digest, storage
+from . import SOURCE_DIGEST, storage
+from .kinds.plans import Plan, sums_of_chunk
 from .loading import load, name_of, plans
 from .records import Results
 from .rng import STREAM_VERSION
@@ -55,27 +56,20 @@ def verify(
         label = f"{name}, paths {chunk.end - chunk.paths} to {chunk.end - 1} of path set {path_set}"
         report(number, len(chosen), label)
         checked.append(label)
-        if digest(_computed(by_name[name], chunk)) != expected:
+        if digest(sums_of_chunk(by_name[name], chunk)) != expected:
             different.append(label)
     return Verification(len(results.chunks), tuple(checked), tuple(different), _causes(results))
 
 
-def _chunk(plan: Any, path_set: int, index: int, paths: int) -> Chunk:
+def _chunk(plan: Plan, path_set: int, index: int, paths: int) -> Chunk:
     """The chunk of so many paths; a path set may have grown since the plan began."""
     size = plan.path_sets(plan.begin())[path_set].chunk_blocks
     return Chunk.of(path_set, index, size, paths)
 
 
-def _computed(plan: Any, chunk: Chunk) -> Any:
-    """The sums over a chunk."""
-    for added in plan.advance([chunk], None):
-        ((_, sums),) = added
-    return sums
-
-
 def _causes(results: Results) -> tuple[str, ...]:
     """What is not as it was."""
-    now = {**storage.provenance(), "source_digest": source_digest(), "stream_version": STREAM_VERSION}
+    now = {**storage.provenance(), "source_digest": SOURCE_DIGEST, "stream_version": STREAM_VERSION}
     return tuple(
         f"{label}: {results.attributes.get(name)} then, {now[name]} now"
         for name, label in CAUSES.items()

@@ -35,13 +35,13 @@ def _reading(kind: str, group: Group) -> Reading:
         ) from error
 
 
-def expecting(results: Results, expect: str | None) -> Results:
-    """The results with other claims in the place of those that were stored: the `expect` of an experiment."""
-    return results._replace(attributes={**results.attributes, "expect": expect})
-
-
 def verdicts(results: Results) -> list[claims.Verdict]:
     """Whether the claims that are stored with results are kept, case by case; StorageError if they cannot be read."""
+    return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
+
+
+def _judged(results: Results, read: list[Reading]) -> list[claims.Verdict]:
+    """The same from readings that have been made already."""
     try:
         stated = claims.of_text(results.attributes.get("expect"))
     except ValueError as error:
@@ -49,7 +49,7 @@ def verdicts(results: Results) -> list[claims.Verdict]:
     if not stated:
         return []
     judging = KINDS[results.attributes["kind"]].claims
-    return claims.judge(stated, [one for case in by_case(readings(results)) for one in judging.quantities(case)])
+    return claims.judge(stated, [one for case in by_case(read) for one in judging.quantities(case)])
 
 
 def rows(results: Results) -> list[dict[str, Any]]:
@@ -59,8 +59,9 @@ def rows(results: Results) -> list[dict[str, Any]]:
     """
     if results.attributes.get("kind") not in KINDS:
         return list(anything.rows(results.groups))
-    judged = verdicts(results)
-    records = KINDS[results.attributes["kind"]].table.rows(readings(results))
+    read = readings(results)
+    judged = _judged(results, read)
+    records = KINDS[results.attributes["kind"]].table.rows(read)
     return [record | printed_claims.columns(record, judged) for record in records]
 
 
@@ -72,7 +73,7 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
     Of results of an unknown kind all numbers are printed.
     """
     known = results.attributes.get("kind") in KINDS
-    cases = by_case(readings(results)) if known else []  # before anything is printed: they may not be readable
+    read = readings(results) if known else []  # before anything is printed: they may not be readable
     console = new_console(file)
     title = results.attributes.get("title")
     if title:
@@ -80,8 +81,8 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
     if not known:
         anything.show(console, results.groups)
         return
-    judged = verdicts(results)
-    for case in cases:
+    judged = _judged(results, read)
+    for case in by_case(read):
         about = case[0].about
         heading = "" if about.case_title == title else printable(about.case_title)
         KINDS[results.attributes["kind"]].table.show(console, heading, case)
@@ -99,12 +100,12 @@ def figure(results: Results) -> "Figure":
     kind = results.attributes.get("kind")
     if kind not in KINDS:
         raise ValueError(f"there is no figure for results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
-    cases = by_case(readings(results))
-    if not cases:
+    read = readings(results)
+    if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
     with style.applied():
-        drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), cases)
-        drawn_claims.write_under(drawn, verdicts(results))
+        drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), by_case(read))
+        drawn_claims.write_under(drawn, _judged(results, read))
         return drawn
 
 

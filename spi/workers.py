@@ -14,6 +14,7 @@ from typing import Any, Protocol
 
 from .compiling import processors
 from .ensemble import limited_threads
+from .kinds.plans import sums_of_chunk
 from .loading import Source, plans_of
 from .tallies import Chunk
 
@@ -26,10 +27,7 @@ _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two 
 def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
     """The sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
     with _ONE_AT_A_TIME, limited_threads(threads):
-        sums = None
-        for added in plans_of(source)[number].advance([chunk], None):
-            ((_, sums),) = added
-        return sums
+        return sums_of_chunk(plans_of(source)[number], chunk)
 
 
 class Workers(Protocol):

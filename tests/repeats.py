@@ -23,7 +23,6 @@ from kills import numbers
 from spi import ensemble, slices, tallies, workers
 from spi import run as runner
 from spi.checkpoint import Slice
-from spi.ensemble import thread_count, use_threads
 from spi.run import Stopped, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
@@ -60,12 +59,8 @@ def straight(experiment, out):
 
 
 def one_thread(experiment, out):
-    before = thread_count()
-    use_threads(1)
-    try:
+    with ensemble.limited_threads(1):
         return runner.run(experiment, out)
-    finally:
-        use_threads(before)
 
 
 def with_batches(seconds):

@@ -297,8 +297,12 @@ def test_what_comes_out_is_what_the_results_hold():
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def with_claims(results, expect):
+    return results._replace(attributes={**results.attributes, "expect": expect})
+
+
 def expecting(results, *stated):
-    return views.expecting(results, claims.as_text(stated))
+    return with_claims(results, claims.as_text(stated))
 
 
 def of(scheme, quantity, sense, number, case="three", **others):
@@ -371,4 +375,4 @@ def test_a_lost_path_breaks_a_bound():
 
 def test_damaged_claims_are_one_clear_line():
     with pytest.raises(storage.StorageError, match="the claims in the results file are damaged"):
-        views.print_tables(views.expecting(STRONG, "[{}]"), io.StringIO())
+        views.print_tables(with_claims(STRONG, "[{}]"), io.StringIO())

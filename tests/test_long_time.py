@@ -144,12 +144,9 @@ def test_an_interrupted_run_goes_on_where_it_stopped(load_text, tmp_path, monkey
 
 @compiled_only
 def test_threads_do_not_matter(case_of):
-    plan, before = long_time.plan(case_of("samples=200"), Part("splitting")), ensemble.thread_count()
-    try:
-        ensemble.use_threads(1)
+    plan = long_time.plan(case_of("samples=200"), Part("splitting"))
+    with ensemble.limited_threads(1):
         one = finished(plan)
-    finally:
-        ensemble.use_threads(before)
     assert same_numbers(finished(plan), one)
 
 

@@ -139,14 +139,11 @@ def test_batches_do_not_matter(case_of, scheme):
 @compiled_only
 @pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", "midpoint"])
 def test_threads_do_not_matter(case_of, scheme):
-    plan, before = stability.plan(case_of(RIGID, "samples=330"), Part(scheme)), ensemble.thread_count()
+    plan = stability.plan(case_of(RIGID, "samples=330"), Part(scheme))
     states = []
-    try:
-        for threads in (1, 2):
-            ensemble.use_threads(threads)
+    for threads in (1, 2):
+        with ensemble.limited_threads(threads):
             states.append(finished(plan))
-    finally:
-        ensemble.use_threads(before)
     assert same_numbers(*states)
 
 

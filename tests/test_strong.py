@@ -118,14 +118,11 @@ def test_batches_do_not_matter(scheme):
 @compiled_only
 @pytest.mark.parametrize("scheme", BY_HAND)
 def test_threads_do_not_matter(scheme):
-    plan, before = strong.plan(case_of("samples=330"), Part(scheme)), ensemble.thread_count()
+    plan = strong.plan(case_of("samples=330"), Part(scheme))
     states = []
-    try:
-        for threads in (1, 2):
-            ensemble.use_threads(threads)
+    for threads in (1, 2):
+        with ensemble.limited_threads(threads):
             states.append(finished(plan))
-    finally:
-        ensemble.use_threads(before)
     assert same_numbers(*states)
 
 

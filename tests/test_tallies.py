@@ -373,13 +373,10 @@ def test_the_bits_do_not_depend_on_batches(plan):
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
 @pytest.mark.skipif(not COMPILED, reason="one thread only")
 def test_the_bits_do_not_depend_on_threads(plan):
-    before, states = ensemble.thread_count(), []
-    try:
-        for threads in (1, 2):
-            ensemble.use_threads(threads)
+    states = []
+    for threads in (1, 2):
+        with ensemble.limited_threads(threads):
             states.append(finished(plan))
-    finally:
-        ensemble.use_threads(before)
     assert same_numbers(*states)
 
 

@@ -101,6 +101,6 @@ def after_blocks(p, blocks, calls=1):
     state = State(p)
     state.more = state.more._replace(targets=np.broadcast_to(blocks, len(p.levels)))
     with batches_of(-(-np.max(blocks) // calls)):
-        engine.advance_stage_here([state], ignore, engine.everything)
+        engine.advance_some_here([state], [(0, chunk) for chunk in state.missing()], ignore)
     assert not state.missing()
     return state

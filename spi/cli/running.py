@@ -15,6 +15,7 @@ from .streams import tell
 
 if TYPE_CHECKING:
     from ..checkpoint import Slice
+    from ..records import Results
     from ..run import Limits, Watch
     from ..spec import Experiment
     from ..workers import Workers
@@ -86,9 +87,8 @@ def verify(
     threads: Threads = None,
 ) -> None:
     """Compute some of the paths behind stored results again, compare bit for bit, and judge the claims."""
-    from .. import claims, storage, views
+    from .. import storage
     from ..printing import print_verification
-    from ..printing.claims import remarks
     from ..verification import verify
     from .progress import ProgressLine
 
@@ -96,10 +96,7 @@ def verify(
     with ProgressLine(file.stem) as line:
         found = verify(file, chunks, line.report_chunk)
     print_verification(file, found)
-    judged = views.verdicts(storage.read(file))
-    for remark in remarks(file.stem, judged):
-        tell(remark)
-    if found.different or any(one.verdict == claims.BROKEN for one in judged):
+    if _broken(file.stem, storage.read(file)) or found.different:
         raise typer.Exit(BROKEN)
 
 
@@ -161,10 +158,20 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
         yield pool
 
 
+def _broken(name: str, results: "Results") -> bool:
+    """Say how the claims of an experiment were judged; whether one is broken."""
+    from .. import claims, views
+    from ..printing.claims import remarks
+
+    judged = views.verdicts(results)
+    for remark in remarks(name, judged):
+        tell(remark)
+    return any(one.verdict == claims.BROKEN for one in judged)
+
+
 def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
     """Compute each experiment, print the tables of its results, and judge its claims."""
-    from .. import claims, storage, views
-    from ..printing.claims import remarks
+    from .. import storage, views
     from .progress import ProgressLine
 
     broken = False
@@ -173,10 +180,7 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
             path = compute(experiment, line.watch)
         results = storage.read(path)
         views.print_tables(results)
-        judged = views.verdicts(results)
-        for remark in remarks(experiment.name, judged):
-            tell(remark)
-        broken |= any(one.verdict == claims.BROKEN for one in judged)
+        broken |= _broken(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {path}` draws them")

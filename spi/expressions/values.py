@@ -11,7 +11,7 @@ from ..dispatch import INDICES, INLINED, inlined, kernel, number, record_class
 from ..elementary import REDUCIBLE, bits, exp, log
 from ..lanes import load_lane
 from ..rng import LANES
-from .trees import Component, Constant, Cosine, Sine, WholePower
+from .trees import Component, Constant, Cosine, Sine, WholePower, parse_expression
 
 _REDUCIBLE_BITS = int(bits(REDUCIBLE))
 
@@ -33,6 +33,14 @@ def as_numpy(expression):
             return np.array(value(expression, np.asarray(y, float)))  # never a view of y
 
     return phi
+
+
+def functions_of(texts, dimension):
+    """:func:`as_numpy` of each of some texts.
+
+    What is kept by its arguments (``lru_cache``) takes texts: as trees sin(y1) and exp(y1) are equal tuples.
+    """
+    return [as_numpy(parse_expression(text, dimension)) for text in texts]
 
 
 def divided(a, b):

@@ -83,7 +83,7 @@ class Blockwise:
 
 @dataclass(frozen=True, kw_only=True)
 class BlocksPlan(Blockwise, PathsPlan):
-    """The head of every plan with one path set of paths, on one grid, that are summed up block after block."""
+    """The head of every plan with one set of paths, on one grid, that are summed up block after block."""
 
     @property
     def seconds_per_block(self) -> float:

@@ -93,6 +93,13 @@ class Plan(Protocol):
         """The results, from the final state; nothing is computed at length or measured here."""
 
 
+def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
+    """The sums over one chunk, computed from its first path on."""
+    for added in plan.advance([chunk], None):  # each time with more of its paths
+        ((_, sums),) = added
+    return sums
+
+
 @dataclass(frozen=True, kw_only=True)
 class PartPlan:
     """The head of every plan for one scheme of one case."""

@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from ..arithmetic import NumberError
 from ..claims import Claim, Sort
-from ..expressions import as_numpy, canonical, is_constant, parse_expression
+from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
 from ..protocol import Positive, dimension
@@ -266,10 +266,9 @@ def _demands(
 ) -> Demands:
     """What solving without sampling takes; kept, because the layers of a file often ask the same.
 
-    The functions are texts, since as trees sin(y1) and exp(y1) are equal tuples; models of two kinds may be, too.
+    Typed, because models of two classes may be equal tuples.
     """
-    callables = [as_numpy(parse_expression(text, dimension(model))) for text in functions]
-    return demands(model, acting, initial, final_time, steps, callables, accuracy)
+    return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)
 
 
 def check_count(end: float, step: float, key: str) -> None:

@@ -9,6 +9,7 @@ import io
 import json
 import os
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -71,9 +72,11 @@ def previous(path: Path) -> Path:
     return path.with_name(path.name + ".previous")
 
 
-def _opened(path: Path) -> Any:
-    """The archive in a file, from memory: NumPy leaves a damaged one open."""
-    return np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """The archive in a file, of which members are read when they are asked for; NumPy leaves a damaged one open."""
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+        yield archive
 
 
 def _about(file: Any) -> dict[str, Any]:

@@ -64,7 +64,7 @@ class EnergyPlan(BlocksPlan):
         return sums._replace(energy=np.concatenate((sums.energy, energy), axis=1))
 
     def progress(self, state: State) -> Done:
-        return Done(state.so_far().paths, self.samples, float("nan"))
+        return Done(state.tally().paths, self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
         energy = state.total().energy[:0:-1]

@@ -93,7 +93,7 @@ class TrajectoryPlan(PathsPlan):
 
     def progress(self, state: State) -> Done:
         """0 or 1 paths of 1, and no standard error."""
-        return Done(state.so_far().paths, self.samples, float("nan"))
+        return Done(state.tally().paths, self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.claims import Quantity, order, quantity
+from spi.claims import Quantity, at_steps, each_step, order
 
 from .reading import WeakErrors
 from .reading.comparisons import agreement, comparable_sweeps, largest_over_eps
@@ -18,19 +18,14 @@ def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
     for one in readings:
         for f, function in enumerate(one.functions):
             yield order(one.about, one.orders[f], function=function)
-            yield from _each("error", one, function, np.abs(one.error[f]), one.half[f])
+            yield from at_steps("error", one.about, one.h, np.abs(one.error[f]), one.half[f], function)
         if found := agreement(one, readings):
+            exact = np.zeros(len(one.h))
             for f, function in enumerate(one.functions):
-                yield from _each("agreement", one, function, np.abs(found.deviation[f]), np.zeros(len(one.h)))
+                yield from at_steps("agreement", one.about, one.h, np.abs(found.deviation[f]), exact, function)
         if one.nonfinite is not None:
-            yield from _each("nonfinite", one, "", one.nonfinite, np.zeros(len(one.h)))
+            yield from each_step("nonfinite", one.about, one.h, one.nonfinite)
     for members in comparable_sweeps(readings).values():
         about = members[0].about._replace(eps=None, variant=members[0].about.scheme)
         for f, function in enumerate(members[0].functions):
             yield order(about, largest_over_eps(members, f).order, "uniform_order", function)
-
-
-def _each(name: str, one: WeakErrors, function: str, values: np.ndarray, halves: np.ndarray) -> Iterator[Quantity]:
-    """A quantity for each step size."""
-    for h, value, half in zip(one.h.tolist(), values.tolist(), halves.tolist(), strict=True):
-        yield quantity(name, one.about, value, half, function, h)

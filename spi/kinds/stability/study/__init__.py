@@ -116,7 +116,7 @@ class StabilityPlan(Blockwise):
 
     def progress(self, state: State) -> Done:
         """Paths done of all values, all of them, and no standard error."""
-        done = sum(state.so_far(i).paths for i in range(len(self.points)))
+        done = sum(state.tally(i).paths for i in range(len(self.points)))
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
     def description(self) -> dict[str, Any]:

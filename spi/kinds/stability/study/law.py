@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.expressions import as_numpy, canonical, parse_expression
+from spi.expressions import canonical, functions_of
 from spi.kolmogorov import can_solve_equation, exact_expectations
 from spi.protocol import dimension
 from spi.records import Variables
@@ -31,10 +31,9 @@ def _truth(
 ) -> tuple[np.ndarray, np.ndarray]:
     """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes.
 
-    The functions are texts, since as trees sin(y1) and exp(y1) are equal tuples; models of two classes may be, too.
+    Typed, because models of two classes may be equal tuples.
     """
-    callables = [as_numpy(parse_expression(text, dimension(model))) for text in functions]
-    return exact_expectations(model, initial, final_time, callables, _ACCURACY)
+    return exact_expectations(model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY)
 
 
 class Truth(NamedTuple):

@@ -105,11 +105,12 @@ class StrongPlan(BlocksPlan):
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
-        known = state.so_far()
+        known = state.tally()
         if not known.paths:
             return Done(0, self.samples, float("nan"))
         counts = group_counts(known.paths)
-        value, without = root_mean_square(known.squares[:, -1], counts)
+        # of one time alone: sums over all of them are large, and this is asked after each batch
+        value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in known.each], axis=0), counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def group(self, state: State) -> Group:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble import thread_count
-from spi.expressions import as_numpy, canonical, parse_expression
+from spi.expressions import as_numpy, canonical, functions_of
 from spi.kinds.plans import Cost, Done, PartPlan, State
 from spi.kolmogorov import Expectations, demands, expectations
 from spi.protocol import dimension
@@ -99,7 +99,7 @@ class KolmogorovPlan(PartPlan):
 
     def progress(self, state: State) -> Done:
         """0 or 1 of 1; no standard error."""
-        return Done(state.so_far().paths, 1, float("nan"))
+        return Done(state.tally().paths, 1, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
@@ -143,11 +143,8 @@ def _solution(
     functions: tuple[str, ...],
     accuracy: float | None,
 ) -> Expectations:
-    """Kept, because the control of several eps is the same.
-
-    The functions are texts, since as trees sin(y1) and exp(y1) are equal tuples; models of two classes may be, too.
-    """
-    callables = [as_numpy(parse_expression(text, dimension(model))) for text in functions]
+    """Kept, because the control of several eps is the same; typed, as models of two classes may be equal tuples."""
+    callables = functions_of(functions, dimension(model))
     return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
 
 
