@@ -55,6 +55,7 @@ class Numbers:
     """The meaning of the grammar in numbers: int, finite float, complex."""
 
     longest = 200
+    calls = False  #: whether :meth:`call` is to be asked what a word before a parenthesis is
     functions = ("sin", "cos", "tan", "exp", "log", "sqrt", "abs")
     constants = MappingProxyType({"pi": math.pi, "i": 1j})
 
@@ -62,6 +63,9 @@ class Numbers:
         """The error about a word that is neither a function nor a constant."""
         near = difflib.get_close_matches(word, (*self.functions, *self.constants), 1)
         return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
+
+    def number(self, literal: str) -> Any:
+        return _finite(int(literal) if literal.isdigit() else float(literal))
 
     def negative(self, a: Any) -> Any:
         return -a
@@ -129,12 +133,20 @@ class _Parser:
         token = self.token
         if literal := token["literal"]:
             self.next()
-            value = _finite(int(literal) if literal.isdigit() else float(literal))
-            return value * 1j if token["imaginary"] else value
+            value = self.algebra.number(literal)
+            if token["imaginary"] and "i" not in self.algebra.constants:
+                raise NumberError(f"unexpected '{literal}i'")
+            return value * self.algebra.constants["i"] if token["imaginary"] else value
         if self.take("("):
             return self.closing()
         if not (word := token["word"]):
             raise self.unexpected()
+        if self.algebra.calls and self.text.startswith("(", self.position):
+            inside, end = _in_parentheses(self.text, self.position)
+            if (value := self.algebra.call(word, inside)) is not NotImplemented:
+                self.position = end
+                self.next()
+                return value
         self.next()
         if word in self.algebra.constants:
             return self.algebra.constants[word]
@@ -149,6 +161,16 @@ class _Parser:
         if not self.take(")"):
             raise self.unexpected() if self.token["end"] is None else NumberError("a parenthesis is not closed")
         return value
+
+
+def _in_parentheses(text: str, start: int) -> tuple[str, int]:
+    """What stands in the parentheses that open at `start`, and where they end."""
+    depth = 0
+    for position in range(start, len(text)):
+        depth += {"(": 1, ")": -1}.get(text[position], 0)
+        if depth == 0:
+            return text[start + 1 : position], position + 1
+    raise NumberError("a parenthesis is not closed")
 
 
 def _finite(value: Any) -> Any:

@@ -197,3 +197,34 @@ def exp(x):
     i = bits(shifted) - _ROUND_BITS
     half = i >> np.int64(1)
     return y * from_bits((half + 1023) << _52) * from_bits((i - half + 1023) << _52)
+
+
+@inlined
+def expm1(x):
+    """e^x - 1 to all digits also for small x, for |x| <= 709; inf above 710, -1 below -745.
+
+    With n and r as in :func:`exp`: 2^n (e^r - 1) + (2^n - 1).
+    """
+    x = 710.0 if x > 710.0 else x
+    x = -746.0 if x < -746.0 else x
+    shifted = x * _LOG2_E + _ROUND
+    n = shifted - _ROUND
+    r = (x - n * _LN2_HI) - n * _LN2_LO
+    c = ((x - n * _LN2_HI) - r) - n * _LN2_LO
+    p = 1.6059043836821613e-10
+    p = 2.08767569878681e-09 + r * p
+    p = 2.505210838544172e-08 + r * p
+    p = 2.755731922398589e-07 + r * p
+    p = 2.7557319223985893e-06 + r * p
+    p = 2.48015873015873e-05 + r * p
+    p = 1.984126984126984e-04 + r * p
+    p = 1.388888888888889e-03 + r * p
+    p = 8.333333333333333e-03 + r * p
+    p = 4.1666666666666664e-02 + r * p
+    p = 1.6666666666666666e-01 + r * p
+    p = 0.5 + r * p
+    y = r + (c + r * r * p)
+    i = bits(shifted) - _ROUND_BITS
+    half = i >> np.int64(1)
+    a, b = from_bits((half + 1023) << _52), from_bits((i - half + 1023) << _52)
+    return a * y * b + (a * b - 1.0)

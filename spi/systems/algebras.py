@@ -1,0 +1,150 @@
+"""Lie algebras by name, as Lie-Poisson brackets of their generators in the order in which they are listed here.
+
+    so(n)           n = 3: y1, y2, y3 with {y1, y2} = -y3 and cyclic permutations, the rigid body's; n > 3: L12, L13, ...,
+                    L23, ... (L_ij turns axis i towards axis j) with {L_ij, L_jk} = L_ik, L_ji = -L_ij
+    su(2)           so(3)
+    se(n), e(n)     so(n), then n translations: {y1, g2} = -g3 and so on for n = 3, {L_ij, g_i} = -g_j else; n = 2: {L, g1} = -g2,
+                    {L, g2} = g1, the bracket of Maxwell-Bloch
+    so(p,q)         as so(p+q) with p axes of length 1 and q of length -1; so(2,1): {k1, k2} = k3, {k2, k3} = -k1, {k3, k1} = -k2
+    sl(2)           h, e, f with {h, e} = -2 e, {h, f} = 2 f, {e, f} = -h
+    gl(n)           E11, E12, ... with {E_ij, E_jk} = -E_ik for i != k, {E_ij, E_ji} = E_jj - E_ii
+    heisenberg(n)   q1, ..., qn, p1, ..., pn, z with {q_i, p_i} = z; heisenberg is heisenberg(1)
+
+The brackets are those of the paper, minus the commutators, except Heisenberg's.  Products: so(3)^8, so(3) * heisenberg.
+"""
+
+import itertools
+import re
+from collections.abc import Callable
+
+import sympy
+
+from .brackets import Linear
+from .text import NumberError, Symbols, whole
+
+Brackets = list[tuple[int, int, Linear]]  #: (i, j, {y_i, y_j})
+
+_FACTOR = re.compile(r"\s*([a-z]+)\s*(?:\(([^()]*)\))?\s*(?:\^\s*(\w+|\([^()]*\)))?\s*$")
+_LARGEST = 64  # components
+KNOWN = "so(n), se(n), so(p,q), sl(2), gl(n), e(2), su(2), heisenberg, and products such as so(3)^8 or so(3) * e(2)"
+
+
+def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
+    """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
+    dimension, brackets = 0, Brackets()
+    for factor in text.split("*"):
+        match = _FACTOR.match(factor)
+        if not match:
+            raise NumberError(f"'{factor.strip()}' is no algebra; known are {KNOWN}")
+        name, inside, power = match.groups()
+        sizes = [whole(part, symbols) for part in inside.split(",")] if inside else []
+        count = whole(power, symbols) if power else 1
+        if count < 1:
+            raise NumberError(f"the power of '{factor.strip()}' must be at least 1")
+        d, one = _simple(name, sizes, factor.strip())
+        if dimension + d * count > _LARGEST:
+            raise NumberError(f"it has more than {_LARGEST} components")
+        for _ in range(count):
+            brackets += [(i + dimension, j + dimension, _moved(linear, dimension)) for i, j, linear in one]
+            dimension += d
+    return dimension, brackets
+
+
+def _moved(linear: Linear, by: int) -> Linear:
+    return {k + by: c for k, c in linear.items()}
+
+
+def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
+    """(dimension, brackets) of an algebra that is no product."""
+    make, least, most = _MAKE.get((name, len(sizes)), (None, 0, 0))
+    if make is None:
+        raise NumberError(f"'{text}' is no known algebra; known are {KNOWN}")
+    if not all(least <= size <= most for size in sizes):
+        raise NumberError(f"the size in '{text}' must be from {least} to {most}")
+    return make(*sizes)
+
+
+def _rotations(metric: tuple[int, ...], translations: bool) -> tuple[int, Brackets]:
+    """{L_ij, L_jk} = metric_j L_ik, and {L_ij, g_i} = -metric_i g_j, {L_ij, g_j} = metric_j g_i."""
+    n = len(metric)
+    pairs = {pair: k for k, pair in enumerate(itertools.combinations(range(n), 2))}
+
+    def generator(i: int, j: int, factor: int) -> Linear:
+        """factor L_ij."""
+        return {pairs[min(i, j), max(i, j)]: sympy.Integer(factor if i < j else -factor)}
+
+    found = Brackets()
+    for (first, a), (second, b) in itertools.combinations(pairs.items(), 2):
+        shared = set(first) & set(second)
+        if len(shared) == 1:
+            (j,) = shared
+            (i,), (k,) = set(first) - shared, set(second) - shared
+            sign = (1 if first == (i, j) else -1) * (1 if second == (j, k) else -1)
+            found.append((a, b, generator(i, k, sign * metric[j])))
+    d = len(pairs)
+    if translations:
+        for (i, j), a in pairs.items():
+            found.append((a, d + i, {d + j: sympy.Integer(-metric[i])}))
+            found.append((a, d + j, {d + i: sympy.Integer(metric[j])}))
+    return d + n * translations, found
+
+
+def _of_vectors(factors: tuple[int, int, int], translations: bool) -> tuple[int, Brackets]:
+    """{y1, y2} = factors[2] y3 and cyclic permutations, and the same with one vector of translations."""
+    found = Brackets()
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found.append((i, j, {k: sympy.Integer(factors[k])}))
+        if translations:
+            found.append((i, j + 3, {k + 3: sympy.Integer(factors[k])}))
+            found.append((j, i + 3, {k + 3: sympy.Integer(-factors[k])}))
+    return 6 if translations else 3, found
+
+
+def _so(n: int) -> tuple[int, Brackets]:
+    return _of_vectors((-1, -1, -1), False) if n == 3 else _rotations((1,) * n, False)
+
+
+def _se(n: int) -> tuple[int, Brackets]:
+    return _of_vectors((-1, -1, -1), True) if n == 3 else _rotations((1,) * n, True)
+
+
+def _so_mixed(p: int, q: int) -> tuple[int, Brackets]:
+    if (p, q) == (2, 1):
+        return _of_vectors((-1, -1, 1), False)
+    return _rotations((1,) * p + (-1,) * q, False)
+
+
+def _sl2() -> tuple[int, Brackets]:
+    two, one = sympy.Integer(2), sympy.Integer(1)
+    return 3, [(0, 1, {1: -two}), (0, 2, {2: two}), (1, 2, {0: -one})]
+
+
+def _gl(n: int) -> tuple[int, Brackets]:
+    found = Brackets()
+    places = list(itertools.product(range(n), repeat=2))
+    for (a, (i, j)), (b, (k, m)) in itertools.combinations(enumerate(places), 2):
+        linear: Linear = {}
+        if j == k:
+            linear[i * n + m] = linear.get(i * n + m, sympy.Integer(0)) - 1
+        if m == i:
+            linear[k * n + j] = linear.get(k * n + j, sympy.Integer(0)) + 1
+        found.append((a, b, {place: c for place, c in linear.items() if c}))
+    return n * n, found
+
+
+def _heisenberg(n: int) -> tuple[int, Brackets]:
+    return 2 * n + 1, [(i, n + i, {2 * n: sympy.Integer(1)}) for i in range(n)]
+
+
+#: (name, number of sizes) -> (what makes it, least size, largest size)
+_MAKE: dict[tuple[str, int], tuple[Callable[..., tuple[int, Brackets]], int, int]] = {
+    ("so", 1): (_so, 2, 11),
+    ("so", 2): (_so_mixed, 1, 10),
+    ("se", 1): (_se, 2, 10),
+    ("e", 1): (_se, 2, 10),
+    ("su", 1): (lambda n: _so(3), 2, 2),
+    ("sl", 1): (lambda n: _sl2(), 2, 2),
+    ("gl", 1): (_gl, 1, 8),
+    ("heisenberg", 0): (lambda: _heisenberg(1), 0, 0),
+    ("heisenberg", 1): (_heisenberg, 1, 31),
+}

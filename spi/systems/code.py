@@ -1,0 +1,220 @@
+"""Python source for formulas and for linear maps, to be compiled in a loop over lanes."""
+
+import collections
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import mpmath
+import sympy
+
+_EXACT = mpmath.mpf(10) ** -35
+_PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "np.sign", sympy.tan: "np.tan"}
+_PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh"}
+
+
+class Formula:
+    """Writes expressions of sympy; `names` says how symbols are called, `varying` which of them differ between lanes.
+
+    With `angles` sines are taken by ``sin_versine(angles, x)``, otherwise by NumPy.
+    """
+
+    def __init__(self, names: Mapping[Any, str], varying: Iterable[Any], angles: bool = False) -> None:
+        self.names, self.varying, self.angles = dict(names), set(varying), angles
+
+    def lines(self, expressions: Sequence[Any]) -> tuple[list[str], list[str]]:
+        """Lines that give names to what occurs more than once, and the code of each expression."""
+        fresh = (sympy.Symbol(f"x{n}", real=True) for n in itertools.count(1))
+        shared, rest = sympy.cse([sympy.sympify(e) for e in expressions], symbols=fresh, order="none")
+        lines = []
+        for symbol, value in shared:
+            lines.append(f"{symbol} = {self.code(value)}")
+            self.names[symbol] = str(symbol)
+            if value.free_symbols & self.varying:
+                self.varying.add(symbol)
+        return lines, [self.code(value) for value in rest]
+
+    def sines(self, expressions: Iterable[Any]) -> list[Any]:
+        """The arguments of the sines and cosines that occur in expressions."""
+        return sorted({f.args[0] for e in expressions for f in e.atoms(sympy.sin, sympy.cos)}, key=str)
+
+    def code(self, e: Any) -> str:
+        """The code of an expression, in parentheses where it is a sum or has a sign."""
+        if e.is_Symbol:
+            return self.names[e]
+        if e.is_Rational or e.is_NumberSymbol or (e.is_number and not e.args):
+            return _literal(e)
+        if e.is_number:
+            return repr(float(sympy.N(e, 30)))
+        if e.is_Add:
+            first, *others = (self.code(term) for term in _ordered(e.args, self.names))
+            return "(" + first + "".join(f" - {t[1:]}" if t.startswith("-") else f" + {t}" for t in others) + ")"
+        if e.is_Mul:
+            return self._product(e)
+        if e.is_Pow:
+            return self._power(e.base, e.exp)
+        return self._function(e)
+
+    def _product(self, e: Any) -> str:
+        """What is the same in all lanes comes first, in parentheses, so that it is computed once."""
+        same = [f for f in e.args if not f.free_symbols & self.varying]
+        other = [f for f in e.args if f not in same]
+        above, below = [], []
+        for f in other:
+            (below if f.is_Pow and f.exp.is_number and f.exp.is_negative else above).append(f)
+        invariant = self._invariant(same)
+        factors = ([invariant] if invariant not in ("1.0", "-1.0") else []) + [self.code(f) for f in above]
+        text = " * ".join(factors) or "1.0"
+        if below:
+            text = f"{text} / ({' * '.join(self.code(f.base**-f.exp) for f in below)})"
+        return f"-{text}" if invariant == "-1.0" else text
+
+    def _invariant(self, factors: Sequence[Any]) -> str:
+        number = sympy.Mul(*(f for f in factors if f.is_Rational))
+        rest = [f for f in factors if not f.is_Rational]
+        above = [self.code(f) for f in rest if not (f.is_Pow and f.exp.is_number and f.exp.is_negative)]
+        below = [self.code(f.base**-f.exp) for f in rest if f.is_Pow and f.exp.is_number and f.exp.is_negative]
+        if not rest:
+            return _literal(number)
+        if number.p == -1 and number.q == 1 and above:
+            above[0] = f"-{above[0]}"
+        elif number.p != 1 or not above:
+            above.insert(0, f"{number.p}.0")
+        if number.q != 1:
+            below.insert(0, f"{number.q}.0")
+        text = " * ".join(above)
+        if below:
+            text += " / " + (below[0] if len(below) == 1 else f"({' * '.join(below)})")
+        return f"({text})" if len(above) + len(below) > 1 else text
+
+    def _power(self, base: Any, exponent: Any) -> str:
+        if exponent.is_Integer and 2 <= exponent <= 16:
+            inner = self.code(base)
+            return "(" + " * ".join([inner] * int(exponent)) + ")"
+        if exponent == sympy.Rational(1, 2):
+            return f"np.sqrt({self.code(base)})"
+        if exponent.is_number and exponent.is_negative:
+            return f"(1.0 / {self.code(base**-exponent)})"
+        if base == sympy.E:
+            return f"exp({self.code(exponent)})"
+        return f"np.power({self.code(base)}, {self.code(exponent)})"
+
+    def _function(self, e: Any) -> str:
+        if isinstance(e, sympy.DiracDelta):
+            return "0.0"  # in the second derivative of |x|, which is 0 wherever it exists
+        (argument,) = e.args
+        inner = self.code(argument)
+        inner = inner[1:-1] if inner.startswith("(") and argument.is_Add else inner
+        if isinstance(e, sympy.sin | sympy.cos):
+            if not self.angles:
+                return f"np.{e.func.__name__}({inner})"
+            part = 0 if isinstance(e, sympy.sin) else 1
+            taken = f"sin_versine(angles, {inner})[{part}]"
+            return taken if part == 0 else f"(1.0 - {taken})"
+        return f"{_PLAIN[e.func]}({inner})"
+
+
+def _ordered(terms: Sequence[Any], names: Mapping[Any, str]) -> list[Any]:
+    """The terms of a sum in an order that does not depend on the process."""
+    order = {symbol: n for n, symbol in enumerate(names)}
+    return sorted(terms, key=lambda t: (sorted(order.get(s, len(order)) for s in t.free_symbols), str(t)))
+
+
+def _literal(number: Any) -> str:
+    if number.is_Rational and not number.is_Integer and sympy.Rational(float(number)) != number:
+        return f"({number.p}.0 / {number.q}.0)" if abs(number.p) < 2**53 and number.q < 2**53 else repr(float(number))
+    return repr(float(sympy.N(number, 30)))
+
+
+class Numbers:
+    """How numbers are written: those that depend on parameters as entries of ``model.constants``, others as literals.
+
+    A literal that is no double has two parts, so that products with it are right to all digits: what a transform and
+    its inverse leave of a rounded factor would add up over the steps.
+    """
+
+    def __init__(self) -> None:
+        self.constants: list[mpmath.mpf] = []
+        self.pairs: dict[tuple[float, float], str] = {}
+
+    def times(self, value: mpmath.mpf, what: str, depends: bool) -> tuple[str, str]:
+        """(sign, code) of the product of a number and what has a name."""
+        if abs(value - 1) < _EXACT or abs(value + 1) < _EXACT:
+            return ("+" if value > 0 else "-"), what
+        if depends:
+            return "+", f"{self.constant(value)} * {what}"
+        sign, size = ("+", value) if value > 0 else ("-", -value)
+        high = float(size)
+        with mpmath.workdps(60):
+            low = float(size - high)
+        if abs(low) < 1e-30 * high:
+            return sign, f"{high!r} * {what}"
+        name = self.pairs.setdefault((high, low), f"_C{len(self.pairs) + 1}")
+        return sign, f"times({name}, {name}_REST, {what})"
+
+    def constant(self, value: mpmath.mpf) -> str:
+        """A number that depends on parameters."""
+        self.constants.append(value)
+        return f"model.constants[{len(self.constants) - 1}]"
+
+
+def written_sum(terms: Iterable[tuple[str, str]]) -> str:
+    """Code of a sum of (sign, code)."""
+    text = ""
+    for sign, code in terms:
+        text += (f" {sign} " if text else ("-" if sign == "-" else "")) + code
+    return text or "0.0"
+
+
+def forms(
+    rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: Numbers, depends: bool
+) -> tuple[list[str], list[str]]:
+    """Lines that compute what several linear forms of named quantities share, and the code of each form."""
+    left = [dict(row) for row in rows]
+    lines: list[str] = []
+    if not depends:
+        while shared := _most_frequent_pair(left):
+            first, second, ratio = shared
+            name = f"{prefix}{len(lines) + 1}"
+            lines.append(f"{name} = {written_sum([('+', first), numbers.times(ratio, second, False)])}")
+            for row in left:
+                if _has_pair(row, first, second, ratio):
+                    row[name] = row.pop(first)
+                    del row[second]
+        for name in sorted({name for row in left for name in row}):
+            lines += _scaled_once(left, name, f"{prefix}{len(lines) + 1}", numbers)
+    return lines, [written_sum(numbers.times(c, name, depends) for name, c in row.items()) for row in left]
+
+
+def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers: Numbers) -> list[str]:
+    """The product of a quantity with a factor of two parts that occurs in several rows gets a name."""
+    sizes = collections.Counter(mpmath.nstr(abs(row[name]), 30) for row in rows if name in row)
+    for size, count in sizes.items():
+        value = next(abs(row[name]) for row in rows if name in row and mpmath.nstr(abs(row[name]), 30) == size)
+        sign, code = numbers.times(value, name, False)
+        if count > 1 and code.startswith("times("):
+            for row in rows:
+                if name in row and mpmath.nstr(abs(row[name]), 30) == size:
+                    row[new] = mpmath.mpf(1 if row.pop(name) > 0 else -1)
+            return [f"{new} = {code}"]
+    return []
+
+
+def _most_frequent_pair(rows: Sequence[Mapping[str, mpmath.mpf]]) -> tuple[str, str, mpmath.mpf] | None:
+    """(name, other, ratio) of the pair of quantities that most rows have in the same ratio, if two rows do."""
+    counts: dict[tuple[str, str, str], list[Any]] = {}
+    for row in rows:
+        for (a, x), (b, y) in itertools.combinations(row.items(), 2):
+            if b < a:
+                a, x, b, y = b, y, a, x
+            ratio = y / x
+            entry = counts.setdefault((a, b, mpmath.nstr(ratio, 30)), [0, ratio])
+            entry[0] += 1
+    if not counts:
+        return None
+    (a, b, _), (count, ratio) = max(counts.items(), key=lambda item: (item[1][0], abs(abs(item[1][1]) - 1) < _EXACT))
+    return (a, b, ratio) if count > 1 else None
+
+
+def _has_pair(row: Mapping[str, mpmath.mpf], first: str, second: str, ratio: mpmath.mpf) -> bool:
+    return first in row and second in row and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio))

@@ -1,0 +1,292 @@
+"""Source of the motions exp(a_1 M_1 + ... + a_r M_r) y, one function for each set of commuting linear functions."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import mpmath
+
+from .brackets import NOTHING
+from .code import Numbers, forms, written_sum
+from .spectrum import Block, Space
+
+
+class Motion(NamedTuple):
+    """A motion as source text."""
+
+    lines: tuple[str, ...]  #: that compute the new components, from y1, y2, ..., a1, a2, ... and `angles`
+    components: tuple[int, ...]  #: that are moved, new ones in z1, z2, ...
+    angle: str  #: a bound of the angles whose sines it takes, from a1, a2, ...; "" if there are none
+    kinds: tuple[str, ...]  #: what it consists of, in words
+
+
+def motion(blocks: Sequence[Block], count: int, dimension: int, numbers: Numbers, depends: bool) -> Motion:
+    """The motion of some blocks with `count` parameters a; `depends`: whether the matrices depend on parameters."""
+    writer = _Writer(count, numbers, depends)
+    for block in blocks:
+        writer.block(block)
+    moved = tuple(sorted(i for block in blocks for i in block.components))
+    return Motion(tuple(writer.lines), moved, writer.angle(), tuple(writer.kinds))
+
+
+class _Writer:
+    def __init__(self, count: int, numbers: Numbers, depends: bool) -> None:
+        self.count, self.numbers, self.depends = count, numbers, depends
+        self.lines: list[str] = []
+        self.phases: list[tuple[mpmath.mpf, ...]] = []
+        self.kinds: list[str] = []
+        self.left = 0
+
+    def name(self, prefix: str) -> str:
+        """A name that no other line has."""
+        self.left += 1
+        return f"{prefix}{self.left}"
+
+    def let(self, prefix: str, code: str) -> str:
+        """Write a line that gives a name to some code, unless that is a name."""
+        if code.isidentifier():
+            return code
+        name = self.name(prefix)
+        self.lines.append(f"{name} = {code}")
+        return name
+
+    def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
+        """Code of linear forms of named quantities."""
+        lines, codes = forms(rows, self.name("f") + "_", self.numbers, self.depends)
+        self.lines += lines
+        return codes
+
+    def block(self, block: Block) -> None:
+        if block.turn and self._turns(block):
+            self.turn(block)
+        elif self._is_plane(block):
+            self.plane(block)
+        else:
+            self.spaces(block)
+
+    def angle(self) -> str:
+        """See :attr:`Motion.angle`."""
+        single = {n for phase in self.phases for n, c in enumerate(phase) if c}
+        if all(sum(bool(c) for c in phase) == 1 for phase in self.phases) and len(single) <= 8:
+            factors = {n: max(abs(phase[n]) for phase in self.phases) for n in sorted(single)}
+            terms = [self._factor(c, f"abs(a{n + 1})") for n, c in factors.items()]
+            text = terms[0] if terms else ""
+            for term in terms[1:]:
+                text = f"larger({text}, {term})"
+            return text
+        most = [max(abs(phase[n]) for phase in self.phases) for n in range(self.count)]
+        return " + ".join(self._factor(c, f"abs(a{n + 1})") for n, c in enumerate(most) if c)
+
+    def _factor(self, c: mpmath.mpf, what: str) -> str:
+        if abs(c - 1) < NOTHING:
+            return what
+        if self.depends:
+            return f"abs({self.numbers.constant(c)}) * {what}"
+        return f"{math.nextafter(float(c), math.inf)!r} * {what}"
+
+    # ---- one matrix with M^3 = -omega^2 M ----------------------------------------------------------------------------
+
+    def _turns(self, block: Block) -> bool:
+        """Whether the form with M and M^2 is the better one: without a basis, and mostly with fewer products."""
+        assert block.turn
+        entries, square = block.turn
+        if len(block.components) == 1:
+            return False
+        if square < 0 or self.depends and len(block.components) > 2:
+            return True
+        by_spaces = sum(2 * len(row) for space in block.spaces for row in (*space.left, *space.right))
+        return len(block.components) > 2 and 2 * len(entries) <= by_spaces
+
+    def turn(self, block: Block) -> None:
+        """y + sin(omega a)/omega M y + (1 - cos(omega a))/omega^2 M^2 y, or with hyperbolic functions."""
+        assert block.turn
+        entries, square = block.turn
+        (which,) = {n for space in block.spaces for n in range(self.count) if space.rates[n] or space.phases[n]}
+        with mpmath.workdps(60):
+            omega = mpmath.sqrt(abs(square))
+            inverse, inverse_square = 1 / omega, 1 / abs(square)
+        z = self.let("z", self._product(omega, f"a{which + 1}"))
+        s, v = self.name("s"), self.name("v")
+        if square > 0:
+            self.lines.append(f"{s}, {v} = sin_versine(angles, {z})")
+            self.phases.append(tuple(omega if n == which else mpmath.mpf(0) for n in range(self.count)))
+        else:
+            self.lines.append(f"{s}, {v} = sinh_coshm1({z})")
+        self.kinds.append("rotation" if square > 0 else "hyperbolic rotation")
+        s, v = self.let("s", self._product(inverse, s)), self.let("v", self._product(inverse_square, v))
+        rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
+        first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
+        again = [{first[k]: c for (r, k), c in entries.items() if r == i and rows[k]} for i in block.components]
+        for i, code in zip(block.components, self.linear(again), strict=True):
+            if code == "0.0":
+                self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
+            else:
+                self.lines.append(f"z{i + 1} = y{i + 1} + ({s} * {first[i]} + {v} * ({code}))")
+
+    def _product(self, c: mpmath.mpf, what: str) -> str:
+        if self.depends:
+            return f"{self.numbers.constant(c)} * {what}"
+        sign, code = self.numbers.times(c, what, False)
+        return code if sign == "+" else f"-{code}"
+
+    # ---- a rotation of two components -------------------------------------------------------------------------------
+
+    def _is_plane(self, block: Block) -> bool:
+        """Whether (y_i + i y_j) is multiplied by e^(-i z), the plain rotation."""
+        if len(block.components) != 2 or len(block.spaces) != 1:
+            return False
+        (space,) = block.spaces
+        if not space.is_complex or any(space.rates) or len(space.left) != 1:
+            return False
+        i, j = block.components
+        row = space.left[0]
+        return abs(row[i] - 1) < NOTHING and abs(abs(mpmath.im(row[j])) - 1) < NOTHING and not mpmath.re(row[j])
+
+    def plane(self, block: Block) -> None:
+        (space,) = block.spaces
+        i, j = (n + 1 for n in block.components)
+        p = self.let("p", self._sum(space.phases))
+        s, v = self.name("s"), self.name("v")
+        self.lines.append(f"{s}, {v} = sin_versine(angles, {p})")
+        plus, minus = ("+", "-") if mpmath.im(space.left[0][block.components[1]]) < 0 else ("-", "+")
+        # with u = y_i -+ i y_j the change of y_i is Re((e^(ip) - 1) u)
+        first = f"{s} * y{j} - {v} * y{i}" if plus == "+" else f"-({s} * y{j} + {v} * y{i})"
+        second = f"{s} * y{i} + {v} * y{j}" if minus == "-" else f"{s} * y{i} - {v} * y{j}"
+        self.lines.append(f"z{i} = y{i} + ({first})" if plus == "+" else f"z{i} = y{i} - ({s} * y{j} + {v} * y{i})")
+        self.lines.append(f"z{j} = y{j} {minus} ({second})")
+        self.phases.append(space.phases)
+        self.kinds.append("rotation")
+
+    def _sum(self, factors: Sequence[mpmath.mpf]) -> str:
+        """The sum of the a with these factors."""
+        terms = []
+        for n, c in enumerate(factors):
+            if c and self.depends and abs(abs(c) - 1) > NOTHING:
+                terms.append(("+", f"{self.numbers.constant(c)} * a{n + 1}"))
+            elif c:
+                size = float(abs(c))
+                terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
+        return written_sum(terms)
+
+    # ---- the general form ---------------------------------------------------------------------------------------------
+
+    def spaces(self, block: Block) -> None:
+        """Coordinates in the eigenspaces, their changes, and these put back."""
+        rows: list[dict[str, mpmath.mpf]] = []
+        for space in block.spaces:
+            for row in space.left:
+                rows.append({f"y{i + 1}": mpmath.re(c) for i, c in row.items() if mpmath.re(c)})
+                if space.is_complex:
+                    rows.append({f"y{i + 1}": mpmath.im(c) for i, c in row.items() if mpmath.im(c)})
+        coordinates = iter([self.let("u", code) for code in self.linear(rows)])
+        changes: dict[int, dict[str, mpmath.mpf]] = {i: {} for i in block.components}
+        common = self._common_factor(block)
+        for space in block.spaces:
+            moved = self.complex_space(space, coordinates) if space.is_complex else self.real_space(space, coordinates)
+            for column, parts in zip(space.right, moved, strict=True):
+                for i, c in column.items():
+                    for part, factor in zip(parts, (mpmath.re(c), -mpmath.im(c)), strict=False):
+                        if factor and part != "0.0":
+                            changes[i][part] = factor / common
+        for i, code in zip(block.components, self.linear(list(changes.values())), strict=True):
+            if code == "0.0":
+                self.lines.append(f"z{i + 1} = y{i + 1}")
+            else:
+                change = self._product(common, f"({code})") if common != 1 else f"({code})"
+                self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
+
+    def _common_factor(self, block: Block) -> mpmath.mpf:
+        """By what all that is put back is to be multiplied."""
+        sizes = {mpmath.nstr(max(map(abs, row.values())), 30) for space in block.spaces for row in space.right}
+        if len(sizes) != 1 or self.depends:
+            return mpmath.mpf(1)
+        with mpmath.workdps(60):
+            return max(abs(c) for c in block.spaces[0].right[0].values())
+
+    def complex_space(self, space: Space, coordinates: Any) -> list[tuple[str, str]]:
+        u = [(next(coordinates), next(coordinates)) for _ in space.left]
+        p = self.let("p", self._sum(space.phases))
+        s, v = self.name("s"), self.name("v")
+        self.lines.append(f"{s}, {v} = sin_versine(angles, {p})")
+        self.phases.append(space.phases)
+        real, imaginary = f"-{v}", s
+        if any(space.rates):
+            e = self.let("e", f"expm1({self._sum(space.rates)})")
+            real = self.let("g", f"{e} * (1.0 - {v}) - {v}")
+            imaginary = self.let("g", f"{s} + {e} * {s}")
+        sheared = self.sheared(space, u)
+        self.kinds.append(_kind(space))
+        moved = []
+        for (a, b), (c, d) in zip(u, sheared, strict=True):
+            # (e^z - 1) u + e^z q, where e^z u + ... of a sheared q is e^z (u + q) - u
+            if (c, d) != ("0.0", "0.0"):
+                one = self.let("g", f"1.0 + {real}" if any(space.rates) else f"1.0 - {v}")
+                extra = (f" + ({one} * {c} - {imaginary} * {d})", f" + ({one} * {d} + {imaginary} * {c})")
+            else:
+                extra = ("", "")
+            if any(space.rates):
+                first, second = f"{real} * {a} - {imaginary} * {b}", f"{real} * {b} + {imaginary} * {a}"
+            else:
+                first, second = f"-({s} * {b} + {v} * {a})", f"{s} * {a} - {v} * {b}"
+            moved.append((self.let("w", first + extra[0]), self.let("w", second + extra[1])))
+        return moved
+
+    def real_space(self, space: Space, coordinates: Any) -> list[tuple[str]]:
+        u = [(next(coordinates), "0.0") for _ in space.left]
+        sheared = [c for c, _ in self.sheared(space, u)]
+        self.kinds.append(_kind(space))
+        if not any(space.rates):
+            return [(c,) for c in sheared]
+        e = self.let("e", f"expm1({self._sum(space.rates)})")
+        moved = []
+        for (a, _), c in zip(u, sheared, strict=True):
+            extra = f" + ({c} + {e} * {c})" if c != "0.0" else ""
+            moved.append((self.let("w", f"{e} * {a}{extra}"),))
+        return moved
+
+    def sheared(self, space: Space, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+        """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
+        total: list[list[list[str]]] = [[[], []] for _ in u]
+        power = list(u)
+        for order in range(1, len(u) + 1):
+            rows: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
+            for n, shear in enumerate(space.shears):
+                for m, k, c in shear:
+                    for part, other, factor in self._products(c, order):
+                        if power[k][other] != "0.0":
+                            sign, code = self.numbers.times(factor, power[k][other], self.depends)
+                            rows[m][part].append((sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}"))
+            power = [
+                (
+                    self.let("q", written_sum(row[0])) if row[0] else "0.0",
+                    self.let("q", written_sum(row[1])) if row[1] else "0.0",
+                )
+                for row in rows
+            ]
+            if all(part == "0.0" for parts in power for part in parts):
+                break
+            for m, parts in enumerate(power):
+                for which, part in enumerate(parts):
+                    if part != "0.0":
+                        total[m][which].append(part)
+        return [
+            (self.let("q", " + ".join(re)) if re else "0.0", self.let("q", " + ".join(im)) if im else "0.0")
+            for re, im in total
+        ]
+
+    @staticmethod
+    def _products(c: Any, order: int) -> list[tuple[int, int, mpmath.mpf]]:
+        """(part of the result, part of the factor, number) of c / order times a complex number."""
+        with mpmath.workdps(60):
+            re, im = mpmath.re(c) / order, mpmath.im(c) / order
+        found = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
+        return [(part, other, number) for part, other, number in found if number]
+
+
+def _kind(space: Space) -> str:
+    shear = "shear" if any(space.shears) else ""
+    if space.is_complex:
+        kind = "spiral" if any(space.rates) else "rotation"
+    else:
+        kind = "scaling" if any(space.rates) else ""
+    return " with ".join(part for part in (kind, shear) if part)

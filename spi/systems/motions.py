@@ -1,0 +1,25 @@
+"""What generated models call, besides the elementary functions."""
+
+from ..dispatch import inlined
+from ..elementary import expm1
+
+
+@inlined
+def times(c, rest, x):
+    """A number of two parts times x."""
+    return c * x + rest * x
+
+
+@inlined
+def larger(a, b):
+    """The larger of two numbers; a choice, because a maximum of floats is not vectorised."""
+    return a if a > b else b
+
+
+@inlined
+def sinh_coshm1(x):
+    """(sinh x, cosh x - 1), to all digits also for small x."""
+    e = expm1(abs(x))
+    f = e / (1.0 + e)
+    s = 0.5 * (e + f)
+    return (s if x >= 0.0 else -s), 0.5 * e * f

@@ -1,0 +1,257 @@
+"""The splitting of a Hamiltonian into functions of linear functions that commute with each other, whose flows are exact.
+
+If {l_a, l_b} = 0 for all a, b, the flow of f(l_1, ..., l_r) keeps each l_a, so that its field is linear along the flow:
+y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of l_a.
+"""
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import mpmath
+import sympy
+
+from .brackets import DIGITS, NOTHING, Bracket, precise
+
+Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
+
+
+class NoExactFlow(ValueError):
+    """A term whose flow is not known in closed form; the message names it."""
+
+
+class Symbolics(NamedTuple):
+    """What formulas are made of."""
+
+    bracket: Bracket
+    variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
+    parameters: Mapping[sympy.Symbol, Any]  #: -> value, an exact number
+
+    def used(self, expression: Any) -> tuple[int, ...]:
+        """The components that occur in an expression."""
+        free = expression.free_symbols
+        return tuple(i for i, y in enumerate(self.variables) if y in free)
+
+    def varies(self, expression: Any) -> bool:
+        """Whether a parameter occurs in it."""
+        return any(symbol in self.parameters for symbol in expression.free_symbols)
+
+    def name(self, expression: Any) -> str:
+        """An expression in the words of the user."""
+        words = dict(zip(self.variables, map(sympy.Symbol, self.bracket.variables), strict=True))
+        return str(expression.xreplace(words)).replace("**", "^")
+
+
+class Term(NamedTuple):
+    """A function of commuting linear functions."""
+
+    expression: Any  #: in the variables, the parameters and, where forms were diagonalised, in :class:`Constants`
+    functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
+    pivots: tuple[int, ...]
+    varying: bool  #: whether the factors depend on parameters
+
+
+class Constants:
+    """Numbers found from the parameters, which formulas name k1, k2, ..."""
+
+    def __init__(self) -> None:
+        self.values: dict[sympy.Symbol, mpmath.mpf] = {}
+
+    def symbol(self, value: mpmath.mpf) -> Any:
+        """A number as a symbol; 0 and 1 as themselves."""
+        if abs(value) < NOTHING or abs(value - 1) < NOTHING:
+            return sympy.Integer(round(value))
+        found = sympy.Symbol(f"k{len(self.values) + 1}", real=True)
+        self.values[found] = value
+        return found
+
+
+class Flow(NamedTuple):
+    """Terms that commute, to be moved by together."""
+
+    terms: tuple[Term, ...]
+
+    @property
+    def expression(self) -> Any:
+        return sympy.Add(*(term.expression for term in self.terms))
+
+    @property
+    def varying(self) -> bool:
+        return any(term.varying for term in self.terms)
+
+    def reduced(self) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+        """All linear functions that the terms depend on, in reduced form, and their pivots."""
+        return reduced([f for term in self.terms for f in term.functionals])
+
+
+def single(expression: Any, world: Symbolics) -> Term:
+    """The term that an expression is; NoExactFlow if it is none."""
+    functionals, pivots = functionals_of(expression, world)
+    for first, second in itertools.combinations(functionals, 2):
+        if not world.bracket.commuting(first, second):
+            names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
+            raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
+    varying = any(len(f) > 1 for f in functionals) and world.varies(expression)
+    return Term(expression, functionals, pivots, varying)
+
+
+def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> list[Flow]:
+    """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none."""
+    terms, crossing = _terms(addends, world)
+    for component in _connected(crossing, world):
+        inside = [term for term in terms if _is_square_within(term.expression, component, world)]
+        terms = [term for term in terms if term not in inside]
+        form = sympy.Add(*crossing, *(term.expression for term in inside))
+        terms += _diagonalised(form, component, world, constants)
+    return merged(terms, world.bracket)
+
+
+def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
+    """Each term in the first flow with which it commutes, or in one of its own."""
+    flows: list[list[Term]] = []
+    for term in terms:
+        for flow in flows:
+            others = (f for other in flow for f in other.functionals)
+            if all(bracket.commuting(f, g) for f, g in itertools.product(term.functionals, others)):
+                flow.append(term)
+                break
+        else:
+            flows.append([term])
+    return [Flow(tuple(flow)) for flow in flows]
+
+
+def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any]]:
+    """(terms with exact flows, products y_i y_j of components that do not commute)."""
+    terms, crossing = [], []
+    for addend in addends:
+        if not world.used(addend):
+            continue  # a constant moves nothing
+        try:
+            terms.append(single(addend, world))
+            continue
+        except NoExactFlow as refused:
+            reason = refused
+        expanded = sorted(sympy.Add.make_args(sympy.expand(addend)), key=world.used)
+        if len(expanded) > 1:
+            more, cross = _terms(expanded, world)
+            terms, crossing = terms + more, crossing + cross
+        elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
+            crossing.append(addend)
+        else:
+            raise NoExactFlow(
+                f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
+            )
+    return terms, crossing
+
+
+def _connected(products: Sequence[Any], world: Symbolics) -> list[set[int]]:
+    """The components that occur in products, those that stand in one product, or in a chain of them, together."""
+    return connected(world.used(product) for product in products)
+
+
+def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
+    """Numbers that are linked, directly or by others, together; in the order of their smallest."""
+    groups: list[set[int]] = []
+    for link in map(set, links):
+        touching = [group for group in groups if group & link]
+        groups = [group for group in groups if not group & link] + [link.union(*touching)]
+    return sorted((group for group in groups if group), key=min)
+
+
+def _is_square_within(expression: Any, components: set[int], world: Symbolics) -> bool:
+    """Whether an expression is a quadratic form of these components."""
+    used = world.used(expression)
+    if not set(used) <= components or not expression.is_polynomial(*world.variables):
+        return False
+    monomials = sympy.Poly(expression, *world.variables).monoms()
+    return all(sum(monomial) == 2 for monomial in monomials)
+
+
+def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: Constants) -> list[Term]:
+    """The quadratic form, of these components only, as squares of linear functions: its principal axes."""
+    order = sorted(components)
+    poly = sympy.Poly(form, *world.variables)
+    with mpmath.workdps(DIGITS + 20):
+        matrix = mpmath.zeros(len(order))
+        for monomial, coefficient in poly.terms():
+            places = [i for i, power in enumerate(monomial) for _ in range(power)]
+            if set(places) <= components:
+                i, j = (order.index(place) for place in places)
+                value = precise(coefficient.xreplace(dict(world.parameters)))
+                matrix[i, j] += value / 2
+                matrix[j, i] += value / 2
+        weights, axes = mpmath.eigsy(matrix)
+        size = max(abs(weight) for weight in weights)
+        terms = []
+        for n in range(len(order)):
+            if abs(weights[n]) <= size * NOTHING:
+                continue
+            functional = {i: axes[r, n] for r, i in enumerate(order) if abs(axes[r, n]) > mpmath.mpf(10) ** -30}
+            (functional,), (pivot,) = reduced([functional])
+            scale = next(axes[r, n] for r, i in enumerate(order) if i == pivot)
+            line = sympy.Add(*(constants.symbol(c) * world.variables[i] for i, c in functional.items()))
+            weight = constants.symbol(weights[n] * scale**2)
+            terms.append(Term(weight * line**2, (functional,), (pivot,), True))
+    return terms
+
+
+def functionals_of(expression: Any, world: Symbolics) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
+    used = world.used(expression)
+    coordinates = tuple({i: mpmath.mpf(1)} for i in used)
+    if len(used) == 1:
+        return coordinates, used
+    gradient = [sympy.diff(expression, world.variables[i]).xreplace(dict(world.parameters)) for i in used]
+    if all(g.is_Mul or g.is_Symbol or g.is_number for g in gradient) and expression.is_Add is False:
+        if expression.is_Mul and all(f.is_Symbol or f.is_number or f.is_Pow for f in expression.args):
+            return coordinates, used  # a monomial
+    value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
+    rows = []
+    with mpmath.workdps(DIGITS + 20):
+        for n in range(len(used) + 2):
+            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
+            try:
+                rows.append({i: mpmath.mpf(g) for i, g in zip(used, value(*point), strict=True)})
+            except (TypeError, ZeroDivisionError, ValueError):
+                continue  # not defined there
+        if not rows:
+            raise NoExactFlow(f"'{world.name(expression)}' has no finite value at these parameters")
+    found, pivots = reduced(rows)
+    return (coordinates, used) if len(found) == len(used) else (found, pivots)
+
+
+def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`Term`."""
+    left = [dict(row) for row in rows]
+    found: dict[int, Functional] = {}
+    tiny = mpmath.mpf(10) ** -30
+    with mpmath.workdps(DIGITS + 20):
+        while True:
+            left = [row for row in left if any(abs(c) > tiny for c in row.values())]
+            if not left:
+                break
+            row = left.pop(0)
+            largest = max(abs(c) for c in row.values())
+            pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
+            row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
+            row[pivot] = mpmath.mpf(1)
+            left = [_without(other, pivot, row, tiny) for other in left]
+            found = {p: _without(other, pivot, row, tiny) for p, other in found.items()}
+            found[pivot] = row
+    pivots = tuple(sorted(found))
+    return tuple(found[pivot] for pivot in pivots), pivots
+
+
+def _without(row: Mapping[int, mpmath.mpf], pivot: int, by: Functional, tiny: mpmath.mpf) -> Functional:
+    """A row less so much of another that its entry at the pivot is 0."""
+    factor = row.get(pivot)
+    if not factor:
+        return dict(row)
+    new = {i: row.get(i, mpmath.mpf(0)) - factor * by.get(i, mpmath.mpf(0)) for i in {*row, *by} - {pivot}}
+    return {i: c for i, c in sorted(new.items()) if abs(c) > tiny}
+
+
+def form_text(functional: Functional, names: Sequence[str]) -> str:
+    """A linear function in words."""
+    parts = [names[i] if abs(c - 1) < NOTHING else f"{mpmath.nstr(c, 6)}*{names[i]}" for i, c in functional.items()]
+    return " + ".join(parts)

@@ -1,0 +1,224 @@
+"""Texts of a system written in YAML: names, index ranges and formulas, read into symbols of sympy.
+
+The grammar is that of ``spi.arithmetic``, with the variables and parameters of the system as words, and three additions:
+
+    x(i+1)                          a variable with an index, x(mod(i, n) + 1) on a ring of n
+    sum(x(i)*x(i+1) for i = 1..n-1) a sum; "for i = 1..n, j = 1..i" runs over pairs
+    x(i), y(i) for i = 1..n         in a list, as many entries as the ranges say
+
+A text is parsed, never evaluated as Python.
+"""
+
+import difflib
+import itertools
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import sympy
+
+from ..arithmetic import NumberError, read
+
+FUNCTIONS = {
+    **{name: getattr(sympy, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")},
+    "abs": sympy.Abs,
+}
+_MOST = 10_000  # entries that one range may stand for
+_NAME = re.compile(r"[A-Za-z_]\w*")
+_RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
+
+
+class Symbols:
+    """The meaning of the grammar in expressions of sympy.
+
+    `variables` and `parameters` map names, such as "x(1)", to symbols; `indices` are words with whole values, the sizes
+    of the system and what ranges run over.
+    """
+
+    longest = 20_000
+    calls = True
+    functions = (*FUNCTIONS, "mod", "sum")
+
+    def __init__(
+        self,
+        variables: Mapping[str, Any] | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        indices: Mapping[str, int] | None = None,
+    ) -> None:
+        self.variables, self.parameters, self.indices = variables or {}, parameters or {}, indices or {}
+        self.families = {name.partition("(")[0] for name in self.variables if "(" in name}
+        self.constants = {"pi": sympy.pi, **self.parameters, **self.variables}
+        self.constants |= {name: sympy.Integer(value) for name, value in self.indices.items()}
+
+    def within(self, indices: Mapping[str, int]) -> "Symbols":
+        """The same with further indices."""
+        return Symbols(self.variables, self.parameters, {**self.indices, **indices})
+
+    def number(self, literal: str) -> Any:
+        """Decimals are exact: 0.1 is 1/10."""
+        return sympy.Rational(literal)
+
+    def unknown(self, word: str) -> NumberError:
+        known = [*self.constants, *self.families, *self.functions]
+        near = difflib.get_close_matches(word, known, 1)
+        return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
+
+    def negative(self, a: Any) -> Any:
+        return -a
+
+    def combine(self, sign: str, a: Any, b: Any) -> Any:
+        """a + b, a - b, a * b, a / b or a ^ b."""
+        if sign == "/" and b == 0:
+            raise ZeroDivisionError
+        if sign == "^":
+            if a == 0 and (b.is_negative or b == 0):
+                raise ZeroDivisionError
+            if b.is_number and not (abs(b) <= 100):
+                raise OverflowError
+            return a**b
+        return {"+": a + b, "-": a - b, "*": a * b}[sign] if sign != "/" else a / b
+
+    def apply(self, function: str, a: Any) -> Any:
+        return FUNCTIONS[function](a)
+
+    def call(self, word: str, inside: str) -> Any:
+        """What a word with this text in parentheses is; NotImplemented for a function of one argument."""
+        if word == "sum":
+            return sympy.Add(*(read(body, algebra) for body, algebra in repeated(inside, self)))
+        if word == "mod":
+            arguments = [whole(part, self) for part in _parts(inside)]
+            if len(arguments) != 2 or arguments[1] <= 0:
+                raise NumberError("mod needs two whole numbers, as in mod(i, n)")
+            return sympy.Integer(arguments[0] % arguments[1])
+        if word in self.families:
+            name = indexed(word, inside, self)
+            if name not in self.variables:
+                raise NumberError(f"there is no {name}; on a ring of n write {word}(mod(i, n) + 1) for the next")
+            return self.variables[name]
+        return NotImplemented
+
+
+def indexed(word: str, inside: str, algebra: Symbols) -> str:
+    """The name of a variable with indices: x(i, 2) with i = 1 is "x(1,2)"."""
+    return f"{word}({','.join(str(whole(part, algebra)) for part in _parts(inside))})"
+
+
+def expression(text: str, algebra: Symbols) -> Any:
+    """The expression that a text stands for; NumberError, with a short reason, if it is none."""
+    found = read(text, algebra)
+    if found.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+        raise NumberError("it has no finite real value")
+    return found
+
+
+def addends(text: str, algebra: Symbols) -> list[Any]:
+    """The expressions whose sum a text is, in the order of the text, those of a ``sum(...)`` one after the other."""
+    found = []
+    for sign, part in _signed(text):
+        word, parenthesis, rest = part.partition("(")
+        if word.strip() == "sum" and _closes_at_end(rest):
+            inner = [x for body, bound in repeated(rest.rstrip()[:-1], algebra) for x in addends(body, bound)]
+        else:
+            inner = [expression(part, algebra)]
+        found += [-x for x in inner] if sign == "-" else inner
+    return found
+
+
+def _signed(text: str) -> list[tuple[str, str]]:
+    """The parts of a sum, each with its sign; a sign after an operator or in a literal such as 1e-3 is none of a sum."""
+    parts, depth = [["+", ""]], 0
+    for n, c in enumerate(text):
+        depth += {"(": 1, ")": -1}.get(c, 0)
+        before = text[:n].rstrip()
+        if c in "+-" and depth == 0 and before[-1:] not in ("^", "*", "/") and not re.search(r"[\d.][eE]$", text[:n]):
+            if not parts[-1][1].strip():
+                parts[-1][0] = "-" if (parts[-1][0] == "-") != (c == "-") else "+"
+            else:
+                parts.append([c, ""])
+        else:
+            parts[-1][1] += c
+    return [(sign, part) for sign, part in parts]
+
+
+def _closes_at_end(rest: str) -> bool:
+    """Whether the parenthesis that opens before `rest` closes at its end."""
+    depth = 1
+    for n, c in enumerate(rest):
+        depth += {"(": 1, ")": -1}.get(c, 0)
+        if depth == 0:
+            return not rest[n + 1 :].strip()
+    return False
+
+
+def whole(text: str, algebra: Symbols) -> int:
+    """The whole number that an index stands for."""
+    value = read(text, Symbols(indices=algebra.indices))
+    if not value.is_Integer:
+        raise NumberError(f"'{text.strip()}' is no whole number")
+    return int(value)
+
+
+def names(text: str, algebra: Symbols) -> list[str]:
+    """The names in an entry such as ``P1`` or ``x(i), y(i) for i = 1..n``."""
+    found = []
+    for body, inner in repeated(text, algebra):
+        for part in _parts(body):
+            word, parenthesis, rest = part.strip().partition("(")
+            if not _NAME.fullmatch(word.strip()) or (parenthesis and not rest.endswith(")")):
+                raise NumberError(f"'{part.strip()}' is no name")
+            found.append(indexed(word.strip(), rest[:-1], inner) if parenthesis else word)
+    return found
+
+
+def entries(text: str, algebra: Symbols) -> list[tuple[str, Symbols]]:
+    """The texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with what its indices are."""
+    return [(part, inner) for body, inner in repeated(text, algebra) for part in _parts(body)]
+
+
+def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
+    """(body, symbols with the indices bound) for ``body for i = a..b, j = c..d``; a text without ``for`` once."""
+    body, word, ranges = _split_for(text)
+    if not word:
+        yield text, algebra
+        return
+    bound = [algebra]
+    for part in _parts(ranges):
+        if not (match := _RANGE.match(part)):
+            raise NumberError(f"'{part.strip()}' is no range such as i = 1..n")
+        name, low, high = match.groups()
+        if name in algebra.constants or name in algebra.families or name in FUNCTIONS:
+            raise NumberError(f"'{name}' is a variable, a parameter or a function; take another word as index")
+        bound = [
+            inner.within({name: value})
+            for inner in bound
+            for value in itertools.islice(range(whole(low, inner), whole(high, inner) + 1), _MOST + 1)
+        ]
+        if len(bound) > _MOST:
+            raise NumberError(f"the range runs over more than {_MOST} values")
+    for inner in bound:
+        yield body, inner
+
+
+def _split_for(text: str) -> tuple[str, str, str]:
+    """Body, "for" and ranges, at the word "for" that stands in no parentheses."""
+    depth = 0
+    for match in re.finditer(r"[()]|\bfor\b", text):
+        depth += {"(": 1, ")": -1}.get(match[0], 0)
+        if match[0] == "for" and depth == 0:
+            return text[: match.start()], "for", text[match.end() :]
+    return text, "", ""
+
+
+def _parts(text: str) -> list[str]:
+    """The parts of a text between commas that stand in no parentheses."""
+    parts, depth = [""], 0
+    for c in text:
+        depth += {"(": 1, ")": -1}.get(c, 0)
+        if c == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return parts
+
+
+__all__ = ["FUNCTIONS", "NumberError", "Symbols", "addends", "entries", "expression", "names", "repeated", "whole"]
