@@ -49,6 +49,11 @@ def _parent_of_caches():
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "spi")
 
 
+def modules_folder():
+    """Where the source texts of stored modules lie, see ``spi.modules``: beside the folders of compiled kernels."""
+    return Path(_parent_of_caches(), "modules").absolute()
+
+
 def _point_cache_at_sources():
     """Give Numba's disk cache a folder named by the hash of this package's sources.
 
@@ -56,15 +61,18 @@ def _point_cache_at_sources():
     folder after any edit nothing stale can be found.  Must run before any kernel is declared.
 
     Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there after an
-    edit.  Then a temporary folder, gone when the program ends, takes its place; returns why, otherwise None.
+    edit.  Then a temporary folder, gone when the program ends, takes its place, also of that of stored modules; returns
+    why, otherwise None.
     """
     digest, problem = source_digest(), None
     try:
-        folder = Path(_parent_of_caches(), digest)
+        place = folder = Path(_parent_of_caches(), digest)
         folder.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
+        modules = modules_folder()
+        for place in (folder, modules if modules.exists() else modules.parent):
+            tempfile.TemporaryFile(dir=place).close()
     except (OSError, RuntimeError) as error:  # the latter if nothing tells the home folder
-        problem = f"{folder}: {error.strerror}" if isinstance(error, OSError) else str(error)
+        problem = f"{place}: {error.strerror}" if isinstance(error, OSError) else str(error)
         temporary = tempfile.TemporaryDirectory(prefix="spi-")
         atexit.register(temporary.cleanup)
         os.environ["SPI_CACHE_DIR"] = temporary.name  # also for programs that this one starts

@@ -7,12 +7,17 @@ it (with no ``pipeline_class`` in ``spi.dispatch``) everything gives the same re
 """
 
 import contextlib
+import copy
 import dis
+import hashlib
 from pathlib import Path
 
-from numba.core.caching import FunctionCache
+from numba.core import types as numba_types
+from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+
+from . import modules
 
 try:
     import fcntl
@@ -113,15 +118,49 @@ class SharedCache(FunctionCache):
 
     Numba reads an index, chooses the next free file name and writes both.  Two processes that do so at once choose the
     same name, and one kernel would be loaded as the other.
+
+    The index names the classes of all records with which the function was called, and whoever reads it must be able to
+    import them.  Versions for classes that are no part of this package are therefore kept apart, in a folder named by
+    their modules and by the digests of the code of these: nobody else opens it, and an edit leads to another folder.
     """
 
+    def load_overload(self, types, context):
+        place = self._place(types)
+        return None if place is None else super(SharedCache, place).load_overload(types, context)
+
     def save_overload(self, types, result):
-        with _alone_in(Path(self.cache_path)):
-            super().save_overload(types, result)
+        if (place := self._place(types)) is not None:
+            with _alone_in(Path(place.cache_path)):
+                super(SharedCache, place).save_overload(types, result)
 
     def holds(self, dispatcher, types):
         """Whether there is an entry for these types of arguments."""
-        return self._index_key(types, dispatcher.targetctx.codegen()) in self._cache_file._load_index()
+        place, key = self._place(types), self._index_key(types, dispatcher.targetctx.codegen())
+        return place is not None and key in place._cache_file._load_index()
+
+    def _place(self, types):
+        """The cache of the versions that depend on the same foreign code; None if nothing identifies that code."""
+        things = {self._py_func}.union(*map(record_classes, types))
+        foreign = sorted({(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)})
+        if not foreign:
+            return self
+        if not all(digest for _, digest in foreign):
+            return None
+        place, name = copy.copy(self), hashlib.sha256(repr(foreign).encode()).hexdigest()[:16]
+        place._cache_path = str(Path(self.cache_path, f"own_{name}"))
+        stamp = self._cache_file._source_stamp
+        place._cache_file = IndexDataCacheFile(place._cache_path, self._impl.filename_base, stamp)
+        return place
+
+
+def record_classes(numba_type):
+    """The classes of all records in a type of Numba: its own, and those of what a tuple, list or array of it holds."""
+    found = {numba_type.instance_class} if isinstance(numba_type, numba_types.BaseNamedTuple) else set()
+    if isinstance(numba_type, numba_types.BaseTuple):
+        inner = numba_type.types
+    else:  # a container's or an optional value's
+        inner = [getattr(numba_type, name, None) for name in ("dtype", "type")]
+    return found.union(*(record_classes(one) for one in inner if isinstance(one, numba_types.Type)))
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import COMPILED
+from own_models import OSCILLATOR
 
 import spi
 
@@ -23,7 +24,7 @@ PROGRAM = """
 import json, sys
 import helpers, spi, spi.schemes
 from spi.ensemble import integrate
-states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4)
+states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4, **options)
 count = lambda counter: sum(counter.values())
 json.dump(
     {
@@ -37,12 +38,12 @@ json.dump(
 """
 
 
-def run(folder):
-    """Run PROGRAM in a new process with the package that lies in `folder`."""
+def run(folder, options="options = {}"):
+    """Run PROGRAM in a new process with the package that lies in `folder`, after the line `options`."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
     environment |= {"PYTHONPATH": str(folder), "SPI_CACHE_DIR": str(folder / "cache")}
     answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM],
+        [sys.executable, "-c", f"{options}\n{PROGRAM}"],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -76,6 +77,38 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
     assert (after["hits"], after["misses"]) == (0, 1)
     assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
     assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
+
+
+@compiled_only
+def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_need(tmp_path):
+    """An edit of their file is noticed, and a built-in model runs after the file is gone."""
+    (tmp_path / "spi").symlink_to(Path(spi.__file__).parent)
+    shutil.copy(Path(__file__).with_name("helpers.py"), tmp_path)
+    file, edited = tmp_path / "my_model.py", OSCILLATOR.replace("return v[1], -v[0]", "return 2.0 * v[1], -2.0 * v[0]")
+    assert edited != OSCILLATOR
+    by_name = "import my_model as module"
+    from_text = (
+        "from pathlib import Path; from spi.modules import stored; module = stored('it', Path('{}').read_text())"
+    )
+
+    def outcome(imported=None):
+        options = f"{imported}; options = {{'model': module.Oscillator((1.0,)), 'initial': (1.0, 0.5)}}"
+        found = run(tmp_path, options) if imported else run(tmp_path)
+        return (found["hits"], found["misses"]), found["states"]
+
+    file.write_text(OSCILLATOR)
+    first, states = outcome(by_name)
+    again, same_states = outcome(by_name)
+    assert (first, again) == ((0, 1), (1, 0)) and same_states == states
+    file.write_text(edited)
+    after, edited_states = outcome(by_name)
+    assert after == (0, 1) and np.abs(np.subtract(edited_states, states)).max() > 0.1
+
+    stored = [outcome(from_text.format(file.name)) for _ in range(2)]
+    assert stored == [((0, 1), edited_states), ((1, 0), edited_states)]
+    file.unlink()
+    shutil.rmtree(tmp_path / "cache" / "modules")
+    assert [outcome()[0] for _ in range(2)] == [(0, 1), (1, 0)]
 
 
 def test_the_folder_of_the_cache_follows_the_sources(tmp_path):

@@ -1,0 +1,87 @@
+"""Python code that is no part of this package: modules stored in the cache folder, and what identifies foreign code.
+
+A class that compiled kernels are given must be importable by its name in every process: the processes that compile,
+the workers, and all that read Numba's index of compiled kernels.  A *stored module* is, wherever its text came from.
+"""
+
+import functools
+import hashlib
+import importlib
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+from . import own
+
+_ROOT = __name__.partition(".")[0]
+
+
+def stored(stem, text):
+    """The module with the Python source `text`, imported as ``spi.own.<stem>_<first 16 hex digits of its SHA-256>``.
+
+    The same text is the same module in every process, and an edited one is another.  Raises OSError if it cannot be
+    written, and whatever the text raises while it is imported.
+    """
+    data = text.encode()
+    name = f"{_identifier(stem)}_{hashlib.sha256(data).hexdigest()[:16]}"
+    file = Path(own.__path__[0], f"{name}.py")
+    if not file.is_file() or file.read_bytes() != data:
+        _write(file, data)
+        importlib.invalidate_caches()
+    return importlib.import_module(f"{own.__name__}.{name}")
+
+
+def is_foreign(thing):
+    """Whether a class or function is defined outside the sources of this package; those of stored modules are."""
+    module = thing.__module__
+    return module.partition(".")[0] != _ROOT or module.startswith(f"{own.__name__}.")
+
+
+def digest(thing):
+    """What identifies the code of a foreign class or function; None for those of this package.
+
+    Of a stored module it is the digits of its name; of any other module the first 16 hex digits of the SHA-256 of all
+    Python files of its top-level package, or of its file if it is in none.  It is "" where no file tells the code of a
+    name: in an interactive session and in a program's main file, whose classes are others in every process.
+    """
+    if not is_foreign(thing):
+        return None
+    package, _, rest = thing.__module__.partition(".")
+    return rest.rpartition("_")[2] if package == _ROOT else _digest_of_files(package)
+
+
+@functools.cache
+def _digest_of_files(package):
+    """The digest of a module or package as it lies on disk when it is first asked for."""
+    module = sys.modules[package]
+    if folders := getattr(module, "__path__", None):
+        files = [(file.relative_to(folder), file) for folder in folders for file in sorted(Path(folder).rglob("*.py"))]
+    elif package != "__main__" and (file := getattr(module, "__file__", None)):
+        files = [(Path(file).name, Path(file))]
+    else:
+        return ""
+    found = hashlib.sha256()
+    for name, file in files:
+        found.update(str(name).encode())
+        found.update(file.read_bytes())
+    return found.hexdigest()[:16]
+
+
+def _identifier(stem):
+    """A part of a module's name, and of a file's on any system."""
+    return re.sub(r"[^A-Za-z0-9_]", "_", stem)[:60]
+
+
+def _write(file, data):
+    """Replace a file at once, since other processes may read or write it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=file.parent, prefix=file.stem, suffix=".new", delete=False) as aside:
+        try:
+            aside.write(data)
+            aside.close()
+            os.replace(aside.name, file)
+        except BaseException:
+            Path(aside.name).unlink(missing_ok=True)
+            raise
