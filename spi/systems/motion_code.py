@@ -1,7 +1,7 @@
 """Source of the motions exp(a_1 M_1 + ... + a_r M_r) y, one function for each set of commuting linear functions."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
@@ -36,6 +36,7 @@ class _Writer:
         self.phases: list[tuple[mpmath.mpf, ...]] = []
         self.kinds: list[str] = []
         self.left = 0
+        self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
 
     def name(self, prefix: str) -> str:
         """A name that no other line has."""
@@ -49,6 +50,15 @@ class _Writer:
         name = self.name(prefix)
         self.lines.append(f"{name} = {code}")
         return name
+
+    def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
+        """Names of the sine and the versine of an angle; `phase` is what the angle is made of."""
+        if angle not in self.taken:
+            s, v = self.name("s"), self.name("v")
+            self.lines.append(f"{s}, {v} = sin_versine(angles, {angle})")
+            self.phases.append(phase)
+            self.taken[angle] = s, v
+        return self.taken[angle]
 
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""
@@ -105,18 +115,17 @@ class _Writer:
         with mpmath.workdps(60):
             omega = mpmath.sqrt(abs(square))
             inverse, inverse_square = 1 / omega, 1 / abs(square)
-        z = self.let("z", self._product(omega, f"a{which + 1}"))
-        s, v = self.name("s"), self.name("v")
+        z = self._product(omega, f"a{which + 1}")
         if square > 0:
-            self.lines.append(f"{s}, {v} = sin_versine(angles, {z})")
-            self.phases.append(tuple(omega if n == which else mpmath.mpf(0) for n in range(self.count)))
+            s, v = self.sine(z, tuple(omega if n == which else mpmath.mpf(0) for n in range(self.count)))
         else:
+            s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sinh_coshm1({z})")
         self.kinds.append("rotation" if square > 0 else "hyperbolic rotation")
         s, v = self.let("s", self._product(inverse, s)), self.let("v", self._product(inverse_square, v))
         rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
         first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
-        again = [{first[k]: c for (r, k), c in entries.items() if r == i and rows[k]} for i in block.components]
+        again = [_total((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
         for i, code in zip(block.components, self.linear(again), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
@@ -145,16 +154,14 @@ class _Writer:
     def plane(self, block: Block) -> None:
         (space,) = block.spaces
         i, j = (n + 1 for n in block.components)
-        p = self.let("p", self._sum(space.phases))
-        s, v = self.name("s"), self.name("v")
-        self.lines.append(f"{s}, {v} = sin_versine(angles, {p})")
-        plus, minus = ("+", "-") if mpmath.im(space.left[0][block.components[1]]) < 0 else ("-", "+")
-        # with u = y_i -+ i y_j the change of y_i is Re((e^(ip) - 1) u)
-        first = f"{s} * y{j} - {v} * y{i}" if plus == "+" else f"-({s} * y{j} + {v} * y{i})"
-        second = f"{s} * y{i} + {v} * y{j}" if minus == "-" else f"{s} * y{i} - {v} * y{j}"
-        self.lines.append(f"z{i} = y{i} + ({first})" if plus == "+" else f"z{i} = y{i} - ({s} * y{j} + {v} * y{i})")
-        self.lines.append(f"z{j} = y{j} {minus} ({second})")
-        self.phases.append(space.phases)
+        s, v = self.sine(self._sum(space.phases), space.phases)
+        # u = y_i -+ i y_j is multiplied by e^(ip)
+        if mpmath.im(space.left[0][block.components[1]]) < 0:
+            self.lines.append(f"z{i} = y{i} + ({s} * y{j} - {v} * y{i})")
+            self.lines.append(f"z{j} = y{j} - ({s} * y{i} + {v} * y{j})")
+        else:
+            self.lines.append(f"z{i} = y{i} - ({s} * y{j} + {v} * y{i})")
+            self.lines.append(f"z{j} = y{j} + ({s} * y{i} - {v} * y{j})")
         self.kinds.append("rotation")
 
     def _sum(self, factors: Sequence[mpmath.mpf]) -> str:
@@ -179,7 +186,7 @@ class _Writer:
                 if space.is_complex:
                     rows.append({f"y{i + 1}": mpmath.im(c) for i, c in row.items() if mpmath.im(c)})
         coordinates = iter([self.let("u", code) for code in self.linear(rows)])
-        changes: dict[int, dict[str, mpmath.mpf]] = {i: {} for i in block.components}
+        changes: dict[int, list[tuple[str, mpmath.mpf]]] = {i: [] for i in block.components}
         common = self._common_factor(block)
         for space in block.spaces:
             moved = self.complex_space(space, coordinates) if space.is_complex else self.real_space(space, coordinates)
@@ -187,12 +194,13 @@ class _Writer:
                 for i, c in column.items():
                     for part, factor in zip(parts, (mpmath.re(c), -mpmath.im(c)), strict=False):
                         if factor and part != "0.0":
-                            changes[i][part] = factor / common
-        for i, code in zip(block.components, self.linear(list(changes.values())), strict=True):
+                            changes[i].append((part, factor / common))
+        for i, code in zip(block.components, self.linear(list(map(_total, changes.values()))), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}")
             else:
-                change = self._product(common, f"({code})") if common != 1 else f"({code})"
+                code = code if code.isidentifier() else f"({code})"
+                change = self._product(common, code) if common != 1 else code
                 self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
 
     def _common_factor(self, block: Block) -> mpmath.mpf:
@@ -205,10 +213,7 @@ class _Writer:
 
     def complex_space(self, space: Space, coordinates: Any) -> list[tuple[str, str]]:
         u = [(next(coordinates), next(coordinates)) for _ in space.left]
-        p = self.let("p", self._sum(space.phases))
-        s, v = self.name("s"), self.name("v")
-        self.lines.append(f"{s}, {v} = sin_versine(angles, {p})")
-        self.phases.append(space.phases)
+        s, v = self.sine(self._sum(space.phases), space.phases)
         real, imaginary = f"-{v}", s
         if any(space.rates):
             e = self.let("e", f"expm1({self._sum(space.rates)})")
@@ -281,6 +286,14 @@ class _Writer:
             re, im = mpmath.re(c) / order, mpmath.im(c) / order
         found = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
         return [(part, other, number) for part, other, number in found if number]
+
+
+def _total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
+    """A linear form from its terms; a quantity may occur in several."""
+    found: dict[str, mpmath.mpf] = {}
+    for name, c in terms:
+        found[name] = found.get(name, mpmath.mpf(0)) + c
+    return {name: c for name, c in found.items() if abs(c) > NOTHING}
 
 
 def _kind(space: Space) -> str:
