@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import mpmath
@@ -27,6 +28,7 @@ class Bracket(NamedTuple):
 
     variables: tuple[str, ...]
     constants: Mapping[tuple[int, int], Linear]  #: (i, j) with i < j -> {y_i, y_j}, exact numbers; none that vanishes
+    formulas: Mapping[tuple[int, int], Linear] = {}  #: the same in symbols, for those that depend on parameters
 
     @property
     def dimension(self) -> int:
@@ -79,15 +81,25 @@ def precise(number: Any) -> mpmath.mpf:
         return mpmath.mpf(sympy.N(number, DIGITS + 5)._mpf_)
 
 
-def checked(variables: Sequence[str], given: Iterable[tuple[str, int, int, Linear]]) -> Bracket:
+def checked(
+    variables: Sequence[str],
+    given: Iterable[tuple[str, int, int, Linear]],
+    values: Mapping[Any, Any] = MappingProxyType({}),
+) -> Bracket:
     """The bracket of which (key, i, j, {y_i, y_j}) are given, each pair once or twice, those not given being 0.
+
+    `values` are those of the parameters that occur in it.
 
     BracketError if {y_i, y_j} is given twice with values that are not opposite, if {y_i, y_i} is not 0, or if Jacobi's
     identity does not hold.  Exact; where a number is irrational, to 40 digits.
     """
     constants: dict[tuple[int, int], Linear] = {}
-    for key, i, j, linear in given:
+    formulas: dict[tuple[int, int], Linear] = {}
+    for key, i, j, symbolic in given:
+        linear = {k: c.xreplace(dict(values)) for k, c in symbolic.items()}
         linear = {k: c for k, c in linear.items() if not _is_zero(c)}
+        if any(c.free_symbols for c in symbolic.values()):
+            formulas[min(i, j), max(i, j)] = {k: (c if i < j else -c) for k, c in symbolic.items() if k in linear}
         name = "{" + f"{variables[i]}, {variables[j]}" + "}"
         if i == j:
             if linear:
@@ -100,7 +112,7 @@ def checked(variables: Sequence[str], given: Iterable[tuple[str, int, int, Linea
             what = f"{name} is not the opposite of {opposite}"
             raise BracketError(f"is not antisymmetric: {what}; give one of them only", "bracket", key)
         constants[pair] = linear
-    bracket = Bracket(tuple(variables), {pair: linear for pair, linear in constants.items() if linear})
+    bracket = Bracket(tuple(variables), {pair: linear for pair, linear in constants.items() if linear}, formulas)
     if violation := _violation(bracket):
         i, j, k = (variables[n] for n in violation)
         what = f"violates Jacobi's identity for {i}, {j}, {k}"

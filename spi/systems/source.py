@@ -242,10 +242,12 @@ class _Generator:
         for (i, j), linear in self.bracket.constants.items():
             for row, column, sign in ((i, j, 1), (j, i, -1)):
                 if column in kept:
-                    terms = []
-                    for k, c in linear.items():
-                        value = sign * precise(c)
-                        terms.append(_signed(value, f"{at}[{k}]"))
+                    formulas = self.bracket.formulas.get((i, j))
+                    if formulas:
+                        writer = Formula(self.names, ())
+                        terms = [("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()]
+                    else:
+                        terms = [_signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
                     inner = written_sum(terms)
                     if len(terms) == 1:
                         rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))

@@ -91,7 +91,7 @@ def single(expression: Any, world: Symbolics) -> Term:
         if not world.bracket.commuting(first, second):
             names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
-    varying = any(len(f) > 1 for f in functionals) and world.varies(expression)
+    varying = bool(world.bracket.formulas) or any(len(f) > 1 for f in functionals) and world.varies(expression)
     return Term(expression, functionals, pivots, varying)
 
 

@@ -1,0 +1,186 @@
+"""Casimir functions: polynomials C with B(y) grad C(y) = 0 for all y, found by linear algebra, or given and verified."""
+
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import mpmath
+import numpy as np
+import scipy.linalg
+import sympy
+
+from .brackets import DIGITS, NOTHING, Bracket, precise
+from .splitting import Symbolics, connected
+
+MOST_DEGREE = 4
+_MOST_UNKNOWNS = 1500  # monomials of a degree; the null space of so many takes seconds
+
+
+class Search(NamedTuple):
+    """What was found."""
+
+    functions: tuple[Any, ...]  #: independent of each other's sums and products, of degree 1, 2, ...
+    degrees: tuple[int, ...]
+    searched: int  #: up to this degree all whose coefficients are rational are found
+
+
+def is_casimir(function: Any, world: Symbolics) -> bool:
+    """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
+    used = world.used(function)
+    gradient = {i: sympy.diff(function, world.variables[i]).xreplace(dict(world.parameters)) for i in used}
+    value = sympy.lambdify(world.variables, [gradient[i] for i in used], "mpmath")
+    tried = 0
+    with mpmath.workdps(DIGITS):
+        for n in range(12):
+            point = [mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8 for j in range(len(world.variables))]
+            try:
+                at = dict(zip(used, map(mpmath.mpf, value(*point)), strict=True))
+            except (TypeError, ValueError, ZeroDivisionError):
+                continue  # not defined there
+            moved, size = _applied(world.bracket, at, point)
+            if any(abs(c) > NOTHING * (1 + size) for c in moved.values()):
+                return False
+            tried += 1
+    return tried > 0
+
+
+def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
+    """B(y) v by component, and the size of the largest of the terms that are added up there."""
+    moved: dict[int, Any] = {}
+    size = mpmath.mpf(0)
+    for (i, j), linear in bracket.constants.items():
+        entry = mpmath.fsum(precise(c) * point[k] for k, c in linear.items())
+        for row, column, sign in ((i, j, 1), (j, i, -1)):
+            if column in gradient:
+                term = sign * entry * gradient[column]
+                moved[row] = moved.get(row, mpmath.mpf(0)) + term
+                size = max(size, abs(term))
+    return moved, size
+
+
+def search(world: Symbolics) -> Search:
+    """The polynomial Casimir functions up to degree 4 that are no sums of products of others."""
+    bracket = world.bracket
+    parts = connected([*({i, j, *linear} for (i, j), linear in bracket.constants.items())])
+    linked = set().union(*parts)
+    found = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
+    searched = MOST_DEGREE
+    for part in parts:
+        functions, reached = _search_within(sorted(part), world)
+        found += functions
+        searched = min(searched, reached)
+    found.sort(key=lambda pair: pair[0])
+    return Search(tuple(f for _, f in found), tuple(degree for degree, _ in found), searched)
+
+
+def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[int, Any]], int]:
+    """(degree, function) of those of some components that no bracket links with others, and the degree reached."""
+    found: list[tuple[int, dict[tuple[int, ...], Fraction]]] = []
+    for degree in range(1, MOST_DEGREE + 1):
+        if math.comb(len(part) + degree - 1, degree) > _MOST_UNKNOWNS:
+            return _expressions(found, part, world), degree - 1
+        monomials = list(itertools.combinations_with_replacement(range(len(part)), degree))
+        known = list(_products(found, degree))
+        space = _null_space(part, monomials, world.bracket)
+        rows = [[product.get(monomial, Fraction(0)) for monomial in monomials] for product in known]
+        for row in _new_rows(rows, space, len(monomials)):
+            polynomial = {monomials[n]: c for n, c in enumerate(row) if c}
+            if is_casimir(_expression(polynomial, part, world), world):
+                found.append((degree, polynomial))
+    return _expressions(found, part, world), MOST_DEGREE
+
+
+def _null_space(part: Sequence[int], monomials: Sequence[tuple[int, ...]], bracket: Bracket) -> list[list[float]]:
+    """The coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns."""
+    generator = np.random.default_rng(5)
+    d, count = len(part), len(monomials)
+    place = {component: n for n, component in enumerate(part)}
+    entries = [
+        (place[i], place[j], [(place[k], float(precise(c))) for k, c in linear.items()])
+        for (i, j), linear in bracket.constants.items()
+        if i in place
+    ]
+    powers = np.zeros((count, d), int)
+    for n, monomial in enumerate(monomials):
+        for i in monomial:
+            powers[n, i] += 1
+    equations: list[np.ndarray] = []
+    left = 1.2 * count + 2 * d  # equations that are wanted; each point gives as many as B(y) has rank
+    while left > 0:
+        y = generator.standard_normal(d)
+        structure = np.zeros((d, d))
+        for i, j, linear in entries:
+            structure[i, j] = sum(c * y[k] for k, c in linear)
+            structure[j, i] = -structure[i, j]
+        gradient = np.prod(y**powers, axis=1) * powers.T / y[:, None]  # (component, monomial)
+        equations.append(structure @ gradient)
+        left -= max(1, np.linalg.matrix_rank(structure))
+    return scipy.linalg.null_space(np.concatenate(equations), rcond=1e-10).T.tolist()
+
+
+def _new_rows(
+    known: Sequence[Sequence[Fraction]], space: Sequence[Sequence[float]], count: int
+) -> list[list[Fraction]]:
+    """Rows that complete `known` to a basis of a space, with small rational entries; none for irrational ones."""
+    if len(space) <= len(known):
+        return []
+    reduced, pivots = _echelon(np.array(space).reshape(-1, count))
+    rational = [[Fraction(float(c)).limit_denominator(1000) for c in row] for row in reduced]
+    rows, basis = [], [list(map(float, row)) for row in known]
+    for row, exact in zip(reduced, rational, strict=True):
+        if max(abs(float(e) - c) for e, c in zip(exact, row, strict=True)) > 1e-8:
+            continue
+        if np.linalg.matrix_rank(np.array([*basis, row]), tol=1e-8) > len(basis):
+            basis.append(list(row))
+            rows.append(exact)
+    return rows
+
+
+def _echelon(matrix: np.ndarray) -> tuple[np.ndarray, list[int]]:
+    """The reduced echelon form of a matrix of full row rank, and its pivots."""
+    a, pivots = matrix.copy(), []
+    row = 0
+    for column in range(a.shape[1]):
+        best = row + int(np.argmax(np.abs(a[row:, column]))) if row < len(a) else row
+        if row >= len(a) or abs(a[best, column]) < 1e-8:
+            continue
+        a[[row, best]] = a[[best, row]]
+        a[row] /= a[row, column]
+        others = np.arange(len(a)) != row
+        a[others] -= np.outer(a[others, column], a[row])
+        pivots.append(column)
+        row += 1
+    a[np.abs(a) < 1e-9] = 0.0
+    return a, pivots
+
+
+def _products(
+    found: Sequence[tuple[int, dict[tuple[int, ...], Fraction]]], degree: int
+) -> Iterable[dict[tuple[int, ...], Fraction]]:
+    """All products of known functions that have this degree."""
+    for count in range(1, degree + 1):
+        for chosen in itertools.combinations_with_replacement(found, count):
+            if sum(d for d, _ in chosen) == degree and count > 1:
+                total: dict[tuple[int, ...], Fraction] = {(): Fraction(1)}
+                for _, factor in chosen:
+                    product: dict[tuple[int, ...], Fraction] = {}
+                    for (a, x), (b, y) in itertools.product(total.items(), factor.items()):
+                        key = tuple(sorted(a + b))
+                        product[key] = product.get(key, Fraction(0)) + x * y
+                    total = product
+                yield total
+
+
+def _expressions(found: Sequence[tuple[int, Any]], part: Sequence[int], world: Symbolics) -> list[tuple[int, Any]]:
+    return [(degree, _expression(polynomial, part, world)) for degree, polynomial in found]
+
+
+def _expression(polynomial: dict[tuple[int, ...], Fraction], part: Sequence[int], world: Symbolics) -> Any:
+    return sympy.Add(
+        *(
+            sympy.Rational(c.numerator, c.denominator) * sympy.Mul(*(world.variables[part[i]] for i in monomial))
+            for monomial, c in polynomial.items()
+        )
+    )

@@ -1,0 +1,361 @@
+"""A system as a person defines it in YAML, and the model that is generated of it.
+
+    algebra: so(3)            or bracket: {P1 P2: -P3, ...}
+    variables: [P1, P2, P3]
+    parameters: {I1: 2, I2: 1, I3: 2/3}
+    hamiltonian: P1^2/(2*I1) + P2^2/(2*I2) + P3^2/(2*I3)
+    noises: [P1, P2^2]
+
+All values are texts, lists and mappings of texts, as they stand in the file.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import sympy
+
+from .algebras import algebra
+from .brackets import Bracket, BracketError, Linear, checked
+from .casimirs import is_casimir, search
+from .source import Function, System
+from .splitting import Constants, Flow, NoExactFlow, Symbolics, merged, single, split
+from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, repeated, whole
+
+MOST = 64  #: components, flows, noises
+KEYS = MappingProxyType(
+    {
+        "algebra": "name of a Lie algebra, such as so(3), se(3), so(2,1), so(3)^n",
+        "bracket": "brackets of the variables, as in {P1 P2: -P3}; those not given are 0",
+        "variables": "names of the components of the state",
+        "sizes": "whole numbers for ranges, as in {n: 4}",
+        "parameters": "numbers that formulas name, as in {I1: 2}",
+        "hamiltonian": "H, a formula in variables and parameters",
+        "pieces": "H as a list of pieces, in the order of their flows; found by the program if left out",
+        "noises": "a list of Hamiltonians of the noises",
+        "casimirs": "a list of Casimir functions; polynomials up to degree 4 are found if left out",
+    }
+)
+
+
+class DefinitionError(ValueError):
+    """The definition is wrong; `keys` lead to where."""
+
+    def __init__(self, message: str, *keys: Any) -> None:
+        super().__init__(message)
+        self.keys = keys
+
+
+class Defined(NamedTuple):
+    """A system that has passed all checks."""
+
+    system: System
+    degrees: tuple[int | None, ...]  #: of the Casimir functions; None for one that is no homogeneous polynomial
+    searched: int | None  #: up to this degree all Casimir functions are found; None if they were given
+
+
+def define(data: Mapping[str, Any]) -> Defined:
+    """The system of a definition with some of :data:`KEYS`; DefinitionError if anything is wrong with it."""
+    unknown = next((key for key in data if key not in KEYS), None)
+    if unknown is not None:
+        raise DefinitionError(f"is no known key; known: {', '.join(KEYS)}", unknown)
+    return _Reader(data).read()
+
+
+class _Reader:
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self.data = data
+        self.sizes = {
+            name: self.at(lambda text=text: whole(text, Symbols()), "sizes", name)
+            for name, text in self.mapping("sizes").items()
+        }
+        self.parameters = self.numbers()
+
+    def read(self) -> Defined:
+        variables, given = self.structure()
+        self.check_names(variables)
+        d = len(variables)
+        symbols = tuple(sympy.Symbol(f"y{n + 1}", real=True) for n in range(d))
+        values = {sympy.Symbol(name, real=True): value for name, value in self.parameters.items()}
+        formulas = Symbols(dict(zip(variables, symbols, strict=True)), {str(p): p for p in values}, self.sizes)
+        bracket = self.bracket(variables, given, formulas, values)
+        world = Symbolics(bracket, symbols, values)
+        constants = Constants()
+        flows = self.flows(world, formulas, constants)
+        noises = self.noises(world, formulas)
+        hamiltonian = sympy.Add(*(flow.expression for flow in flows))
+        self.check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants)
+        casimirs, degrees, searched = self.casimirs(world, formulas)
+        squares = sympy.Add(*(y**2 for y in symbols))
+        first = next((n for n, c in enumerate(casimirs) if c.expression - squares == 0), None)
+        if first:
+            order = [first, *(n for n in range(len(casimirs)) if n != first)]
+            casimirs, degrees = tuple(casimirs[n] for n in order), tuple(degrees[n] for n in order)
+        given_h = self.hamiltonian(world, formulas)
+        system = System(
+            title="A Lie-Poisson system.",
+            world=world,
+            hamiltonian=given_h,
+            flows=tuple(flows),
+            noises=tuple(noises),
+            casimirs=casimirs,
+            squared_length_first=first is not None,
+            constants=constants.values,
+        )
+        return Defined(system, degrees, searched)
+
+    # ---- names and numbers ----------------------------------------------------------------------------------------------
+
+    def at(self, read: Callable[[], Any], *keys: Any) -> Any:
+        """What `read` returns; its NumberError becomes one about the place."""
+        try:
+            return read()
+        except NumberError as error:
+            raise DefinitionError(f"is '{_shortened(self.value(keys))}' ({error}); correct it here", *keys) from None
+
+    def value(self, keys: Sequence[Any]) -> Any:
+        found: Any = self.data
+        for key in keys:
+            found = found[key]
+        return found
+
+    def mapping(self, key: str) -> Mapping[str, str]:
+        found = self.data.get(key, {})
+        if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
+            raise DefinitionError(f"must be a mapping such as {KEYS[key].partition('as in ')[2] or '{a: 1}'}", key)
+        return found
+
+    def texts(self, key: str) -> list[tuple[str, tuple[Any, ...]]]:
+        """The texts of a list, or the one text, each with its place."""
+        found = self.data.get(key, [])
+        if isinstance(found, str):
+            return [(found, (key,))]
+        if not isinstance(found, list) or not all(isinstance(text, str) for text in found):
+            raise DefinitionError("must be a list of texts", key)
+        return [(text, (key, n)) for n, text in enumerate(found)]
+
+    def numbers(self) -> dict[str, Any]:
+        """The parameters, exact numbers; each may use those before it."""
+        found: dict[str, Any] = {}
+        for name, text in self.mapping("parameters").items():
+            if not name.isidentifier() or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
+                raise DefinitionError("is no name of a parameter; take letters and digits, and no function", "parameters", name)
+            if name in self.sizes:
+                raise DefinitionError("is a size as well; take another name", "parameters", name)
+            value = self.at(lambda text=text: expression(text, Symbols(parameters=found, indices=self.sizes)), "parameters", name)
+            if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
+                raise DefinitionError(f"is '{_shortened(text)}'; must be a finite real number", "parameters", name)
+            found[name] = value
+        return found
+
+    def check_names(self, variables: Sequence[str]) -> None:
+        if not variables:
+            raise DefinitionError("is empty; name the components of the state", "variables")
+        if len(variables) > MOST:
+            raise DefinitionError(f"has {len(variables)} names; a system may have {MOST} components", "variables")
+        taken = {*self.sizes, *self.parameters, *FUNCTIONS, "pi", "mod", "sum", "for"}
+        for n, name in enumerate(variables):
+            if name in variables[:n]:
+                raise DefinitionError(f"has '{name}' twice; remove one", "variables")
+            if name.partition("(")[0] in taken:
+                raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
+
+    # ---- the bracket ------------------------------------------------------------------------------------------------------
+
+    def structure(self) -> tuple[list[str], list[tuple[int, int, Linear]] | None]:
+        """(variables, the bracket of the algebra or None where brackets are given)."""
+        if ("algebra" in self.data) == ("bracket" in self.data):
+            what = "has algebra and bracket; leave one out" if "algebra" in self.data else "missing key 'algebra'; add algebra: or bracket:"
+            raise DefinitionError(what, *(["bracket"] if "algebra" in self.data else ["algebra"]))
+        sizes = Symbols(indices=self.sizes)
+        variables = [
+            name
+            for text, keys in self.texts("variables")
+            for name in self.at(lambda text=text: names(text, sizes), *keys)
+        ]
+        if "bracket" in self.data:
+            if "variables" not in self.data:
+                raise DefinitionError(f"missing key 'variables'; add variables: {KEYS['variables']}", "variables")
+            return variables, None
+        if not isinstance(self.data["algebra"], str):
+            raise DefinitionError("must be the name of an algebra such as so(3)", "algebra")
+        d, given = self.at(lambda: algebra(self.data["algebra"], sizes), "algebra")
+        variables = variables or [f"y{n + 1}" for n in range(d)]
+        if len(variables) != d:
+            raise DefinitionError(f"has {len(variables)} names; {self.data['algebra']} has {d} components", "variables")
+        return variables, given
+
+    def bracket(
+        self, variables: Sequence[str], given: list[tuple[int, int, Linear]] | None, formulas: Symbols, values: Mapping[Any, Any]
+    ) -> Bracket:
+        if given is not None:
+            return checked(variables, [("", *one) for one in given])
+        found = [
+            one
+            for key in self.mapping("bracket")
+            for one in self.at(lambda key=key: self.brackets_of(key, variables, formulas), "bracket", key)
+        ]
+        try:
+            return checked(variables, found, values)
+        except BracketError as error:
+            raise DefinitionError(str(error), *error.keys) from None
+
+    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[tuple[str, int, int, Linear]]:
+        """The brackets that an entry ``x(i) y(i) for i = 1..n: z(i)`` gives."""
+        found = []
+        for body, inner in repeated(key, formulas):
+            pair = [name for part in _pair(body) for name in names(part, inner)]
+            if len(pair) != 2:
+                raise NumberError(f"'{body.strip()}' must be two variables, as in P1 P2")
+            for name in pair:
+                if name not in variables:
+                    raise NumberError(f"'{name}' is no variable")
+            value = expression(self.data["bracket"][key], inner)
+            i, j = (variables.index(name) for name in pair)
+            found.append((key, i, j, _linear(value, formulas)))
+        return found
+
+    # ---- Hamiltonians -------------------------------------------------------------------------------------------------------
+
+    def flows(self, world: Symbolics, formulas: Symbols, constants: Constants) -> list[Flow]:
+        """The flows of H: those of the given pieces, or the ones that the splitting finds."""
+        if "pieces" in self.data:
+            found = []
+            for text, keys in self.texts("pieces"):
+                for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
+                    piece = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+                    found.append(self.flow(piece, world, keys, "piece"))
+        else:
+            if "hamiltonian" not in self.data:
+                raise DefinitionError(f"missing key 'hamiltonian'; add hamiltonian: {KEYS['hamiltonian']}", "hamiltonian")
+            text = self.texts("hamiltonian")
+            if len(text) != 1:
+                raise DefinitionError("must be one formula", "hamiltonian")
+            parts = self.at(lambda: addends(text[0][0], formulas), "hamiltonian")
+            try:
+                found = split(parts, world, constants)
+            except NoExactFlow as error:
+                raise DefinitionError(f"has no exact flow: {error}", "hamiltonian") from None
+        if len(found) > MOST:
+            key = "pieces" if "pieces" in self.data else "hamiltonian"
+            raise DefinitionError(f"splits into {len(found)} flows; there may be {MOST}", key)
+        return found
+
+    def hamiltonian(self, world: Symbolics, formulas: Symbols) -> Any:
+        """H as it was given, which must be the sum of the pieces where both are."""
+        pieces = [
+            self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+            for text, keys in self.texts("pieces")
+            for one, inner in entries(text, formulas)
+        ]
+        if "hamiltonian" not in self.data:
+            return sympy.Add(*pieces)
+        total = self.at(lambda: expression(self.data["hamiltonian"], formulas), "hamiltonian")
+        if pieces and sympy.expand(total - sympy.Add(*pieces)) != 0:
+            raise DefinitionError("do not add up to the hamiltonian; correct one or leave hamiltonian out", "pieces")
+        return total
+
+    def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
+        found = []
+        for text, keys in self.texts("noises"):
+            for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
+                noise = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+                found.append(self.flow(noise, world, keys, "noise"))
+        if len(found) > MOST:
+            raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
+        return found
+
+    def flow(self, function: Any, world: Symbolics, keys: Sequence[Any], what: str) -> Flow:
+        """The one flow of a piece or a noise, all of whose terms commute."""
+        text = _shortened(world.name(function))
+        if not world.used(function):
+            raise DefinitionError(f"is '{text}', which moves nothing; leave it out", *keys)
+        try:
+            return Flow((single(function, world),))
+        except NoExactFlow as error:
+            reason = error
+        try:
+            terms = [single(term, world) for term in sympy.Add.make_args(sympy.expand(function))]
+        except NoExactFlow:
+            terms = []
+        found = merged(terms, world.bracket)
+        if len(found) != 1:
+            help_ = "use a function of commuting variables" if what == "noise" else "split it further"
+            raise DefinitionError(f"has no exact flow: {reason}; {help_}", *keys)
+        return found[0]
+
+    def check_finite(self, functions: Sequence[Any], world: Symbolics, constants: Constants) -> None:
+        """No parameter may make a Hamiltonian infinite everywhere."""
+        for function in functions:
+            for y in world.used(function):
+                derivative = sympy.diff(function, world.variables[y])
+                for factor in derivative.atoms(sympy.Pow):
+                    if not factor.exp.is_negative or factor.free_symbols & set(world.variables):
+                        continue
+                    value = factor.base.xreplace(world.parameters).xreplace(constants.values)
+                    if value == 0:
+                        name = next((str(s) for s in sorted(factor.base.free_symbols, key=str)), "")
+                        raise DefinitionError(
+                            f"makes the Hamiltonian infinite: '{world.name(factor.base)}' is 0 and divides; take another value",
+                            *(["parameters", name] if name in self.parameters else ["hamiltonian"]),
+                        )
+
+    def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], tuple[int | None, ...], int | None]:
+        """(functions, degrees, degree up to which all are known)."""
+        if "casimirs" not in self.data:
+            found = search(world)
+            functions = tuple(Function(world.name(f), f) for f in found.functions)
+            return functions, found.degrees, found.searched
+        functions, degrees = [], []
+        for text, keys in self.texts("casimirs"):
+            for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
+                value = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+                if not world.used(value):
+                    raise DefinitionError("is constant; leave it out", *keys)
+                if not is_casimir(value, world):
+                    raise DefinitionError(f"is '{_shortened(one.strip())}', which is no Casimir function; its bracket with some variable is not 0", *keys)
+                functions.append(Function(world.name(value), value))
+                degrees.append(_degree(value, world))
+        return tuple(functions), tuple(degrees), None
+
+
+def _degree(value: Any, world: Symbolics) -> int | None:
+    """The degree of a homogeneous polynomial; None for another function."""
+    if not value.is_polynomial(*world.variables):
+        return None
+    return sympy.Poly(value, *world.variables).homogeneous_order()
+
+
+def _linear(value: Any, formulas: Symbols) -> Linear:
+    """A linear form of the variables, as factors by component; NumberError if it is none."""
+    symbols = list(formulas.variables.values())
+    expanded = sympy.expand(value)
+    if not expanded.is_polynomial(*symbols):
+        raise NumberError("a bracket must be linear in the variables")
+    poly = sympy.Poly(expanded, *symbols)
+    found: Linear = {}
+    for monomial, c in poly.terms():
+        if c == 0:
+            continue
+        if sum(monomial) != 1:
+            right = "for a constant add a variable that commutes with all others" if not sum(monomial) else "only Lie-Poisson brackets are known"
+            raise NumberError(f"a bracket must be linear in the variables; {right}")
+        found[monomial.index(1)] = c
+    return found
+
+
+def _pair(body: str) -> list[str]:
+    """The two names of a bracket, which blanks or a comma that stand in no parentheses part."""
+    parts, depth = [""], 0
+    for c in body.strip():
+        depth += {"(": 1, ")": -1}.get(c, 0)
+        if depth == 0 and c in " ,\t":
+            parts.append("")
+        else:
+            parts[-1] += c
+    return [part for part in parts if part]
+
+
+def _shortened(text: Any) -> str:
+    text = str(text)
+    return text if len(text) <= 60 else f"{text[:57]}..."
