@@ -15,7 +15,9 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from .inlining import is_compiled, types_of
+from .compilable import explained
+from .inlining import is_compiled, record_classes, types_of
+from .modules import is_foreign
 
 _JOBS = "jobs"  # file of the pickled jobs
 #: What a worker runs, with the folder as argument; it imports from where this process does.
@@ -41,7 +43,8 @@ def compile_missing(labelled_calls, report=lambda number, total, label: None):
     """Compile what has not been compiled of ``spi.kinds.plans.KernelCall``; `labelled_calls` are (label, call).
 
     Those that take longest should be first.  `report` is called before this process compiles job `number`, from 1 on,
-    of `total`.  Other processes are started only if kernels with more than one label are missing.
+    of `total`.  Other processes are started only if kernels with more than one label are missing.  Raises
+    CompilationError if a model that is no part of this package cannot be compiled.
     """
     jobs = _missing(labelled_calls)
     if not jobs:
@@ -54,6 +57,8 @@ def compile_missing(labelled_calls, report=lambda number, total, label: None):
         work(folder, jobs, lambda number: report(number, len(jobs), jobs[number - 1].label))
         for worker in started:
             worker.wait()
+    for job in _missing(labelled_calls):  # what a worker began and could not finish
+        _compile(job)
 
 
 def processors():
@@ -69,7 +74,18 @@ def work(folder, jobs, report=lambda number: None):
         except FileExistsError:
             continue
         report(number)
+        _compile(job)
+
+
+def _compile(job):
+    """Have one kernel compiled; CompilationError if it fails because of a class that is no part of this package."""
+    try:
         getattr(importlib.import_module(job.module), job.name)(*job.arguments)
+    except Exception as error:
+        types = types_of(getattr(importlib.import_module(job.module), job.name), job.arguments)
+        if foreign := [cls for cls in set().union(*map(record_classes, types or ())) if is_foreign(cls)]:
+            raise explained(error, foreign) from error
+        raise
 
 
 def _missing(labelled_calls):

@@ -10,12 +10,17 @@ import contextlib
 import copy
 import dis
 import hashlib
+from contextvars import ContextVar
 from pathlib import Path
 
+from numba import njit, typeof
+from numba.core import config
 from numba.core import types as numba_types
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.errors import NumbaError
+from numba.core.registry import cpu_target
 
 from . import modules
 
@@ -23,6 +28,9 @@ try:
     import fcntl
 except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
+
+#: Whether functions that exist to be inlined run as plain Python where Python calls them, see :func:`uncompiled`.
+UNCOMPILED = ContextVar("UNCOMPILED", default=False)
 
 #: How often the code of a kernel is optimised.  What was inlined at the end of one round is simplified in the next.
 ROUNDS = 2
@@ -193,3 +201,52 @@ def is_compiled(dispatcher, types):
         return True
     cache = dispatcher._cache
     return isinstance(cache, SharedCache) and cache.holds(dispatcher, types)
+
+
+@contextlib.contextmanager
+def uncompiled():
+    """Within it, what Python calls of the functions that exist to be inlined is plain Python, kernels are not."""
+    token = UNCOMPILED.set(True)
+    try:
+        yield
+    finally:
+        UNCOMPILED.reset(token)
+
+
+def is_compiling():
+    """Whether there is a compiler: it can be switched off."""
+    return not config.DISABLE_JIT
+
+
+def is_known_to_the_compiler(value):
+    """Whether compiled code may use a value by the name of a global; without a compiler, anything."""
+    if not is_compiling():
+        return True
+    cpu_target.typing_context.refresh()
+    try:
+        return cpu_target.typing_context.resolve_value_type(value) is not None
+    except (ValueError, NumbaError):
+        return False
+
+
+def type_of_result(function, *arguments):
+    """The Numba type of what a function returns for such arguments, by compiling it without making machine code.
+
+    None without a compiler; raises what the compiler does.
+    """
+    if not is_compiling():
+        return None
+    to_inline = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": InliningCompiler}
+    dispatcher, types = njit(**to_inline)(function), tuple(map(typeof, arguments))
+    dispatcher.get_call_template(types, {})
+    return dispatcher.overloads[types].signature.return_type
+
+
+def is_tuple_of_floats(numba_type, length):
+    """Whether a type of Numba is that of so many floats in a tuple."""
+    return isinstance(numba_type, numba_types.BaseTuple) and tuple(numba_type.types) == (numba_types.float64,) * length
+
+
+def is_float(numba_type):
+    """Whether a type of Numba is that of a float."""
+    return numba_type == numba_types.float64

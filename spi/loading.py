@@ -1,6 +1,7 @@
 """From a spec file to the plans of its parts."""
 
 import functools
+import platform
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -17,10 +18,14 @@ def layers() -> spec.Layers:
 
 
 def load(
-    path: str | Path, profile: str = "laptop", overrides: Iterable[str] = (), text: str | None = None
+    path: str | Path,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    text: str | None = None,
+    files: Iterable[tuple[str, str]] | None = None,
 ) -> spec.Experiment:
-    """The experiment in a spec file, or in `text`; SpecError if anything is wrong, see :func:`spi.spec.load`."""
-    return spec.load(path, layers(), profile, overrides, text)
+    """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.spec.load."""
+    return spec.load(path, layers(), profile, overrides, text, files)
 
 
 def plans(experiment: spec.Experiment) -> list[Plan]:
@@ -41,14 +46,24 @@ class Source(NamedTuple):
     text: str
     profile: str
     overrides: tuple[str, ...]
+    files: tuple[tuple[str, str], ...]
+    hash: str  #: of the spec, so that a process in which it means something else computes nothing
 
     @classmethod
     def of(cls, experiment: spec.Experiment) -> "Source":
         """That of an experiment."""
-        return cls(str(experiment.path), experiment.text, experiment.profile, experiment.overrides)
+        path, files = str(experiment.path), experiment.files
+        return cls(path, experiment.text, experiment.profile, experiment.overrides, files, experiment.hash)
 
 
 @functools.lru_cache(maxsize=4)
 def plans_of(source: Source) -> list[Plan]:
-    """The plans of an experiment, in another process; kept, as there are many chunks to a plan."""
-    return plans(load(source.path, source.profile, source.overrides, source.text))
+    """The plans of an experiment, in another process; kept, as there are many chunks to a plan.
+
+    SpecError if the spec means something else here, as where another version of a package of models is installed.
+    """
+    experiment = load(source.path, source.profile, source.overrides, source.text, source.files)
+    if experiment.hash != source.hash:
+        where = f"to a worker on {platform.node()}"
+        raise spec.SpecError(f"{source.path}: means something else {where}; install the same versions everywhere")
+    return plans(experiment)

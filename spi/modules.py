@@ -26,17 +26,26 @@ def stored(stem, text):
     """
     data = text.encode()
     name = f"{_identifier(stem)}_{hashlib.sha256(data).hexdigest()[:16]}"
-    file = Path(own.__path__[0], f"{name}.py")
+    file = folder() / f"{name}.py"
     if not file.is_file() or file.read_bytes() != data:
         _write(file, data)
         importlib.invalidate_caches()
     return importlib.import_module(f"{own.__name__}.{name}")
 
 
+def folder():
+    """Where stored modules lie."""
+    return Path(own.__path__[0])
+
+
+def is_stored(thing):
+    """Whether a class or function is that of a stored module."""
+    return thing.__module__.startswith(f"{own.__name__}.")
+
+
 def is_foreign(thing):
     """Whether a class or function is defined outside the sources of this package; those of stored modules are."""
-    module = thing.__module__
-    return module.partition(".")[0] != _ROOT or module.startswith(f"{own.__name__}.")
+    return thing.__module__.partition(".")[0] != _ROOT or is_stored(thing)
 
 
 def digest(thing):
@@ -48,8 +57,8 @@ def digest(thing):
     """
     if not is_foreign(thing):
         return None
-    package, _, rest = thing.__module__.partition(".")
-    return rest.rpartition("_")[2] if package == _ROOT else _digest_of_files(package)
+    module = thing.__module__
+    return module.rpartition("_")[2] if is_stored(thing) else _digest_of_files(module.partition(".")[0])
 
 
 @functools.cache

@@ -1,5 +1,6 @@
 """What every way to compute an experiment begins and ends with, and who is told how far it is."""
 
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -125,6 +126,7 @@ def identity(experiment: spec.Experiment) -> dict[str, Any]:
         "paths_hash": experiment.paths_hash,
         "samples": experiment.samples,
         "overrides": experiment.overrides,
+        "model_sources": json.dumps(dict(experiment.files)) if experiment.files else None,
         "expect": experiment.expect,
         "profile": experiment.profile,
         "source_digest": SOURCE_DIGEST,

@@ -1,5 +1,6 @@
 """Stored results, checked by computing some of their paths again."""
 
+import json
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -44,7 +45,8 @@ def verify(
     """
     results = storage.read(path)
     stored = results.attributes
-    experiment = load(path, stored["profile"], stored["overrides"], stored["spec"])
+    files = json.loads(stored.get("model_sources", "{}"))
+    experiment = load(path, stored["profile"], stored["overrides"], stored["spec"], files.items())
     if experiment.hash != stored["spec_hash"]:
         raise StorageError(f"{path}: its spec means something else to this version of spi; nothing can be compared")
     by_name = {name_of(plan): plan for plan in plans(experiment)}

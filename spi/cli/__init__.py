@@ -98,20 +98,21 @@ def list_(
     folder: Annotated[Path, typer.Option("--experiments", help="Folder of experiments.")] = Path("experiments"),
 ) -> None:
     """List models, schemes and experiments."""
-    from ..models import MODELS
     from ..printing import print_catalogue
     from ..run import load
     from ..schemes import SCHEMES
     from ..spec import SpecError
+    from ..spec.models import catalogue
 
+    models, warnings = catalogue()
     experiments, problems = [], []
     for path in sorted(folder.glob("*.yaml")):
         try:
             experiments.append(load(path))
         except SpecError as error:
             problems.append(str(error))
-    print_catalogue(MODELS, SCHEMES, experiments)
-    for problem in problems:
+    print_catalogue(models, SCHEMES, experiments)
+    for problem in (*warnings, *problems):
         tell(f"spi: {problem}")
     if problems:
         raise typer.Exit(INVALID)
@@ -182,6 +183,7 @@ def _code(error: Exception) -> int | None:
     """The exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
+    from ..compilable import CompilationError
     from ..run import Stopped
     from ..spec import SpecError
     from ..storage import StorageError
@@ -190,4 +192,4 @@ def _code(error: Exception) -> int | None:
         return STOPPED
     if isinstance(error, SpecError | StorageError):
         return INVALID
-    return FAILED if isinstance(error, OSError) else None
+    return FAILED if isinstance(error, OSError | CompilationError) else None

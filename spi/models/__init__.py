@@ -12,12 +12,19 @@ from .sine_euler import SineEuler
 MODELS: dict[str, type] = {}
 
 
-def register_model(name, cls):
-    """Make a class known as a model; TypeError, with all that is wrong, if it does not fit ``protocol.py``."""
+def check_model_class(name, cls):
+    """TypeError, with all that is wrong, if a class does not fit what ``protocol.py`` asks of a model."""
+    if not (isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")):
+        raise TypeError(f"model '{name}' is no class derived from NamedTuple")
     check_class(cls, "model", name)
     sigma = get_type_hints(cls).get("sigma")
     if len(get_args(sigma)) != cls.noises:
         raise TypeError(f"model '{name}' ({cls.__name__}) must have a field sigma, a tuple of {cls.noises} strengths")
+
+
+def register_model(name, cls):
+    """Make a class known as a model; TypeError as :func:`check_model_class`."""
+    check_model_class(name, cls)
     MODELS[name] = cls
 
 

@@ -13,7 +13,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
-from functools import reduce
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,8 +24,10 @@ from .. import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, override, text_of
+from .files import Files
 from .keys import entries_in, shown, suggestion
 from .layers import PROFILES, Layers
+from .models import is_another
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
 
@@ -51,6 +53,7 @@ class Experiment(NamedTuple):
     effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
     overrides: tuple[str, ...] = ()  #: such as "samples=100"
     expect: str | None = None  #: the claims of all cases, as ``spi.claims.of_text`` reads them; None if there are none
+    files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
 
     @property
     def samples(self) -> tuple[int, ...]:
@@ -83,10 +86,12 @@ def load(
     profile: str = "laptop",
     overrides: Iterable[str] = (),
     text: str | None = None,
+    files: Iterable[tuple[str, str]] | None = None,
 ) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
 
-    With `text`, that stands in the place of what is in the file, which is not read.
+    With `text`, that stands in the place of what is in the file, which is not read; with `files`, as in
+    :class:`Experiment`, these stand in the place of the other files that it names.
 
     `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
     so, as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
@@ -103,13 +108,13 @@ def load(
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    case_class = kinds.cases[file.kind]
+    case_class, named = kinds.cases[file.kind], Files(path, files)
     for above in ([], *profiles.values()):
-        _cases(case_class, document, owners, above)
+        _cases(case_class, named, document, owners, above)
     last: list[Layer] = [(override(path, one), ()) for one in overrides]
     for layer in last:
         _valid(kinds.profiles[file.kind].model_validate, layer[0].data, [layer])
-    cases = _cases(case_class, document, owners, profiles.get(profile, []) + last)
+    cases = _cases(case_class, named, document, owners, profiles.get(profile, []) + last)
     effective = {"kind": file.kind, "cases": {c.name: c.model_dump(exclude=_NOT_EFFECTIVE) for c in cases}}
     effective = json.loads(_canonical(effective))
     return Experiment(
@@ -125,6 +130,7 @@ def load(
         effective=effective,
         overrides=overrides,
         expect=claims.as_text(claim for case in cases for claim in case.claims),
+        files=tuple(sorted(named.texts.items())),
     )
 
 
@@ -144,10 +150,10 @@ def _owners(document: Document, file: Any, title: str) -> dict[str, Owner]:
 
 
 def _cases(
-    case_class: type[BaseCase], file: Document, owners: dict[str, Owner], above: Sequence[Layer]
+    case_class: type[BaseCase], files: Files, file: Document, owners: dict[str, Owner], above: Sequence[Layer]
 ) -> tuple[BaseCase, ...]:
     """The records of all cases of a file, with the layers `above`."""
-    built = []
+    built, read = [], partial(case_class.model_validate, context=files)
     for name, (owner, title) in owners.items():
         layers: list[Layer] = [(file, ()), (file, owner)]
         for document, loc in above:
@@ -157,11 +163,11 @@ def _cases(
             layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
         merged = reduce(_overridden, [document.at(loc) for document, loc in layers])
         data = {k: v for k, v in merged.items() if k in case_class.model_fields} | {"name": name, "title": title}
-        built.append(_swept(case_class, data, layers) or _valid(case_class.model_validate, data, layers))
+        built.append(_swept(read, data, layers) or _valid(read, data, layers))
     return tuple(built)
 
 
-def _swept(case_class: type[BaseCase], data: dict[str, Any], layers: Sequence[Layer]) -> BaseCase | None:
+def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequence[Layer]) -> BaseCase | None:
     """The record of a case in which a word is swept, with those of all values in it; None if there is none."""
     if not isinstance(data.get("sweep"), dict):
         return None
@@ -170,7 +176,7 @@ def _swept(case_class: type[BaseCase], data: dict[str, Any], layers: Sequence[La
         sweep.check(data)
     except PydanticCustomError as error:
         document.fail((*top, "sweep"), error.message())
-    found = [_valid(case_class.model_validate, version, layers) for version in sweep.versions(data)]
+    found = [_valid(read, version, layers) for version in sweep.versions(data)]
     ((word, values),) = found[0].sweep.items()
     return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
 
@@ -180,7 +186,7 @@ def _overridden(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     result = {**below, **above}
     if "model" in below and "model" in above:
         old, new = below["model"], above["model"]
-        if "name" not in new or new["name"] == old.get("name"):
+        if not is_another(new, old):
             result["model"] = {**old, **new}
     if "expect" in below:
         gone = {n for key in expect.NAMING if key in above for n in expect.names_in(below.get(key))}

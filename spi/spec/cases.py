@@ -23,7 +23,6 @@ from .keys import (
     Estimators,
     Functions,
     Keys,
-    Model,
     Samples,
     Schemes,
     Seed,
@@ -31,11 +30,11 @@ from .keys import (
     Steps,
     entries_in,
     key_of,
-    name_of,
     quantity,
     shown,
     wrong,
 )
+from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 _MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
@@ -83,6 +82,11 @@ class BaseCase(Keys):
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
+        return self
+
+    @model_validator(mode="after")
+    def _check_words(self) -> Self:
+        check_words(self.model, self.initial)
         return self
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""How values of a spec file are read: words of messages, numbers, lists, models.
+"""How values of a spec file are read: words of messages, numbers, lists.
 
 pydantic reads values as the annotations here ask, and writes their JSON Schema.
 """
@@ -10,22 +10,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
-from pydantic import BeforeValidator, Field, create_model, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..arithmetic import NumberError, parse
-from ..models import MODELS
 from ..protocol import Positive
 from ..schemes import SCHEMES
 
 #: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
 ESTIMATORS = ("plain", "multilevel", "kolmogorov")
 
-ABSENT = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
+ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -201,42 +200,5 @@ Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=_NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Models
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def _parameters(name: str, cls: Any, complete: bool) -> type[Keys]:
-    """The keys of a model: its name and the fields of its record, all of them if `complete`."""
-    fields: dict[str, Any] = {"name": (Literal[name], ... if complete else ABSENT)}
-    for key, hint in get_type_hints(cls, include_extras=True).items():
-        text = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
-        default = cls._field_defaults.get(key, ...) if complete else ABSENT
-        fields[key] = (key_of(hint, text), default)
-    return create_model(cls.__name__ + ("" if complete else "Part"), __base__=Keys, __doc__=cls.__doc__, **fields)
-
-
-def _record(parameters: Iterable[tuple[str, Any]]) -> Any:
-    """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
-    values = dict(parameters)
-    model = MODELS[values.pop("name")](**values)
-    return model._replace(sigma=tuple(s or None for s in model.sigma))
-
-
-def name_of(model: Any) -> str:
-    return next(name for name, cls in MODELS.items() if cls is type(model))
-
-
-COMPLETE = [_parameters(name, cls, True) for name, cls in MODELS.items()]
-_PARTS = [_parameters(name, cls, False) for name, cls in MODELS.items()]
-Model = Annotated[
-    one_of(COMPLETE, "name", MODELS),
-    pydantic.AfterValidator(_record),
-    pydantic.PlainSerializer(lambda model: {"name": name_of(model), **model._asdict()}),
-    Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
-]
-# Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
+# What can be read only together with other layers.
 Unread = Annotated[Any, BeforeValidator(lambda v: v)]
-ModelPart = Annotated[dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, _PARTS))]

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from ..arithmetic import Numbers
 from .keys import shown, wrong
+from .models import SOURCES
 
 PLACES = ("model", "initial", "eps")
 
@@ -53,7 +54,7 @@ def versions(data: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _replaced(part: Any, word: str, value: str) -> Any:
     if isinstance(part, dict):
-        return {key: inner if key == "name" else _replaced(inner, word, value) for key, inner in part.items()}
+        return {key: inner if key in SOURCES else _replaced(inner, word, value) for key, inner in part.items()}
     if isinstance(part, list):
         return [_replaced(inner, word, value) for inner in part]
     if isinstance(part, str):
