@@ -28,7 +28,7 @@ def stored(stem, text):
     name = f"{_identifier(stem)}_{hashlib.sha256(data).hexdigest()[:16]}"
     file = folder() / f"{name}.py"
     if not file.is_file() or file.read_bytes() != data:
-        _write(file, data)
+        write(file, data)
         importlib.invalidate_caches()
     return importlib.import_module(f"{own.__name__}.{name}")
 
@@ -83,7 +83,7 @@ def _identifier(stem):
     return re.sub(r"[^A-Za-z0-9_]", "_", stem)[:60]
 
 
-def _write(file, data):
+def write(file, data):
     """Replace a file at once, since other processes may read or write it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=file.parent, prefix=file.stem, suffix=".new", delete=False) as aside:

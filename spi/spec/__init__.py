@@ -27,6 +27,7 @@ from .document import Document, Location, SpecError, override, text_of
 from .files import Files
 from .keys import entries_in, shown, suggestion
 from .layers import PROFILES, Layers
+from .systems import overridden
 from .models import is_another
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
@@ -187,7 +188,7 @@ def _overridden(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     if "model" in below and "model" in above:
         old, new = below["model"], above["model"]
         if not is_another(new, old):
-            result["model"] = {**old, **new}
+            result["model"] = overridden(old, new)
     if "expect" in below:
         gone = {n for key in expect.NAMING if key in above for n in expect.names_in(below.get(key))}
         gone -= {n for key in expect.NAMING for n in expect.names_in(above.get(key))}

@@ -2,6 +2,7 @@
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
+    model: {system: heavy_top.yaml, parameters: {weight: 1}}
 
 :data:`SOURCES` says for each key that tells where a model comes from how the mapping is read.
 """
@@ -22,6 +23,7 @@ from ..model_checks import check_once
 from ..models import MODELS, check_model_class
 from .files import Files
 from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, wrong
+from .systems import read_system
 
 GROUP = "spi.models"  #: of the entry points by which packages register models
 
@@ -155,7 +157,13 @@ def _of_python(data: dict[str, Any], files: Files) -> Any:
 
 #: Key that tells where a model comes from -> how its mapping becomes a record, given the files that belong to the spec.
 #: If a mapping has several of these keys, the first of them counts.
-SOURCES: dict[str, Callable[[Any, Files], Any]] = {"python": _of_python, "name": _by_name}
+SOURCES: dict[str, Callable[[Any, Files], Any]] = {
+    "python": _of_python,
+    "system": read_system,
+    "algebra": read_system,
+    "bracket": read_system,
+    "name": _by_name,
+}
 
 
 def _source(data: Any) -> str | None:

@@ -51,6 +51,7 @@ class Defined(NamedTuple):
 
     system: System
     degrees: tuple[int | None, ...]  #: of the Casimir functions; None for one that is no homogeneous polynomial
+    sizes: Mapping[str, int]
     searched: int | None  #: up to this degree all Casimir functions are found; None if they were given
 
 
@@ -60,6 +61,26 @@ def define(data: Mapping[str, Any]) -> Defined:
     if unknown is not None:
         raise DefinitionError(f"is no known key; known: {', '.join(KEYS)}", unknown)
     return _Reader(data).read()
+
+
+def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
+    """The strengths of the noises of a definition: numbers, such as ``0.1 for i = 1..n``, 1 for each if none are given."""
+    reader = _Reader(data)
+    formulas = Symbols(parameters=reader.parameters, indices=reader.sizes)
+    count = sum(len(reader.at(lambda text=text: entries(text, formulas), *keys)) for text, keys in reader.texts("noises"))
+    if given is None:
+        return [1.0] * count
+    reader = _Reader({**data, "sigma": given})
+    found = []
+    for text, keys in reader.texts("sigma"):
+        for one, inner in reader.at(lambda text=text: entries(text, formulas), *keys):
+            value = reader.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+            if not value.is_number or not value.is_real or not 0 <= value < 1e300:
+                raise DefinitionError(f"is '{_shortened(one.strip())}'; must be a number, at least 0", *keys)
+            found.append(float(value))
+    if len(found) != count:
+        raise DefinitionError(f"has {len(found)} entries; must have {count}, one for each noise", "sigma")
+    return found
 
 
 class _Reader:
@@ -93,7 +114,6 @@ class _Reader:
             casimirs, degrees = tuple(casimirs[n] for n in order), tuple(degrees[n] for n in order)
         given_h = self.hamiltonian(world, formulas)
         system = System(
-            title="A Lie-Poisson system.",
             world=world,
             hamiltonian=given_h,
             flows=tuple(flows),
@@ -102,7 +122,7 @@ class _Reader:
             squared_length_first=first is not None,
             constants=constants.values,
         )
-        return Defined(system, degrees, searched)
+        return Defined(system, degrees, self.sizes, searched)
 
     # ---- names and numbers ----------------------------------------------------------------------------------------------
 

@@ -1,0 +1,98 @@
+"""Lie-Poisson systems defined in YAML: checked exactly, split into exact flows, generated as Python models.
+
+``definition`` reads texts into a :class:`~.source.System`, ``splitting`` and ``spectrum`` find flows in closed form,
+``source`` writes them as a module.
+"""
+
+import contextlib
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import sympy
+
+from .. import SOURCE_DIGEST, modules
+from ..registration import vocabulary
+from .definition import KEYS, DefinitionError, define, strengths
+from .source import Generated, generate
+from .splitting import Flow
+
+__all__ = ["KEYS", "DefinitionError", "Made", "made", "record", "strengths"]
+
+
+class Made(NamedTuple):
+    """A generated model: its module, the numbers of a record, and what was found."""
+
+    text: str  #: of the module
+    fields: list[tuple[str, float]]  #: the parameters, by the names of their fields
+    constants: list[float]  #: numbers found from the parameters
+    report: list[str]  #: flows, what was merged, Casimir functions; lines for people
+
+
+def made(definition: Mapping[str, Any], name: str) -> Made:
+    """The model of a definition, whose class has a name; DefinitionError if anything is wrong with it.
+
+    What was made once is kept beside the stored modules.
+    """
+    return _made(json.dumps([definition, name]))
+
+
+def record(system: Made) -> Any:
+    """The record of a generated model, all noises being on with strength 1; OSError if its module cannot be stored."""
+    module = modules.stored("system", system.text)
+    cls = getattr(module, module.NAME)
+    values = dict(system.fields) | ({"constants": tuple(system.constants)} if system.constants else {})
+    return cls(**values)
+
+
+@functools.lru_cache(maxsize=256)
+def _made(key: str) -> Made:
+    digest = hashlib.sha256(f"{SOURCE_DIGEST} {key}".encode()).hexdigest()
+    kept = modules.folder() / f"definition_{digest[:32]}.json"
+    with contextlib.suppress(OSError, ValueError, TypeError):
+        return Made(*json.loads(kept.read_text(encoding="utf-8")))
+    definition, name = json.loads(key)
+    defined = define(definition)
+    generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
+    values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
+    fields = [(field, values[parameter]) for parameter, field in generated.fields]
+    found = Made(generated.text, fields, list(generated.constants), _report(defined, generated))
+    with contextlib.suppress(OSError):  # then it is made again in the next process
+        modules.write(kept, json.dumps(found).encode())
+    return found
+
+
+def _report(defined: Any, generated: Generated) -> list[str]:
+    """What was found, for people."""
+    system = defined.system
+    lines = [f"{system.world.bracket.dimension} variables; the bracket is antisymmetric and fulfils Jacobi's identity"]
+    moving = zip((*system.flows, *system.noises), generated.motions, strict=True)
+    for n, (flow, motion) in enumerate(moving):
+        number = n - len(system.flows)
+        what = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
+        kinds = ", ".join(counted(motion.kinds)) or "nothing moves"
+        lines.append(f"{what}: {_terms(flow, defined)}: {kinds}")
+    searched = f", all polynomials up to degree {defined.searched}" if defined.searched else ""
+    texts = ", ".join(c.text for c in system.casimirs) or "none"
+    lines.append(f"Casimir functions{searched}: {texts}")
+    return lines
+
+
+def _terms(flow: Flow, defined: Any) -> str:
+    world = defined.system.world
+    values = {k: sympy.Float(v, 6) for k, v in defined.system.constants.items()}
+    count = len(flow.terms)
+    merged = f" ({count} terms merged)" if count > 1 else ""
+    return world.name(flow.expression.xreplace(values)) + merged
+
+
+def counted(kinds: Any) -> list[str]:
+    """``["2 rotations", "a shear"]``."""
+    found = []
+    for kind in dict.fromkeys(kinds):
+        n = kinds.count(kind)
+        plural = kind.replace(" with", "s with", 1) if " with" in kind else kind + "s"
+        found.append(f"{n} {plural}" if n > 1 else f"a {kind}")
+    return found
