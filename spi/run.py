@@ -1,13 +1,16 @@
 """The one path from a spec to results, shared by the command line, Python users, the Makefile and the tests."""
 
+import inspect
 import math
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from . import engine, spec, storage
+from . import engine, spec, storage, systems
 from .checkpoint import Limits, Stopped, sums_path
 from .ensemble import thread_count
 from .loading import Source, layers, load, plans
+from .schemes import typical_ns
 from .session import NOBODY, USUAL, Progress, Session, Watch, identity, results_path
 from .workers import Workers
 
@@ -21,9 +24,11 @@ __all__ = [
     "layers",
     "load",
     "plans",
+    "reports",
     "results_of",
     "results_path",
     "run",
+    "sources",
     "sums_path",
 ]
 
@@ -87,6 +92,25 @@ class Cost(NamedTuple):
     seconds: float  #: an estimate; NaN where nothing bounds the work
     megabytes: float
     at_most: bool  #: whether a target may be reached before
+
+
+def reports(experiment: spec.Experiment) -> dict[str, list[str]]:
+    """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for case in experiment.cases:
+        if lines := systems.report(case.model):
+            steps = [f"a step of {s}: about {typical_ns(s, case.model):.3g} ns" for s in case.schemes]
+            found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
+    several = len(experiment.cases) > 1
+    return {
+        f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()
+    }
+
+
+def sources(experiment: spec.Experiment) -> list[str]:
+    """The Python modules in which the models of an experiment are defined, each once."""
+    modules = dict.fromkeys(sys.modules[type(case.model).__module__] for case in experiment.cases)
+    return [inspect.getsource(module) for module in modules]
 
 
 def cost(experiment: spec.Experiment) -> Cost:

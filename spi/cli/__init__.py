@@ -124,11 +124,22 @@ def check(
 ) -> None:
     """Validate experiments and say what they would cost."""
     experiments = load(specs, profile, overrides, samples, seed)
-    from ..printing import print_cost
-    from ..run import cost
+    from ..printing import print_cost, print_reports
+    from ..run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
+        print_reports(reports(experiment))
+
+
+@app.command()
+def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
+    """Print the Python source of the models of experiments, generated ones included."""
+    from ..run import sources
+
+    for experiment in load(specs, profile, overrides, None, None):
+        for text in sources(experiment):
+            typer.echo(text.rstrip("\n"))
 
 
 @app.command()

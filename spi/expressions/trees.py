@@ -80,10 +80,16 @@ class _Trees(Numbers):
     longest = 400
     functions = tuple(_FUNCTIONS)
 
-    def __init__(self, dimension):
+    def __init__(self, dimension, names=()):
         components = {f"y{k + 1}": Component(INDICES[k]()) for k in range(dimension)}
-        self.constants = {**Numbers.constants, **components}
+        self.named = {name: Component(INDICES[k]()) for k, name in enumerate(names)}
+        self.calls = any("(" in name for name in names)
+        self.constants = {**Numbers.constants, **components, **self.named}
         self.state = f"y1 .. y{dimension}" if dimension > 1 else "only y1"
+
+    def call(self, word, inside):
+        """The component x(2) of a system whose variables have indices."""
+        return self.named.get(f"{word}({inside.replace(' ', '')})", NotImplemented)
 
     def unknown(self, word):
         if re.fullmatch("[yY][0-9]+", word):
@@ -134,9 +140,12 @@ def _power(a, exponent):
     return Power(a, _tree(exponent))
 
 
-def parse_expression(text, dimension):
-    """The tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none."""
-    return _tree(read(text, _Trees(dimension)))
+def parse_expression(text, dimension, names=()):
+    """The tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none.
+
+    The components may also be called by the `names` that the system gives them.
+    """
+    return _tree(read(text, _Trees(dimension, names)))
 
 
 def is_constant(expression):

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import IO, TYPE_CHECKING, Any
 
 from .text import fraction, is_odd, new_console, new_table, print_whole, printable
@@ -64,6 +64,14 @@ def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
         markup=False,
         soft_wrap=True,
     )
+
+
+def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = None) -> None:
+    """Print what was found of systems that were generated: lines by the name of the system and its cases."""
+    console = new_console(file)
+    for name, lines in reports.items():
+        for line in (f"{name}:", *(f"  {line}" for line in lines)):
+            console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
 
 
 def print_verification(path: Any, found: Any, file: IO[str] | None = None) -> None:

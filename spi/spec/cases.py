@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from pydantic import model_validator
@@ -16,6 +16,7 @@ from ..models import MODELS
 from ..protocol import Positive, dimension
 from ..schemes import SCHEMES
 from ..schemes.rows import compositions
+from ..systems import expanded, has_range, variables
 from .expect import Expect, claims
 from .keys import (
     ESTIMATORS,
@@ -41,13 +42,28 @@ _MOST_STEPS = 2**34  # of the reference step: what the counter of the random num
 _ROUNDING = 1e-12  # relative: ratios of steps written as decimals are not exact
 
 
+def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
+    """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
+    if not isinstance(value, list) or "model" not in info.data:
+        return value
+    if isinstance(info.data["model"], dict):  # of one layer, when it is not known yet which system it is
+        return [entry for entry in value if not has_range(entry)]
+    try:
+        return expanded(value, info.data["model"])
+    except NumberError as error:
+        raise wrong(f"has a range that cannot be read ({error})", "write it as in cos(i), 0 for i = 1..n") from None
+
+
 class BaseCase(Keys):
     """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
 
     name: str
     title: str
     model: Model
-    initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
+    initial: key_of(
+        Annotated[State, pydantic.BeforeValidator(_with_ranges)],
+        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode",
+    )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
@@ -188,15 +204,19 @@ class FunctionsCase(ErrorCase):
 
     @model_validator(mode="after")
     def _check_functions(self) -> Self:
-        d = dimension(self.model)
+        d, names = dimension(self.model), variables(self.model)
         right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
+        trees = {}
         for name, text in self.functions.items():
             try:
-                if is_constant(parse_expression(text, d)):
+                trees[name] = parse_expression(text, d, names)
+                if is_constant(trees[name]):
                     raise NumberError("constant")
             except NumberError as error:
                 raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
-        return self
+        if not names:
+            return self
+        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
 
 
 class SampledCase(FunctionsCase):

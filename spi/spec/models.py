@@ -23,7 +23,7 @@ from ..model_checks import check_once
 from ..models import MODELS, check_model_class
 from .files import Files
 from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, wrong
-from .systems import read_system
+from .systems import KEYS, read_system
 
 GROUP = "spi.models"  #: of the entry points by which packages register models
 
@@ -216,6 +216,9 @@ class _FromElsewhere(Keys):
     model_config = pydantic.ConfigDict(extra="allow")
 
     python: Annotated[str, Field(description="path of a Python file, seen from the folder of this one")] = ABSENT
+    system: Annotated[str, Field(description=KEYS["system"])] = ABSENT
+    algebra: Annotated[str, Field(description=KEYS["algebra"])] = ABSENT
+    bracket: Annotated[dict[str, Any], Field(description=KEYS["bracket"])] = ABSENT
     name: Annotated[str, Field(description="name of a model, or of a class in the Python file")] = ABSENT
 
 

@@ -54,13 +54,6 @@ def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, 
     return {**below, **above, **both}
 
 
-def report_of(data: Mapping[str, Any], files: Files) -> list[str]:
-    """What was found of a system, lines for people."""
-    document = _document(data["system"], files) if "system" in data else None
-    whole = overridden(document.data, data) if document else data
-    return systems.made({k: v for k, v in whole.items() if k in systems.KEYS}, _name(whole)).report
-
-
 def _name(whole: Mapping[str, Any]) -> str:
     path = whole.get("system")
     given = whole.get("name", "".join(c if c.isalnum() else "_" for c in Path(path).stem) if path else "own_system")

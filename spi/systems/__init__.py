@@ -8,6 +8,8 @@ import contextlib
 import functools
 import hashlib
 import json
+import re
+import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -18,8 +20,9 @@ from ..registration import vocabulary
 from .definition import KEYS, DefinitionError, define, strengths
 from .source import Generated, generate
 from .splitting import Flow
+from .text import NumberError, Symbols, entries, expression
 
-__all__ = ["KEYS", "DefinitionError", "Made", "made", "record", "strengths"]
+__all__ = ["KEYS", "DefinitionError", "Made", "NumberError", "expanded", "has_range", "made", "record", "report", "strengths", "variables"]
 
 
 class Made(NamedTuple):
@@ -44,7 +47,52 @@ def record(system: Made) -> Any:
     module = modules.stored("system", system.text)
     cls = getattr(module, module.NAME)
     values = dict(system.fields) | ({"constants": tuple(system.constants)} if system.constants else {})
-    return cls(**values)
+    found = cls(**values)
+    _REPORTS[_key(found)] = system.report
+    return found
+
+
+def report(model: Any) -> list[str]:
+    """What was found when a model was generated, lines for people; none for other models."""
+    return _REPORTS.get(_key(model), [])
+
+
+_REPORTS: dict[Any, list[str]] = {}  # of this process
+
+
+def _key(model: Any) -> Any:
+    return type(model), model._replace(sigma=())
+
+
+def variables(model: Any) -> tuple[str, ...]:
+    """The names of the components of a generated model; none for other models."""
+    return getattr(_module(model), "VARIABLES", ())
+
+
+def expanded(texts: list[Any], model: Any) -> list[Any]:
+    """Texts such as ``cos(2*pi*i/n), 0 for i = 1..n`` as numbers, with the sizes of a generated model; others as they are.
+
+    NumberError if one cannot be read.
+    """
+    symbols = Symbols(indices=getattr(_module(model), "SIZES", {}))
+    found = []
+    for text in texts:
+        if has_range(text):
+            values = [expression(one, inner) for one, inner in entries(text, symbols)]
+            found += [repr(float(value)) for value in values]
+        else:
+            found.append(text)
+    return found
+
+
+def has_range(text: Any) -> bool:
+    """Whether a text stands for several entries, as ``x(i) for i = 1..n`` does."""
+    return isinstance(text, str) and re.search(r"\bfor\b", text) is not None
+
+
+def _module(model: Any) -> Any:
+    cls = type(model)
+    return sys.modules[cls.__module__] if modules.is_stored(cls) else None
 
 
 @functools.lru_cache(maxsize=256)
