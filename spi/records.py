@@ -114,6 +114,7 @@ class Description(NamedTuple):
     seed: int
     model: str  #: its name in a spec file
     parameters: dict[str, Any]  #: of the model
+    variables: tuple[str, ...]  #: what the system calls its components, () if it gives them no names
     initial: tuple[float, ...] | None
     final_time: float | None
     truncate_noise: bool
@@ -138,6 +139,7 @@ class Description(NamedTuple):
             seed=a["seed"],
             model=a["model"],
             parameters={key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)},
+            variables=tuple(a.get("variables") or ()),
             initial=a.get("initial"),
             final_time=a.get("final_time"),
             truncate_noise=bool(a.get("truncate_noise")),
@@ -159,7 +161,8 @@ def describe(case: Any, row: Any, part: Part) -> dict[str, Any]:
         "initial": case.initial,
         "truncate_noise": case.truncate_noise,
         "model": case.model_name,
-        **{f"{_MODEL}{name}": value for name, value in case.model._asdict().items()},
+        **{f"{_MODEL}{name}": value for name, value in case.model._asdict().items() if name != "constants"},
+        **({"variables": names} if (names := getattr(case, "variables", ())) else {}),
     }
 
 

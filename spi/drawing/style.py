@@ -54,6 +54,7 @@ SYMBOLS = {
 }
 
 #: Models whose state is the (Re, Im) of complex modes: symbol and modes.
+_MOST_ENTRIES = 9  # of a tuple that is shown whole
 COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
 
 
@@ -194,6 +195,8 @@ def initial_value(about: Description) -> str:
 
 def component_names(about: Description, count: int) -> list[str]:
     """What the components of the state are called, in mathtext."""
+    if about.variables:
+        return [plain(name) for name in about.variables]
     if about.model not in COMPLEX:
         return [f"$y_{{{i + 1}}}$" for i in range(count)]
     symbol, modes = COMPLEX[about.model]
@@ -203,7 +206,12 @@ def component_names(about: Description, count: int) -> list[str]:
 def number(value: float | tuple[float | None, ...] | list[float | None] | None, steps: bool = False) -> str:
     """A number or a tuple of numbers in mathtext: simple decimals and fractions as such, steps as powers of two."""
     if isinstance(value, tuple | list):
-        return number(value[0]) if len(value) == 1 else "(" + r",\,".join(number(v) for v in value) + ")"
+        if len(value) == 1:
+            return number(value[0])
+        shown = [number(v) for v in value]
+        if len(shown) > _MOST_ENTRIES:
+            shown = [*shown[:4], r"\ldots", shown[-1]]
+        return "(" + r",\,".join(shown) + ")"
     if value is None or math.isnan(value):
         return r"\mathrm{off}"
     if steps and math.frexp(value)[0] == 0.5:

@@ -90,6 +90,11 @@ class BaseCase(Keys):
         return tuple(claims(self))
 
     @property
+    def variables(self) -> tuple[str, ...]:
+        """What the system calls its components, () if it gives them no names."""
+        return variables(self.model)
+
+    @property
     def model_name(self) -> str:
         return name_of(self.model)
 

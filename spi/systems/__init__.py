@@ -131,7 +131,7 @@ def _report(defined: Any, generated: Generated) -> list[str]:
 def _terms(flow: Flow, defined: Any) -> str:
     world = defined.system.world
     values = {k: sympy.Float(v, 6) for k, v in defined.system.constants.items()}
-    count = len(flow.terms)
+    count = len(sympy.Add.make_args(flow.expression))
     merged = f" ({count} terms merged)" if count > 1 else ""
     return world.name(flow.expression.xreplace(values)) + merged
 

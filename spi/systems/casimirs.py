@@ -8,14 +8,13 @@ from typing import Any, NamedTuple
 
 import mpmath
 import numpy as np
-import scipy.linalg
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .splitting import Symbolics, connected
 
 MOST_DEGREE = 4
-_MOST_UNKNOWNS = 1500  # monomials of a degree; the null space of so many takes seconds
+_MOST_UNKNOWNS = 1000  # monomials of a degree; the null space of so many takes seconds
 
 
 class Search(NamedTuple):
@@ -106,18 +105,24 @@ def _null_space(part: Sequence[int], monomials: Sequence[tuple[int, ...]], brack
     for n, monomial in enumerate(monomials):
         for i in monomial:
             powers[n, i] += 1
-    equations: list[np.ndarray] = []
-    left = 1.2 * count + 2 * d  # equations that are wanted; each point gives as many as B(y) has rank
-    while left > 0:
-        y = generator.standard_normal(d)
-        structure = np.zeros((d, d))
-        for i, j, linear in entries:
-            structure[i, j] = sum(c * y[k] for k, c in linear)
-            structure[j, i] = -structure[i, j]
-        gradient = np.prod(y**powers, axis=1) * powers.T / y[:, None]  # (component, monomial)
-        equations.append(structure @ gradient)
-        left -= max(1, np.linalg.matrix_rank(structure))
-    return scipy.linalg.null_space(np.concatenate(equations), rcond=1e-10).T.tolist()
+    gram = np.zeros((count, count))  # of the equations, which number several thousand
+    before, wanted = -1, 1.3 * count + 2 * d
+    while True:  # equations at different points need not be independent, so more are added until nothing changes
+        while wanted > 0:
+            y = generator.standard_normal(d)
+            structure = np.zeros((d, d))
+            for i, j, linear in entries:
+                structure[i, j] = sum(c * y[k] for k, c in linear)
+                structure[j, i] = -structure[i, j]
+            gradient = np.prod(y**powers, axis=1) * powers.T / y[:, None]  # (component, monomial)
+            rows = structure @ gradient
+            gram += rows.T @ rows
+            wanted -= max(1, np.linalg.matrix_rank(structure))
+        values, vectors = np.linalg.eigh(gram)
+        dimension = int(np.sum(values < 1e-11 * values[-1]))
+        if dimension in (0, before):
+            return vectors[:, :dimension].T.tolist()
+        before, wanted = dimension, 0.4 * count
 
 
 def _new_rows(

@@ -131,7 +131,9 @@ class _Reader:
         try:
             return read()
         except NumberError as error:
-            raise DefinitionError(f"is '{_shortened(self.value(keys))}' ({error}); correct it here", *keys) from None
+            cut = "not closed" in str(error) and isinstance(keys[-1], int)
+            right = "put an entry with commas in quotes" if cut else "correct it here"
+            raise DefinitionError(f"is '{_shortened(self.value(keys))}' ({error}); {right}", *keys) from None
 
     def value(self, keys: Sequence[Any]) -> Any:
         found: Any = self.data
