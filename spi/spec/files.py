@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
-from .. import modules
+from .. import modules, own
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
@@ -68,9 +68,9 @@ class Files:
 
     def _remedy(self, error: ImportError) -> str:
         name = (error.name or "").partition(".")[0]
-        if name and any((self.folder / beside).exists() for beside in (f"{name}.py", name)):
-            package = "a package with an entry point, see docs/own_models.md"
-            return f"the file must stand alone; put it and {name} into {package}"
+        beside = any((self.folder / file).exists() for file in (f"{name}.py", name)) if name else False
+        if beside or (error.name or "").startswith(own.__name__):  # the latter for a relative import
+            return "the file must stand alone; make a package of both, with an entry point, see docs/own_models.md"
         return "install what it imports, or correct the Python file"
 
 

@@ -181,7 +181,7 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     """Raise the error about a model that is not built in and fails the generic checks."""
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
-        what = f"{type(model).__name__}: {complaints[0]}{more}"
+        what = f"{type(model).__name__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
         raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 
