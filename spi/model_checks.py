@@ -60,6 +60,7 @@ class NotedAngles(NamedTuple):
         return math.sin(x), 2.0 * math.sin(0.5 * x) ** 2
 
     def adding_to_zero(angles, p0, p1, p2):
+        angles.largest[0] = max(angles.largest[0], abs(p0), abs(p1), abs(p2))
         return p0, p1, p2
 
 
