@@ -202,10 +202,16 @@ _PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.
 _BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
 
 
+#: What JSON Schema says of a name that is not one of theirs.
+NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
+
+
 class _FromElsewhere(Keys):
     """A model that is not built in: by its name, or by its class in a Python file."""
 
-    model_config = pydantic.ConfigDict(extra="allow")
+    model_config = pydantic.ConfigDict(
+        extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": NOT_BUILT_IN}}]}
+    )
 
     python: Annotated[str, Field(description="path of a Python file, seen from the folder of this one")] = ABSENT
     name: Annotated[str, Field(description="name of a model, or of a class in the Python file")] = ABSENT
