@@ -65,7 +65,7 @@ class NotedAngles(NamedTuple):
 
 
 def states_around(y, model, count=2):
-    """The state y and states near it, none of whose components is 0; positive ones if they are populations."""
+    """States near y, none of whose components is 0; positive ones if they are populations."""
     generator, y = np.random.default_rng(1), np.array(y, float)
     size = np.sqrt(np.mean(y * y)) or 1.0
     for _ in range(count):
@@ -108,8 +108,10 @@ def _complaints(model, y):
         try:
             found = list(checks(model, y))
         except Exception as error:
-            line = inspect.trace()[-1]
-            found = [f"{line.function}, line {line.lineno}, raises {type(error).__name__} at y = {_shown(y)}: {error}"]
+            place = inspect.trace()[-1]
+            found = [
+                f"{place.function}, line {place.lineno}, raises {type(error).__name__} at y = {_shown(y)}: {error}"
+            ]
         if found:
             return found
     return []

@@ -126,7 +126,7 @@ def test_a_parameter_can_be_swept(top):
 
 WRONG_SPECS = [
     ("my_top.py", "my_topp.py", "python: is 'my_topp.py', and there is no file my_topp.py; did you mean 'my_top.py'?"),
-    ("my_top.py", ".", "python: is '.', which cannot be read (is a directory); give a Python file"),
+    ("my_top.py", ".", "python: is '.', which cannot be read (is a directory); give a file of text"),
     ("my_top.py", "[x]", "python: is a list; must be the path of a Python file"),
     (" name: HeavyTop,", "", "name: missing key 'name'; add name: the class in my_top.py, one of HeavyTop"),
     ("Top", "Tops", "name: is 'HeavyTops', for which there is no class in my_top.py; did you mean 'HeavyTop'?"),

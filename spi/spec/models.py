@@ -107,7 +107,7 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
     try:
         keys = _keys_of(cls, telling, True)
     except Exception as error:
-        reason = str(error).splitlines()[0]
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
         raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
     if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
         raise wrong(
@@ -127,7 +127,7 @@ def _of_python(data: dict[str, Any], files: Files) -> Any:
         raise wrong(
             f"is {shown(path)}", "must be the path of a Python file, seen from the folder of this one", "python"
         )
-    module = files.module(path)
+    module = files.module(path, "python")
     here = [
         name
         for name, cls in vars(module).items()
