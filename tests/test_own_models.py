@@ -287,6 +287,8 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     path = run.run(experiment, "out")
     attributes = storage.read(path).attributes
     assert json.loads(attributes["model_sources"]) == {"my_model.py": OSCILLATOR}
+    code = experiment.effective["cases"]["main"]["model"]["code"]
+    assert json.loads(attributes["model_code"]) == {"Oscillator": code}
     assert run.results_of("s.yaml", "out") == path
 
     told = []
@@ -401,10 +403,13 @@ def test_a_broken_package_is_no_obstacle(installed, spec):
     )
     assert second.startswith(f"spi: the model 'gone', {start}Gone, fails: AttributeError: ")
     with pytest.raises(
-        SpecError, match=r"s.yaml:2: model.name: is 'gone', which the package package_b .* repair or remove"
+        SpecError, match=r"s.yaml:2: model.name: is 'gone', which the package package_b .* repair or remove what"
     ):
         spec(OSCILLATOR_SPEC.replace("python: my_model.py, name: Oscillator", "name: gone"))
     assert models.catalogue()[0]["rigid_body"] is MODELS["rigid_body"]
+    installed("package_d", ["bad = package_d:Oscillator"], OSCILLATOR)
+    (said,) = [problem for problem in models.catalogue()[1] if "bad" in problem]
+    assert said.endswith("is ambiguous") and "package_d:Oscillator" in said and "package_b:Bad" in said
 
 
 def test_nothing_is_loaded_for_the_help(installed):

@@ -54,9 +54,13 @@ def _record(cls: Any, parameters: Keys) -> Any:
 
 
 @functools.cache
-def registered() -> dict[str, importlib.metadata.EntryPoint]:
-    """The models that installed packages register, none of which is loaded for it."""
-    return {one.name: one for one in importlib.metadata.entry_points(group=GROUP) if one.name not in MODELS}
+def registered() -> dict[str, list[importlib.metadata.EntryPoint]]:
+    """The models that installed packages register, by name; none is loaded for it, and none takes a built-in name."""
+    found: dict[str, list[importlib.metadata.EntryPoint]] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        if point.name not in MODELS:
+            found.setdefault(point.name, []).append(point)
+    return found
 
 
 _LOADED: dict[str, Any] = {}
@@ -66,7 +70,9 @@ def loaded(name: str) -> Any:
     """The class of a registered model; ValueError says in a sentence what is wrong with it or its package."""
     if name in _LOADED:
         return _LOADED[name]
-    point = registered()[name]
+    point, *others = registered()[name]
+    if rival := next((other for other in others if other.value != point.value), None):
+        raise ValueError(f"'{name}', which is registered both as {point.value} and as {rival.value}, is ambiguous")
     try:
         cls = point.load()
         check_model_class(name, cls)
@@ -98,7 +104,7 @@ def _by_name(data: Any, files: Files) -> Any:
     try:
         cls = loaded(name)
     except ValueError as error:
-        raise wrong(f"is {error}", "repair or remove that package", "name") from None
+        raise wrong(f"is {error}", "repair or remove what registers it", "name") from None
     return _of_class(cls, data, {"name": Literal[name]}, "correct that package")
 
 
