@@ -350,6 +350,19 @@ def test_the_command_line(oscillator):
     assert err.count("\n") == 1 and not Path("out").exists()
 
 
+@pytest.mark.skipif(not COMPILED, reason="about the compiler")
+def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
+    """A strength that is off is None, with which nothing can be computed."""
+    source = OSCILLATOR.replace("return y\n", "return y[0] + 0.0 * model.sigma[0], y[1]\n")
+    oscillator(source=source + f"# {os.urandom(4).hex()}\n")
+    assert command("check", "s.yaml")[0] == 0
+    code, out, err = command("run", "s.yaml", "--out", "out", "--set", "model.sigma=[0]")
+    assert (code, out) == (1, "")
+    *_, last = err.splitlines()
+    assert last.startswith("spi: Oscillator in my_model.py, line 38, cannot be compiled: ")
+    assert "Traceback" not in err and list(Path("out").glob("*.h5")) == []
+
+
 # --- installed packages ----------------------------------------------------------------------------------------------
 
 
