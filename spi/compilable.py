@@ -79,7 +79,7 @@ def _misused_member(cls, method, members):
     record = next(iter(inspect.signature(method).parameters), None)
     line, before = method.__code__.co_firstlineno, None
     for instruction in dis.get_instructions(method):
-        line = instruction.starts_line or line
+        line = instruction.positions.lineno or line
         name = instruction.argval
         looks_up = instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and before == record
         if looks_up and name in members and name not in cls._fields:
@@ -98,7 +98,7 @@ def _globals_of(function):
     """(line, name, value) of the globals that a function uses, and of what it uses of modules among them."""
     line, module, prefix = function.__code__.co_firstlineno, None, ""
     for instruction in dis.get_instructions(function):
-        line = instruction.starts_line or line
+        line = instruction.positions.lineno or line
         value, name = None, str(instruction.argval)
         if instruction.opname == "LOAD_GLOBAL":
             prefix, value = "", function.__globals__.get(name)
@@ -112,7 +112,7 @@ def _globals_of(function):
 
 def explained(error, classes):
     """A CompilationError that says in one line what the compiler found wrong with some foreign classes."""
-    named = " and ".join(sorted(cls.__name__ for cls in classes))
+    named = " and ".join(sorted(f"{cls.__name__} in {modules.source_name(cls)}" for cls in classes))
     return CompilationError(f"{named}{_place(error, *classes)}, cannot be compiled: {_reason(error)}")
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from . import SOURCE_DIGEST, modules
 from .compilable import obstacle
+from .differences import derivative, derivative_along, differ, size_of
 from .inlining import is_compiling, uncompiled
 from .protocol import (
     casimirs,
@@ -38,10 +39,6 @@ from .protocol import (
     structure_derivative,
 )
 
-# Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
-STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-STEP = 0.01
-
 _EXACT, _DIFFERENCES = 1e-9, 1e-6  # relative: of what is equal but for roundings, and of what has differences in it
 _TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
 _ANGLES = (
@@ -51,16 +48,6 @@ _ANGLES = (
 )  # at which angle words are compared: below each of the bounds for cheaper sines, and above
 
 _PASSED: set[type] = set()  # in this process
-
-
-def derivative(f):
-    """f'(0) for a function of one real number, with values in tuples or floats."""
-    return sum(c * (np.asarray(f(j * STEP)) - np.asarray(f(-j * STEP))) for j, c in STENCIL.items()) / STEP
-
-
-def along(y, v):
-    """The line s -> y + s v."""
-    return lambda s: tuple((np.array(y) + s * np.array(v)).tolist())
 
 
 class NotedAngles(NamedTuple):
@@ -73,11 +60,12 @@ class NotedAngles(NamedTuple):
         return math.sin(x), 2.0 * math.sin(0.5 * x) ** 2
 
     def adding_to_zero(angles, p0, p1, p2):
+        angles.largest[0] = max(angles.largest[0], abs(p0), abs(p1), abs(p2))
         return p0, p1, p2
 
 
 def states_around(y, model, count=2):
-    """The state y and states near it, none of whose components is 0; positive ones if they are populations."""
+    """States near y, none of whose components is 0; positive ones if they are populations."""
     generator, y = np.random.default_rng(1), np.array(y, float)
     size = np.sqrt(np.mean(y * y)) or 1.0
     for _ in range(count):
@@ -120,38 +108,17 @@ def _complaints(model, y):
         try:
             found = list(checks(model, y))
         except Exception as error:
-            line = inspect.trace()[-1]
-            found = [f"{line.function}, line {line.lineno}, raises {type(error).__name__} at y = {_shown(y)}: {error}"]
+            place = inspect.trace()[-1]
+            found = [
+                f"{place.function}, line {place.lineno}, raises {type(error).__name__} at y = {_shown(y)}: {error}"
+            ]
         if found:
             return found
     return []
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Comparing
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def _differ(a, b, tolerance, *others):
-    """Whether two arrays differ by more than `tolerance` times the size of the largest of all that is given."""
-    a, b = np.asarray(a, float), np.asarray(b, float)
-    size = max(float(np.linalg.norm(x)) for x in (a, b, *others))
-    return not np.linalg.norm(a - b) <= tolerance * size  # also where one is no number
-
-
 def _shown(y):
     return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"
-
-
-def _size(y):
-    return float(np.linalg.norm(y)) or 1.0
-
-
-def _derivative_along(f, y, v):
-    """(the derivative of f at y along v, the size of its rounding errors over the tolerance)."""
-    step = _size(y) / _size(v)
-    changed = derivative(lambda s: f(along(y, v)(s * step))) / step
-    return changed, 1e-6 * np.linalg.norm(f(y)) / step
 
 
 def _matrix(columns):
@@ -177,31 +144,31 @@ def _shapes(model, y):
 def _structure(model, y):
     units = _unit_vectors(model)
     B = _matrix([structure(model, y, e) for e in units])
-    if _differ(B, -B.T, _EXACT):
+    if differ(B, -B.T, _EXACT):
         yield "structure is not skew: v . B(y) w must be -w . B(y) v"
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
-    if _differ(structure(model, y, v), B @ v, _EXACT, B @ np.abs(v)):
+    if differ(structure(model, y, v), B @ v, _EXACT, B @ np.abs(v)):
         yield "structure is not linear in v"
     derivatives = np.array([_matrix([structure_derivative(model, y, e, w) for w in units]) for e in units])
     for i, e in enumerate(units):
-        changed, size = _derivative_along(lambda z: _matrix([structure(model, z, w) for w in units]), y, e)
-        if _differ(derivatives[i], changed, _DIFFERENCES, size):
+        changed, size = derivative_along(lambda z: _matrix([structure(model, z, w) for w in units]), y, e)
+        if differ(derivatives[i], changed, _DIFFERENCES, size):
             yield "structure_derivative is not the derivative of structure along u"
             return
     terms = np.einsum("il,ljk->ijk", B, derivatives)  # sum_l B_il d_l B_jk
-    if _differ(terms + terms.transpose(1, 2, 0), -terms.transpose(2, 0, 1), _EXACT, terms):
+    if differ(terms + terms.transpose(1, 2, 0), -terms.transpose(2, 0, 1), _EXACT, terms):
         yield "structure violates Jacobi's identity"
     for c in range(conserved(model)):
-        both = [_derivative_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units]
+        both = [derivative_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units]
         gradient = np.array([changed for changed, _ in both])
-        if _differ(B @ gradient, 0.0 * y[0], _DIFFERENCES, np.linalg.norm(B) * gradient, [s for _, s in both]):
+        if differ(B @ gradient, 0.0 * y[0], _DIFFERENCES, np.linalg.norm(B) * gradient, [s for _, s in both]):
             yield f"casimirs, number {c}, is no Casimir function: structure(its gradient) is not 0"
 
 
 def _gradients(model, y):
     for e, slope in zip(_unit_vectors(model), drift_gradient(model, y), strict=True):
-        changed, size = _derivative_along(lambda z: hamiltonian(model, z), y, e)
-        if _differ(slope, changed, _DIFFERENCES, size, drift_gradient(model, y)):
+        changed, size = derivative_along(lambda z: hamiltonian(model, z), y, e)
+        if differ(slope, changed, _DIFFERENCES, size, drift_gradient(model, y)):
             yield "drift_gradient is not the gradient of hamiltonian"
             break
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
@@ -210,21 +177,21 @@ def _gradients(model, y):
         gradient, hessian = lambda z, k=k: noise_gradient(model, k, z), lambda z, w, k=k: noise_hessian(model, k, z, w)
         yield from _hessian("noise", f", k = {k},", gradient, hessian, y, v)
         for w in (gradient(y), hessian(y, v)):
-            if _differ(noise_structure(model, k, y, w), structure(model, y, w), _EXACT):
+            if differ(noise_structure(model, k, y, w), structure(model, y, w), _EXACT):
                 yield f"noise_structure, k = {k}, differs from structure for a gradient of the noise"
             changed = structure_derivative(model, y, v, w)
-            if _differ(noise_structure_derivative(model, k, y, v, w), changed, _EXACT):
+            if differ(noise_structure_derivative(model, k, y, v, w), changed, _EXACT):
                 yield f"noise_structure_derivative, k = {k}, differs from structure_derivative for such a gradient"
 
 
 def _hessian(part, number, gradient, hessian, y, v):
     """Whether a word is the derivative of a gradient, which is one indeed if that is symmetric."""
-    changed, size = _derivative_along(gradient, y, v)
-    if _differ(hessian(y, v), changed, _DIFFERENCES, size):
+    changed, size = derivative_along(gradient, y, v)
+    if differ(hessian(y, v), changed, _DIFFERENCES, size):
         yield f"{part}_hessian{number} is not the derivative of {part}_gradient along v"
         return
     matrix = _matrix([hessian(y, tuple(e)) for e in np.eye(len(y)).tolist()])
-    if _differ(matrix, matrix.T, _EXACT):
+    if differ(matrix, matrix.T, _EXACT):
         yield f"{part}_gradient{number} is the gradient of no function: {part}_hessian is not symmetric"
 
 
@@ -245,9 +212,9 @@ class _Flow(NamedTuple):
 
     def rate(self, y, field):
         """One over the time in which it moves a state by its own size or by an angle of 1; `field` is a guess."""
-        guess = _size(field) / _size(y)
+        guess = size_of(field) / size_of(y)
         t = 1e-3 / guess
-        moved = np.linalg.norm(np.subtract(self.act(t, y), y)) / _size(y)
+        moved = np.linalg.norm(np.subtract(self.act(t, y), y)) / size_of(y)
         return max(guess, self.noting(t, y) / t, float(moved) / t)
 
     def __str__(self):
@@ -271,14 +238,14 @@ def _flows(model, y):
     total, size = np.zeros(len(y)), 0.0
     for flow in _flows_of(model, "drift", pieces(model), drift_flow, drift_angle):
         rate = flow.rate(y, field)
-        total, size = total + _velocity(flow, y, rate), max(size, _size(y) * rate)
+        total, size = total + _velocity(flow, y, rate), max(size, size_of(y) * rate)
         yield from _one_flow(model, flow, y, rate)
-    if _differ(total, field, _DIFFERENCES, 1e-6 * size):
+    if differ(total, field, _DIFFERENCES, 1e-6 * size):
         yield "drift_flow: its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
     for flow in _flows_of(model, "noise", noises(model), noise_flow, noise_angle):
         field = structure(model, y, noise_gradient(model, flow.k, y))
         rate = flow.rate(y, field)
-        if _differ(_velocity(flow, y, rate), field, _DIFFERENCES, 1e-6 * _size(y) * rate):
+        if differ(_velocity(flow, y, rate), field, _DIFFERENCES, 1e-6 * size_of(y) * rate):
             yield f"{flow} does not solve its equation: its derivative at t = 0 is not structure(noise_gradient)"
         yield from _one_flow(model, flow, y, rate)
 
@@ -301,22 +268,22 @@ def _one_flow(model, flow, y, rate):
 
 
 def _exactness(model, flow, y, rate):
-    if _differ(flow.act(0.0, y), y, _EXACT):
+    if differ(flow.act(0.0, y), y, _EXACT):
         yield f"{flow} at t = 0 does not leave the state as it is"
     s, t = (time / rate for time in _TIMES)
     there = flow.act(t, y)
     if not all(map(math.isfinite, there)):
         yield f"{flow} is not finite at t = {t:.3g}, y = {_shown(y)}"
         return
-    if _differ(flow.act(s, there), flow.act(s + t, y), _EXACT, there, y):
+    if differ(flow.act(s, there), flow.act(s + t, y), _EXACT, there, y):
         yield f"{flow} is no flow: after times t and s it is not where it is after t + s"
         return
     units = _unit_vectors(model)
     before, after = (_matrix([structure(model, z, e) for e in units]) for z in (y, there))
-    jacobian = np.array([_derivative_along(lambda z: flow.act(t, z), y, e)[0] for e in units]).T
-    if _differ(jacobian @ before @ jacobian.T, after, _DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before):
+    jacobian = np.array([derivative_along(lambda z: flow.act(t, z), y, e)[0] for e in units]).T
+    if differ(jacobian @ before @ jacobian.T, after, _DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before):
         yield f"{flow} is no Poisson map: it changes the structure"
     sizes = [casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
     for c, (was, now) in enumerate(zip(casimirs(model, y), casimirs(model, there), strict=True)):
-        if _differ(was, now, _EXACT, *(size[c] for size in sizes)):
+        if differ(was, now, _EXACT, *(size[c] for size in sizes)):
             yield f"{flow} does not keep casimirs, number {c}"

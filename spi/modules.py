@@ -7,6 +7,7 @@ the workers, and all that read Numba's index of compiled kernels.  A *stored mod
 import functools
 import hashlib
 import importlib
+import inspect
 import os
 import re
 import sys
@@ -41,6 +42,12 @@ def folder():
 def is_stored(thing):
     """Whether a class or function is that of a stored module."""
     return thing.__module__.startswith(f"{own.__name__}.")
+
+
+def source_name(thing):
+    """The name of the file with the source of a class or function, of a stored module's without the hash."""
+    name = Path(inspect.getfile(thing)).name
+    return f"{name[: -len('_0123456789abcdef.py')]}.py" if is_stored(thing) else name
 
 
 def is_foreign(thing):

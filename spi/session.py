@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import SOURCE_DIGEST, __version__, compiling, engine, spec, storage
+from . import SOURCE_DIGEST, __version__, compiling, engine, modules, spec, storage
 from .checkpoint import Checkpoint, Limits, sums_path
 from .kinds.plans import KernelCall, Plan
 from .kinds.state import State
@@ -127,10 +127,18 @@ def identity(experiment: spec.Experiment) -> dict[str, Any]:
         "samples": experiment.samples,
         "overrides": experiment.overrides,
         "model_sources": json.dumps(dict(experiment.files)) if experiment.files else None,
+        "model_code": _code(experiment),
         "expect": experiment.expect,
         "profile": experiment.profile,
         "source_digest": SOURCE_DIGEST,
     }
+
+
+def _code(experiment: spec.Experiment) -> str | None:
+    """What identifies the code of the models that are not built in, JSON of name and digest; None if there are none."""
+    digests = {case.model_name: modules.digest(type(case.model)) for case in experiment.cases}
+    foreign = {name: digest for name, digest in digests.items() if digest is not None}
+    return json.dumps(foreign) if foreign else None
 
 
 def _attributes(experiment: spec.Experiment) -> dict[str, Any]:

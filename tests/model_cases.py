@@ -1,4 +1,4 @@
-"""What the tests of models share: the models under test, states, and derivatives by differences.
+"""What the tests of models share: the models under test, states, and how results are compared.
 
 A new model is tested by one more row in MODELS_UNDER_TEST.
 """
@@ -48,21 +48,6 @@ def case(request, point):
     """(model, a random state); a generator for each, so that every test is the same when it runs alone."""
     _, model, sampler = request.param
     return model, tuple(sampler(np.random.default_rng([7, point])).tolist())
-
-
-# Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
-STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-STEP = 0.01
-
-
-def derivative(f):
-    """f'(0) for a function of one real number, with values in tuples or floats."""
-    parts = [c * (np.asarray(f(j * STEP)) - np.asarray(f(-j * STEP))) for j, c in STENCIL.items()]
-    return sum(parts) / STEP
-
-
-def along(y, v):
-    return lambda s: tuple((np.array(y) + s * np.array(v)).tolist())
 
 
 def close(a, b, tolerance):

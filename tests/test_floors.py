@@ -10,7 +10,18 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
     ["own", "modules", "inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies", "claims"],
-    ["angles", "lanes", "protocol", "registration", "fields", "increments", "steppers", "compilable", "model_checks"],
+    [
+        "angles",
+        "lanes",
+        "protocol",
+        "registration",
+        "fields",
+        "increments",
+        "steppers",
+        "compilable",
+        "differences",
+        "model_checks",
+    ],
     ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
     ["spec", "storage", "drawing", "printing", "compiling"],
     ["kinds"],

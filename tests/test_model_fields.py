@@ -3,9 +3,10 @@
 import model_cases
 import numpy as np
 import pytest
-from model_cases import along, close, derivative
+from model_cases import close
 
 from spi import fields
+from spi.differences import along, derivative
 from spi.models import SineEuler
 from spi.protocol import (
     casimirs,

@@ -3,11 +3,12 @@
 import model_cases
 import numpy as np
 import pytest
-from model_cases import MODELS_UNDER_TEST, along, close, derivative
+from model_cases import MODELS_UNDER_TEST, close
 from scipy.integrate import solve_ivp
 
 from spi import fields
 from spi.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
+from spi.differences import along, derivative
 from spi.models import MODELS, LotkaVolterra, RigidBody, RigidBodySharedNoise
 from spi.protocol import (
     casimirs,

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
-from .. import modules
+from .. import modules, own
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
@@ -24,28 +24,26 @@ class Files:
         self.complete = given is not None
 
     def text(self, path: str, key: str) -> str:
-        """The text of a file; raises the error about the key that names it if it cannot be read."""
+        """The text of a file that stands under `key`; raises the error about that key if it cannot be read."""
         if path not in self.texts:
             if self.complete:
-                raise wrong(
-                    f"is {shown(path)}, whose text is not among the files of this spec", "add it to them", key
-                )
+                raise wrong(f"is {shown(path)}, whose text is not among the files of this spec", "add it to them", key)
             self.texts[path] = self._from_disk(path, key)
         return self.texts[path]
 
-    def module(self, path: str) -> ModuleType:
-        """The module with the text of a Python file; raises the error about ``python`` if it cannot be imported."""
-        text = self.text(path, "python")
+    def module(self, path: str, key: str) -> ModuleType:
+        """The module with the text of a Python file; raises the error about `key` if it cannot be imported."""
+        text = self.text(path, key)
         try:
             return modules.stored(Path(path).stem, text)
         except SyntaxError as error:
             at = f"line {error.lineno}: " if error.lineno else ""
-            raise wrong(f"is {shown(path)}, {at}{error.msg}", "correct the Python file", "python") from None
+            raise wrong(f"is {shown(path)}, {at}{error.msg}", "correct the Python file", key) from None
         except ImportError as error:
-            raise wrong(f"is {shown(path)}{_line(error)}: {error}", self._remedy(error), "python") from None
+            raise wrong(f"is {shown(path)}{_line(error)}: {error}", self._remedy(error), key) from None
         except (Exception, SystemExit) as error:
             what = f"is {shown(path)}{_line(error)}: raises {type(error).__name__}: {error}"
-            raise wrong(what, "correct the Python file, which must be importable", "python") from None
+            raise wrong(what, "correct the Python file, which must be importable", key) from None
 
     def _from_disk(self, path: str, key: str) -> str:
         file = self.folder / path
@@ -55,7 +53,8 @@ class Files:
                 raise ValueError(f"more than {_MOST_BYTES // 1000} kB")
             return data.decode("utf-8-sig").replace("\r\n", "\n")
         except FileNotFoundError:
-            near = difflib.get_close_matches(file.name, [other.name for other in file.parent.glob(f"*{file.suffix}")], 1)
+            there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
+            near = difflib.get_close_matches(file.name, there, 1)
             right = (
                 f"did you mean '{Path(path).with_name(near[0])}'?" if near else "paths begin at the folder of the spec"
             )
@@ -64,13 +63,13 @@ class Files:
             raise wrong(f"is {shown(path)}, which is not UTF-8", "save the file as UTF-8", key) from None
         except (OSError, ValueError) as error:
             reason = (getattr(error, "strerror", None) or str(error)).lower()
-            raise wrong(f"is {shown(path)}, which cannot be read ({reason})", "give a text file", key) from None
+            raise wrong(f"is {shown(path)}, which cannot be read ({reason})", "give a file of text", key) from None
 
     def _remedy(self, error: ImportError) -> str:
         name = (error.name or "").partition(".")[0]
-        if name and any((self.folder / beside).exists() for beside in (f"{name}.py", name)):
-            package = "a package with an entry point, see docs/own_models.md"
-            return f"the file must stand alone; put it and {name} into {package}"
+        beside = any((self.folder / file).exists() for file in (f"{name}.py", name)) if name else False
+        if beside or (error.name or "").startswith(own.__name__):  # the latter for a relative import
+            return "the file must stand alone; make a package of both, with an entry point, see docs/own_models.md"
         return "install what it imports, or correct the Python file"
 
 

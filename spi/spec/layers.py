@@ -18,7 +18,7 @@ from .keys import (
     needed_keys,
     one_of,
 )
-from .models import COMPLETE, SOURCES, ModelPart
+from .models import COMPLETE, NOT_BUILT_IN, ModelPart
 from .sweep import PLACES
 
 #: ``laptop`` is the file itself; so are the others where the file does not define them.
@@ -40,8 +40,8 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     profiles = create_model(f"{kind}_profiles", __base__=Keys, **by_name)
     classes = zip(MODELS, COMPLETE, strict=True)
     models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
-    models += [{"required": [key]} for key in SOURCES if key != "name"]
-    models.append({"properties": {"name": {"not": {"enum": list(MODELS)}}}})
+    models += [{"required": ["python", "name"]}, *({"required": [key]} for key in ("system", "algebra", "bracket"))]
+    models += [{"properties": {"name": NOT_BUILT_IN}, "required": ["name"]}]
     alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),

@@ -56,9 +56,13 @@ def _record(cls: Any, parameters: Keys) -> Any:
 
 
 @functools.cache
-def registered() -> dict[str, importlib.metadata.EntryPoint]:
-    """The models that installed packages register, none of which is loaded for it."""
-    return {one.name: one for one in importlib.metadata.entry_points(group=GROUP) if one.name not in MODELS}
+def registered() -> dict[str, list[importlib.metadata.EntryPoint]]:
+    """The models that installed packages register, by name; none is loaded for it, and none takes a built-in name."""
+    found: dict[str, list[importlib.metadata.EntryPoint]] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        if point.name not in MODELS:
+            found.setdefault(point.name, []).append(point)
+    return found
 
 
 _LOADED: dict[str, Any] = {}
@@ -68,7 +72,9 @@ def loaded(name: str) -> Any:
     """The class of a registered model; ValueError says in a sentence what is wrong with it or its package."""
     if name in _LOADED:
         return _LOADED[name]
-    point = registered()[name]
+    point, *others = registered()[name]
+    if rival := next((other for other in others if other.value != point.value), None):
+        raise ValueError(f"'{name}', which is registered both as {point.value} and as {rival.value}, is ambiguous")
     try:
         cls = point.load()
         check_model_class(name, cls)
@@ -100,7 +106,7 @@ def _by_name(data: Any, files: Files) -> Any:
     try:
         cls = loaded(name)
     except ValueError as error:
-        raise wrong(f"is {error}", "repair or remove that package", "name") from None
+        raise wrong(f"is {error}", "repair or remove what registers it", "name") from None
     return _of_class(cls, data, {"name": Literal[name]}, "correct that package")
 
 
@@ -109,7 +115,7 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
     try:
         keys = _keys_of(cls, telling, True)
     except Exception as error:
-        reason = str(error).splitlines()[0]
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
         raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
     if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
         raise wrong(
@@ -129,7 +135,7 @@ def _of_python(data: dict[str, Any], files: Files) -> Any:
         raise wrong(
             f"is {shown(path)}", "must be the path of a Python file, seen from the folder of this one", "python"
         )
-    module = files.module(path)
+    module = files.module(path, "python")
     here = [
         name
         for name, cls in vars(module).items()
@@ -189,7 +195,7 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     """Raise the error about a model that is not built in and fails the generic checks."""
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
-        what = f"{type(model).__name__}: {complaints[0]}{more}"
+        what = f"{type(model).__name__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
         raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 
@@ -210,10 +216,16 @@ _PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.
 _BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
 
 
+#: What JSON Schema says of a name that is not one of theirs.
+NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
+
+
 class _FromElsewhere(Keys):
     """A model that is not built in: by its name, or by its class in a Python file."""
 
-    model_config = pydantic.ConfigDict(extra="allow")
+    model_config = pydantic.ConfigDict(
+        extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": NOT_BUILT_IN}}]}
+    )
 
     python: Annotated[str, Field(description="path of a Python file, seen from the folder of this one")] = ABSENT
     system: Annotated[str, Field(description=KEYS["system"])] = ABSENT
