@@ -102,9 +102,7 @@ def reports(experiment: spec.Experiment) -> dict[str, list[str]]:
             steps = [f"a step of {s}: about {typical_ns(s, case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
     several = len(experiment.cases) > 1
-    return {
-        f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()
-    }
+    return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}
 
 
 def sources(experiment: spec.Experiment) -> list[str]:

@@ -27,8 +27,8 @@ from .document import Document, Location, SpecError, override, text_of
 from .files import Files
 from .keys import entries_in, shown, suggestion
 from .layers import PROFILES, Layers
-from .systems import overridden
 from .models import is_another
+from .systems import overridden
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
 

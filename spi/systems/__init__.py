@@ -22,7 +22,19 @@ from .source import Generated, generate
 from .splitting import Flow
 from .text import NumberError, Symbols, entries, expression
 
-__all__ = ["KEYS", "DefinitionError", "Made", "NumberError", "expanded", "has_range", "made", "record", "report", "strengths", "variables"]
+__all__ = [
+    "KEYS",
+    "DefinitionError",
+    "Made",
+    "NumberError",
+    "expanded",
+    "has_range",
+    "made",
+    "record",
+    "report",
+    "strengths",
+    "variables",
+]
 
 
 class Made(NamedTuple):
@@ -70,7 +82,7 @@ def variables(model: Any) -> tuple[str, ...]:
 
 
 def expanded(texts: list[Any], model: Any) -> list[Any]:
-    """Texts such as ``cos(2*pi*i/n), 0 for i = 1..n`` as numbers, with the sizes of a generated model; others as they are.
+    """Texts such as ``cos(2*pi*i/n), 0 for i = 1..n`` as numbers, with the sizes of a generated model; others unchanged.
 
     NumberError if one cannot be read.
     """

@@ -1,11 +1,12 @@
 """Lie algebras by name, as Lie-Poisson brackets of their generators in the order in which they are listed here.
 
-    so(n)           n = 3: y1, y2, y3 with {y1, y2} = -y3 and cyclic permutations, the rigid body's; n > 3: L12, L13, ...,
-                    L23, ... (L_ij turns axis i towards axis j) with {L_ij, L_jk} = L_ik, L_ji = -L_ij
+    so(n)           n = 3: y1, y2, y3 with {y1, y2} = -y3 and cyclic permutations, the rigid body's; n > 3: L12, L13,
+                    ..., L23, ... (L_ij turns axis i towards axis j) with {L_ij, L_jk} = L_ik, L_ji = -L_ij
     su(2)           so(3)
-    se(n), e(n)     so(n), then n translations: {y1, g2} = -g3 and so on for n = 3, {L_ij, g_i} = -g_j else; n = 2: {L, g1} = -g2,
-                    {L, g2} = g1, the bracket of Maxwell-Bloch
-    so(p,q)         as so(p+q) with p axes of length 1 and q of length -1; so(2,1): {k1, k2} = k3, {k2, k3} = -k1, {k3, k1} = -k2
+    se(n), e(n)     so(n), then n translations: {y1, g2} = -g3 and so on for n = 3, {L_ij, g_i} = -g_j else;
+                    n = 2: {L, g1} = -g2, {L, g2} = g1, the bracket of Maxwell-Bloch
+    so(p,q)         as so(p+q) with p axes of length 1 and q of length -1;
+                    so(2,1): {k1, k2} = k3, {k2, k3} = -k1, {k3, k1} = -k2
     sl(2)           h, e, f with {h, e} = -2 e, {h, f} = 2 f, {e, f} = -h
     gl(n)           E11, E12, ... with {E_ij, E_jk} = -E_ik for i != k, {E_ij, E_ji} = E_jj - E_ii
     heisenberg(n)   q1, ..., qn, p1, ..., pn, z with {q_i, p_i} = z; heisenberg is heisenberg(1)

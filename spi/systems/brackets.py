@@ -1,4 +1,4 @@
-"""Lie-Poisson brackets {y_i, y_j} = sum_k c_ij^k y_k: where they come from, what they must fulfil, their linear fields."""
+"""Lie-Poisson brackets {y_i, y_j} = sum_k c_ij^k y_k: what they must fulfil, and the fields of linear functions."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -103,7 +103,9 @@ def checked(
         name = "{" + f"{variables[i]}, {variables[j]}" + "}"
         if i == j:
             if linear:
-                raise BracketError(f"makes {name} other than 0; a bracket is antisymmetric, leave it out", "bracket", key)
+                raise BracketError(
+                    f"makes {name} other than 0; a bracket is antisymmetric, leave it out", "bracket", key
+                )
             continue
         pair = (min(i, j), max(i, j))
         linear = linear if i < j else {k: -c for k, c in linear.items()}

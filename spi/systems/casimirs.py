@@ -1,4 +1,4 @@
-"""Casimir functions: polynomials C with B(y) grad C(y) = 0 for all y, found by linear algebra, or given and verified."""
+"""Casimir functions, B(y) grad C(y) = 0 for all y: polynomials found by linear algebra, or given and verified."""
 
 import itertools
 import math
@@ -33,7 +33,10 @@ def is_casimir(function: Any, world: Symbolics) -> bool:
     tried = 0
     with mpmath.workdps(DIGITS):
         for n in range(12):
-            point = [mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8 for j in range(len(world.variables))]
+            point = [
+                mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8
+                for j in range(len(world.variables))
+            ]
             try:
                 at = dict(zip(used, map(mpmath.mpf, value(*point)), strict=True))
             except (TypeError, ValueError, ZeroDivisionError):
@@ -131,7 +134,7 @@ def _new_rows(
     """Rows that complete `known` to a basis of a space, with small rational entries; none for irrational ones."""
     if len(space) <= len(known):
         return []
-    reduced, pivots = _echelon(np.array(space).reshape(-1, count))
+    reduced = _echelon(np.array(space).reshape(-1, count))
     rational = [[Fraction(float(c)).limit_denominator(1000) for c in row] for row in reduced]
     rows, basis = [], [list(map(float, row)) for row in known]
     for row, exact in zip(reduced, rational, strict=True):
@@ -143,9 +146,9 @@ def _new_rows(
     return rows
 
 
-def _echelon(matrix: np.ndarray) -> tuple[np.ndarray, list[int]]:
-    """The reduced echelon form of a matrix of full row rank, and its pivots."""
-    a, pivots = matrix.copy(), []
+def _echelon(matrix: np.ndarray) -> np.ndarray:
+    """The reduced echelon form of a matrix of full row rank."""
+    a = matrix.copy()
     row = 0
     for column in range(a.shape[1]):
         best = row + int(np.argmax(np.abs(a[row:, column]))) if row < len(a) else row
@@ -155,10 +158,9 @@ def _echelon(matrix: np.ndarray) -> tuple[np.ndarray, list[int]]:
         a[row] /= a[row, column]
         others = np.arange(len(a)) != row
         a[others] -= np.outer(a[others, column], a[row])
-        pivots.append(column)
         row += 1
     a[np.abs(a) < 1e-9] = 0.0
-    return a, pivots
+    return a
 
 
 def _products(

@@ -24,12 +24,13 @@ class Formula:
 
     def lines(self, expressions: Sequence[Any]) -> tuple[list[str], list[str]]:
         """Lines that give names to what occurs more than once, and the code of each expression."""
-        fresh = (sympy.Symbol(f"x{n}", real=True) for n in itertools.count(1))
+        fresh = (sympy.Symbol(f"χ{n}", real=True) for n in itertools.count(1))  # nobody can write this
         shared, rest = sympy.cse([sympy.sympify(e) for e in expressions], symbols=fresh, order="none")
         lines = []
         for symbol, value in shared:
-            lines.append(f"{symbol} = {self.code(value)}")
-            self.names[symbol] = str(symbol)
+            name = str(symbol).replace("χ", "x")
+            lines.append(f"{name} = {self.code(value)}")
+            self.names[symbol] = name
             if value.free_symbols & self.varying:
                 self.varying.add(symbol)
         return lines, [self.code(value) for value in rest]
@@ -191,7 +192,7 @@ def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers
     sizes = collections.Counter(mpmath.nstr(abs(row[name]), 30) for row in rows if name in row)
     for size, count in sizes.items():
         value = next(abs(row[name]) for row in rows if name in row and mpmath.nstr(abs(row[name]), 30) == size)
-        sign, code = numbers.times(value, name, False)
+        _, code = numbers.times(value, name, False)
         if count > 1 and code.startswith("times("):
             for row in rows:
                 if name in row and mpmath.nstr(abs(row[name]), 30) == size:

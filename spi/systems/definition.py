@@ -64,10 +64,12 @@ def define(data: Mapping[str, Any]) -> Defined:
 
 
 def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
-    """The strengths of the noises of a definition: numbers, such as ``0.1 for i = 1..n``, 1 for each if none are given."""
+    """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
     reader = _Reader(data)
     formulas = Symbols(parameters=reader.parameters, indices=reader.sizes)
-    count = sum(len(reader.at(lambda text=text: entries(text, formulas), *keys)) for text, keys in reader.texts("noises"))
+    count = sum(
+        len(reader.at(lambda text=text: entries(text, formulas), *keys)) for text, keys in reader.texts("noises")
+    )
     if given is None:
         return [1.0] * count
     reader = _Reader({**data, "sigma": given})
@@ -96,7 +98,7 @@ class _Reader:
         variables, given = self.structure()
         self.check_names(variables)
         d = len(variables)
-        symbols = tuple(sympy.Symbol(f"y{n + 1}", real=True) for n in range(d))
+        symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(d))
         values = {sympy.Symbol(name, real=True): value for name, value in self.parameters.items()}
         formulas = Symbols(dict(zip(variables, symbols, strict=True)), {str(p): p for p in values}, self.sizes)
         bracket = self.bracket(variables, given, formulas, values)
@@ -124,7 +126,7 @@ class _Reader:
         )
         return Defined(system, degrees, self.sizes, searched)
 
-    # ---- names and numbers ----------------------------------------------------------------------------------------------
+    # ---- names and numbers ---------------------------------------------------------------------------------------
 
     def at(self, read: Callable[[], Any], *keys: Any) -> Any:
         """What `read` returns; its NumberError becomes one about the place."""
@@ -161,10 +163,14 @@ class _Reader:
         found: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
             if not name.isidentifier() or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
-                raise DefinitionError("is no name of a parameter; take letters and digits, and no function", "parameters", name)
+                raise DefinitionError(
+                    "is no name of a parameter; take letters and digits, and no function", "parameters", name
+                )
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
-            value = self.at(lambda text=text: expression(text, Symbols(parameters=found, indices=self.sizes)), "parameters", name)
+            value = self.at(
+                lambda text=text: expression(text, Symbols(parameters=found, indices=self.sizes)), "parameters", name
+            )
             if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
                 raise DefinitionError(f"is '{_shortened(text)}'; must be a finite real number", "parameters", name)
             found[name] = value
@@ -182,12 +188,16 @@ class _Reader:
             if name.partition("(")[0] in taken:
                 raise DefinitionError(f"has '{name}', a function, parameter or size; take another name", "variables")
 
-    # ---- the bracket ------------------------------------------------------------------------------------------------------
+    # ---- the bracket ---------------------------------------------------------------------------------------------
 
     def structure(self) -> tuple[list[str], list[tuple[int, int, Linear]] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
         if ("algebra" in self.data) == ("bracket" in self.data):
-            what = "has algebra and bracket; leave one out" if "algebra" in self.data else "missing key 'algebra'; add algebra: or bracket:"
+            what = (
+                "has algebra and bracket; leave one out"
+                if "algebra" in self.data
+                else "missing key 'algebra'; add algebra: or bracket:"
+            )
             raise DefinitionError(what, *(["bracket"] if "algebra" in self.data else ["algebra"]))
         sizes = Symbols(indices=self.sizes)
         variables = [
@@ -208,7 +218,11 @@ class _Reader:
         return variables, given
 
     def bracket(
-        self, variables: Sequence[str], given: list[tuple[int, int, Linear]] | None, formulas: Symbols, values: Mapping[Any, Any]
+        self,
+        variables: Sequence[str],
+        given: list[tuple[int, int, Linear]] | None,
+        formulas: Symbols,
+        values: Mapping[Any, Any],
     ) -> Bracket:
         if given is not None:
             return checked(variables, [("", *one) for one in given])
@@ -237,7 +251,7 @@ class _Reader:
             found.append((key, i, j, _linear(value, formulas)))
         return found
 
-    # ---- Hamiltonians -------------------------------------------------------------------------------------------------------
+    # ---- Hamiltonians --------------------------------------------------------------------------------------------
 
     def flows(self, world: Symbolics, formulas: Symbols, constants: Constants) -> list[Flow]:
         """The flows of H: those of the given pieces, or the ones that the splitting finds."""
@@ -249,7 +263,9 @@ class _Reader:
                     found.append(self.flow(piece, world, keys, "piece"))
         else:
             if "hamiltonian" not in self.data:
-                raise DefinitionError(f"missing key 'hamiltonian'; add hamiltonian: {KEYS['hamiltonian']}", "hamiltonian")
+                raise DefinitionError(
+                    f"missing key 'hamiltonian'; add hamiltonian: {KEYS['hamiltonian']}", "hamiltonian"
+                )
             text = self.texts("hamiltonian")
             if len(text) != 1:
                 raise DefinitionError("must be one formula", "hamiltonian")
@@ -318,11 +334,13 @@ class _Reader:
                     if value == 0:
                         name = next((str(s) for s in sorted(factor.base.free_symbols, key=str)), "")
                         raise DefinitionError(
-                            f"makes the Hamiltonian infinite: '{world.name(factor.base)}' is 0 and divides; take another value",
+                            f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
                             *(["parameters", name] if name in self.parameters else ["hamiltonian"]),
                         )
 
-    def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], tuple[int | None, ...], int | None]:
+    def casimirs(
+        self, world: Symbolics, formulas: Symbols
+    ) -> tuple[tuple[Function, ...], tuple[int | None, ...], int | None]:
         """(functions, degrees, degree up to which all are known)."""
         if "casimirs" not in self.data:
             found = search(world)
@@ -335,7 +353,10 @@ class _Reader:
                 if not world.used(value):
                     raise DefinitionError("is constant; leave it out", *keys)
                 if not is_casimir(value, world):
-                    raise DefinitionError(f"is '{_shortened(one.strip())}', which is no Casimir function; its bracket with some variable is not 0", *keys)
+                    raise DefinitionError(
+                        f"is '{_shortened(one.strip())}', no Casimir function; its bracket with each variable must be 0",
+                        *keys,
+                    )
                 functions.append(Function(world.name(value), value))
                 degrees.append(_degree(value, world))
         return tuple(functions), tuple(degrees), None
@@ -360,7 +381,11 @@ def _linear(value: Any, formulas: Symbols) -> Linear:
         if c == 0:
             continue
         if sum(monomial) != 1:
-            right = "for a constant add a variable that commutes with all others" if not sum(monomial) else "only Lie-Poisson brackets are known"
+            right = (
+                "for a constant add a variable that commutes with all others"
+                if not sum(monomial)
+                else "only Lie-Poisson brackets are known"
+            )
             raise NumberError(f"a bracket must be linear in the variables; {right}")
         found[monomial.index(1)] = c
     return found

@@ -102,7 +102,7 @@ class _Writer:
         entries, square = block.turn
         if len(block.components) == 1:
             return False
-        if square < 0 or self.depends and len(block.components) > 2:
+        if square < 0 or (self.depends and len(block.components) > 2):
             return True
         by_spaces = sum(2 * len(row) for space in block.spaces for row in (*space.left, *space.right))
         return len(block.components) > 2 and 2 * len(entries) <= by_spaces
@@ -175,7 +175,7 @@ class _Writer:
                 terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
         return written_sum(terms)
 
-    # ---- the general form ---------------------------------------------------------------------------------------------
+    # ---- the general form ----------------------------------------------------------------------------------------
 
     def spaces(self, block: Block) -> None:
         """Coordinates in the eigenspaces, their changes, and these put back."""
@@ -260,7 +260,9 @@ class _Writer:
                     for part, other, factor in self._products(c, order):
                         if power[k][other] != "0.0":
                             sign, code = self.numbers.times(factor, power[k][other], self.depends)
-                            rows[m][part].append((sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}"))
+                            rows[m][part].append(
+                                (sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}")
+                            )
             power = [
                 (
                     self.let("q", written_sum(row[0])) if row[0] else "0.0",
@@ -298,8 +300,6 @@ def _total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
 
 def _kind(space: Space) -> str:
     shear = "shear" if any(space.shears) else ""
-    if space.is_complex:
-        kind = "spiral" if any(space.rates) else "rotation"
-    else:
-        kind = "scaling" if any(space.rates) else ""
+    kinds = {(True, True): "spiral", (True, False): "rotation", (False, True): "scaling", (False, False): ""}
+    kind = kinds[space.is_complex, any(space.rates)]
     return " with ".join(part for part in (kind, shear) if part)

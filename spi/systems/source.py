@@ -73,7 +73,7 @@ def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, st
 
 
 def generate(system: System, name: str, words: Iterable[str], sizes: Mapping[str, int]) -> Generated:
-    """The module of a system, with a class of this name; `words` are the names that a model class gives other meanings."""
+    """The module of a system, with a class of this name; `words` are what a model class gives other meanings."""
     with mpmath.workdps(DIGITS):
         return _Generator(system, name, words, sizes).generate()
 
@@ -102,7 +102,9 @@ class _Generator:
         pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in self.numbers.pairs.items()]
         parts = [head, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])]
         parts += ["\n" + "\n".join(lines) for lines in functions]
-        parts += ["\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])]
+        parts += [
+            "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
+        ]
         used = [self.motions[key] for key in (*drift, *noise)]
         return Generated(
             "\n".join(parts) + "\n",
@@ -112,7 +114,7 @@ class _Generator:
             tuple(functionals for _, _, functionals, _ in used),
         )
 
-    # ---- flows ----------------------------------------------------------------------------------------------------------
+    # ---- flows ---------------------------------------------------------------------------------------------------
 
     def moved(self, flow: Flow) -> Any:
         """The key of the motion of a flow; flows of the same linear functions share one."""
@@ -134,13 +136,14 @@ class _Generator:
         text = ", ".join(form_text(f, self.bracket.variables) for f in functionals)
         d = self.bracket.dimension
         code = "\n".join(made.lines)
+        kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
         used = [i for i in range(d) if f"y{i + 1}" in _words(code) or i not in made.components]
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
             "@inlined",
             f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
-            f'    """By a1, a2, ... along the fields of {text}: {", ".join(dict.fromkeys(made.kinds)) or "nothing moves"}."""',
+            f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
             *([f"    y{i + 1} = y[{i}]" for i in used]),
             *("    " + line for line in made.lines),
             f"    return {result}{',' if d == 1 else ''}",
@@ -181,7 +184,7 @@ class _Generator:
             result = f"larger({result}, abs({code}))" if result != "0.0" else f"abs({code})"
         return [*lines, f"return {result}"]
 
-    # ---- facts, fields and derivatives --------------------------------------------------------------------------------
+    # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 
     def facts(self) -> list[str]:
         system, lines = self.system, [f'"""{self.description()}"""', ""]
@@ -207,7 +210,7 @@ class _Generator:
     def derivatives(self) -> list[str]:
         """B v, and what follows from H and the noises by differentiation."""
         system, variables = self.system, self.world.variables
-        v = [sympy.Symbol(f"v{n + 1}", real=True) for n in range(len(variables))]
+        v = [sympy.Symbol(f"ν{n + 1}", real=True) for n in range(len(variables))]
         lines = ["", "def structure(model, y, v):", f"    return {self.applied(range(self.bracket.dimension))}"]
         lines += self.word("hamiltonian(model, y)", [[system.hamiltonian]], scalar=True)
         lines += self.word("casimirs(model, y)", [[c.expression for c in system.casimirs]])
@@ -219,7 +222,10 @@ class _Generator:
         lines += self.word("noise_hessian(model, k, y, v)", [self.hessian(g, v) for g in gradients], v)
         if self.bracket.dimension > 6 and gradients:  # most columns of B meet a 0 in such a gradient
             supports = [[j for j, g in enumerate(gradient) if g != 0] for gradient in gradients]
-            for word, at in (("noise_structure(model, k, y, v)", "y"), ("noise_structure_derivative(model, k, y, u, v)", "u")):
+            for word, at in (
+                ("noise_structure(model, k, y, v)", "y"),
+                ("noise_structure_derivative(model, k, y, u, v)", "u"),
+            ):
                 lines += ["", f"def {word}:"]
                 for k, support in enumerate(supports):
                     lines += _case(k, len(supports), [f"return {self.applied(support, at)}"])
@@ -251,7 +257,9 @@ class _Generator:
                     formulas = self.bracket.formulas.get((i, j))
                     if formulas:
                         writer = Formula(self.names, ())
-                        terms = [("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()]
+                        terms = [
+                            ("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()
+                        ]
                     else:
                         terms = [_signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
                     inner = written_sum(terms)

@@ -127,10 +127,7 @@ def _space(
     rates, phases, shears = [], [], []
     for matrix in matrices:
         acting = mpmath.matrix(
-            [
-                [_product(u, {r: _product(_row(matrix, r), v) for r in range(d)}) for v in right]
-                for u in left
-            ]
+            [[_product(u, {r: _product(_row(matrix, r), v) for r in range(d)}) for v in right] for u in left]
         )
         trace = mpmath.fsum(acting[n, n] for n in range(multiplicity)) / multiplicity
         rates.append(_cleaned(mpmath.re(trace)))

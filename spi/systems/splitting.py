@@ -1,4 +1,4 @@
-"""The splitting of a Hamiltonian into functions of linear functions that commute with each other, whose flows are exact.
+"""The splitting of a Hamiltonian into functions of linear functions that commute, whose flows are exact.
 
 If {l_a, l_b} = 0 for all a, b, the flow of f(l_1, ..., l_r) keeps each l_a, so that its field is linear along the flow:
 y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of l_a.
@@ -52,7 +52,7 @@ class Term(NamedTuple):
 
 
 class Constants:
-    """Numbers found from the parameters, which formulas name k1, k2, ..."""
+    """Numbers found from the parameters, which formulas name κ1, κ2, ..."""
 
     def __init__(self) -> None:
         self.values: dict[sympy.Symbol, mpmath.mpf] = {}
@@ -61,7 +61,7 @@ class Constants:
         """A number as a symbol; 0 and 1 as themselves."""
         if abs(value) < NOTHING or abs(value - 1) < NOTHING:
             return sympy.Integer(round(value))
-        found = sympy.Symbol(f"k{len(self.values) + 1}", real=True)
+        found = sympy.Symbol(f"κ{len(self.values) + 1}", real=True)
         self.values[found] = value
         return found
 
@@ -91,7 +91,7 @@ def single(expression: Any, world: Symbolics) -> Term:
         if not world.bracket.commuting(first, second):
             names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
-    varying = bool(world.bracket.formulas) or any(len(f) > 1 for f in functionals) and world.varies(expression)
+    varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying)
 
 
@@ -201,10 +201,11 @@ def functionals_of(expression: Any, world: Symbolics) -> tuple[tuple[Functional,
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
     if len(used) == 1:
         return coordinates, used
+    if expression.is_Mul and all(
+        f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
+    ):
+        return coordinates, used  # a monomial
     gradient = [sympy.diff(expression, world.variables[i]).xreplace(dict(world.parameters)) for i in used]
-    if all(g.is_Mul or g.is_Symbol or g.is_number for g in gradient) and expression.is_Add is False:
-        if expression.is_Mul and all(f.is_Symbol or f.is_number or f.is_Pow for f in expression.args):
-            return coordinates, used  # a monomial
     value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
     rows = []
     with mpmath.workdps(DIGITS + 20):

@@ -1,6 +1,6 @@
 """Texts of a system written in YAML: names, index ranges and formulas, read into symbols of sympy.
 
-The grammar is that of ``spi.arithmetic``, with the variables and parameters of the system as words, and three additions:
+The grammar is that of ``spi.arithmetic`` with the variables and parameters of the system as words, and more:
 
     x(i+1)                          a variable with an index, x(mod(i, n) + 1) on a ring of n
     sum(x(i)*x(i+1) for i = 1..n-1) a sum; "for i = 1..n, j = 1..i" runs over pairs
@@ -115,7 +115,7 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
     """The expressions whose sum a text is, in the order of the text, those of a ``sum(...)`` one after the other."""
     found = []
     for sign, part in _signed(text):
-        word, parenthesis, rest = part.partition("(")
+        word, _, rest = part.partition("(")
         if word.strip() == "sum" and _closes_at_end(rest):
             inner = [x for body, bound in repeated(rest.rstrip()[:-1], algebra) for x in addends(body, bound)]
         else:
@@ -125,7 +125,7 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
 
 
 def _signed(text: str) -> list[tuple[str, str]]:
-    """The parts of a sum, each with its sign; a sign after an operator or in a literal such as 1e-3 is none of a sum."""
+    """The parts of a sum, each with its sign; that of a factor or of a literal such as 1e-3 is none of a sum."""
     parts, depth = [["+", ""]], 0
     for n, c in enumerate(text):
         depth += {"(": 1, ")": -1}.get(c, 0)
