@@ -82,7 +82,7 @@ def variables(model: Any) -> tuple[str, ...]:
 
 
 def expanded(texts: list[Any], model: Any) -> list[Any]:
-    """Texts such as ``cos(2*pi*i/n), 0 for i = 1..n`` as numbers, with the sizes of a generated model; others unchanged.
+    """Texts such as ``cos(2*pi*i/n), 0 for i = 1..n`` as numbers, with the sizes of a generated model; others stay.
 
     NumberError if one cannot be read.
     """

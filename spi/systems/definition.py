@@ -354,7 +354,7 @@ class _Reader:
                     raise DefinitionError("is constant; leave it out", *keys)
                 if not is_casimir(value, world):
                     raise DefinitionError(
-                        f"is '{_shortened(one.strip())}', no Casimir function; its bracket with each variable must be 0",
+                        f"is '{_shortened(one.strip())}', no Casimir function; its brackets must all be 0",
                         *keys,
                     )
                 functions.append(Function(world.name(value), value))
