@@ -6,7 +6,9 @@ called from a kernel, Numba picks it by the type of the record while compiling, 
 contain no closures and take no functions as arguments, so that Numba finds them in its disk cache.
 """
 
+import collections
 import contextlib
+import contextvars
 import functools
 import inspect
 from typing import NamedTuple
@@ -37,6 +39,19 @@ def parallel_kernel(function):
     return keep_in_shared_cache(njit(parallel=True, **_KERNEL)(function))
 
 
+_as_written = contextvars.ContextVar("as_written", default=False)
+
+
+@contextlib.contextmanager
+def uncompiled():
+    """Within it a call of an :func:`inlined` function from Python runs its source, with numbers of any kind."""
+    before = _as_written.set(True)
+    try:
+        yield
+    finally:
+        _as_written.reset(before)
+
+
 #: A large function that only kernels call, and not within a loop over lanes.
 linked = njit(**{**INLINED, "forceinline": False})
 
@@ -44,8 +59,8 @@ linked = njit(**{**INLINED, "forceinline": False})
 def inlined(function):
     """Decorator: compiled code that calls this function contains a copy of it.
 
-    Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk;
-    ``__wrapped__`` is the bare function.
+    Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk, except
+    within :func:`uncompiled`; ``__wrapped__`` is the bare function.
     """
 
     by_itself = njit(**OPTIONS)(function)
@@ -54,7 +69,7 @@ def inlined(function):
 
     @functools.wraps(function)
     def called(*arguments, **named):
-        return by_itself(*arguments, **named)
+        return (function if _as_written.get() else by_itself)(*arguments, **named)
 
     # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
     overload(called, jit_options=INLINED, strict=False, prefer_literal=True)(lambda *arguments, **named: function)
@@ -210,11 +225,12 @@ def fact(of, **default):
     return decorate
 
 
+#: How many components, pieces, noises or Casimir functions a model may have.
+MOST = 64
+
 #: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types.
-INDICES = tuple(NamedTuple(f"Index{k}", []) for k in range(16))
+INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k in range(MOST))
 globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache looks for them
-for _cls in INDICES:
-    _cls.__module__ = __name__
 
 
 @constant

@@ -71,9 +71,12 @@ def populations(model):
     """Whether the components are to stay positive."""
 
 
-@fact(float, default=0.5)
+@fact(float, default=0.0)
 def flow_ns(model):
-    """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time."""
+    """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
+
+    0: not known; then it is found by counting operations.
+    """
 
 
 def piece_indices(model):

@@ -40,6 +40,7 @@ class RigidBody(NamedTuple):
     noises = 3
     conserved = 1
     squared_length_is_casimir = True
+    flow_ns = 0.5
 
     def drift_angle(model, k, t, y):
         return abs(t * (1.0 / model.inertia[k]) * y[k])
@@ -97,6 +98,7 @@ class RigidBodySharedNoise(NamedTuple):
     noises = 1
     conserved = 1
     squared_length_is_casimir = True
+    flow_ns = 0.5
     exact_flows = False
 
     # all that does not depend on the noise is the rigid body's
