@@ -26,6 +26,7 @@ from spi.protocol import (
     memory_size,
     noise_flow,
     noise_indices,
+    noises,
     work_size,
 )
 from spi.rng import BROWNIAN, LANES
@@ -175,7 +176,7 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     """
     y = np.array(y, float)
     block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
-    dW = np.ascontiguousarray(dW, float).reshape(-1, type(model).noises * LANES)
+    dW = np.ascontiguousarray(dW, float).reshape(-1, noises(model) * LANES)
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report

@@ -10,7 +10,7 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
     ["inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies", "claims"],
-    ["angles", "lanes", "protocol", "registration", "fields", "increments", "steppers"],
+    ["angles", "protocol", "lanes", "registration", "invariants", "fields", "increments", "steppers"],
     ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
     ["spec", "storage", "drawing", "printing", "compiling"],
     ["kinds"],

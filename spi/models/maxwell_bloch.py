@@ -21,6 +21,7 @@ class MaxwellBloch(NamedTuple):
     pieces = 2
     noises = 2
     conserved = 1
+    casimir_degrees = (2,)
     flow_ns = 0.5
 
     def drift_angle(model, k, t, y):

@@ -39,6 +39,7 @@ class RigidBody(NamedTuple):
     pieces = 3
     noises = 3
     conserved = 1
+    casimir_degrees = (2,)
     squared_length_is_casimir = True
     flow_ns = 0.5
 
@@ -97,6 +98,7 @@ class RigidBodySharedNoise(NamedTuple):
     pieces = 3
     noises = 1
     conserved = 1
+    casimir_degrees = (2,)
     squared_length_is_casimir = True
     flow_ns = 0.5
     exact_flows = False

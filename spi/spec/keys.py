@@ -19,6 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from ..arithmetic import NumberError, parse
 from ..models import MODELS
+from ..models.damped import undamped
 from ..protocol import Positive
 from ..schemes import SCHEMES
 
@@ -226,7 +227,7 @@ def _record(parameters: Iterable[tuple[str, Any]]) -> Any:
 
 
 def name_of(model: Any) -> str:
-    return next(name for name, cls in MODELS.items() if cls is type(model))
+    return next(name for name, cls in MODELS.items() if cls is type(undamped(model)))
 
 
 COMPLETE = [_parameters(name, cls, True) for name, cls in MODELS.items()]
@@ -234,7 +235,7 @@ _PARTS = [_parameters(name, cls, False) for name, cls in MODELS.items()]
 Model = Annotated[
     one_of(COMPLETE, "name", MODELS),
     pydantic.AfterValidator(_record),
-    pydantic.PlainSerializer(lambda model: {"name": name_of(model), **model._asdict()}),
+    pydantic.PlainSerializer(lambda model: {"name": name_of(model), **undamped(model)._asdict()}),
     Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
 ]
 # Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.

@@ -3,7 +3,7 @@
     sweep: {s: [0.1, 1, 10]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
-The word may stand in the model, in ``initial`` and in ``eps``.
+The word may stand in the model, in ``damping``, in ``initial`` and in ``eps``.
 """
 
 import re
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from ..arithmetic import Numbers
 from .keys import shown, wrong
 
-PLACES = ("model", "initial", "eps")
+PLACES = ("model", "damping", "initial", "eps")
 
 
 class Sweep(NamedTuple):
