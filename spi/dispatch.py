@@ -228,8 +228,8 @@ def fact(of, **default):
 #: How many components, pieces, noises or Casimir functions a model may have.
 MOST = 64
 
-#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types.
-INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k in range(MOST))
+#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types; damping is a piece more.
+INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k in range(MOST + 1))
 globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache looks for them
 
 

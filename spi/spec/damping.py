@@ -17,9 +17,7 @@ def damped_model(case: Any) -> Any:
         what = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
         raise wrong(what, "leave it out, or state casimir_degrees", "damping")
     if laws := [panel for panel in getattr(case, "panels", ()) if panel in _LAWS]:
-        raise wrong(
-            f"has '{laws[0]}', and no law is known with damping", "leave out the panel or the damping", "panels"
-        )
+        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:
         what = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
