@@ -228,7 +228,7 @@ def fact(of, **default):
 #: How many components, pieces, noises or Casimir functions a model may have.
 MOST = 64
 
-#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types; damping is a piece more.
+#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types; one more for damping.
 INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k in range(MOST + 1))
 globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache looks for them
 
