@@ -251,6 +251,8 @@ def test_layers_override_the_damping(load_text):
     assert b.damping == 2 / 3 and type(c) is RigidBody
     assert [case.model.damping for case in load_text(text, "damping=0.25").cases] == [0.25] * 3
     assert load_text(text).hash != load_text(text, "damping=0.25").hash
+    assert load_text(TRAJECTORY, "damping=0").hash == load_text(TRAJECTORY.replace("damping: 0.5\n", "")).hash
+    assert "damping" not in load_text(text).effective["cases"]["c"]
 
 
 def test_growth_is_that_of_each_degree():

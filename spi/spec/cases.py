@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
@@ -95,6 +95,11 @@ class BaseCase(Keys):
     def _check_damping(self) -> Self:
         """The case with its damping in the record of the model."""
         return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+
+    @pydantic.model_serializer(mode="wrap")
+    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """No damping of 0, which is none: specs of which it is no key stay what they were."""
+        return {key: value for key, value in write(self).items() if key != "damping" or value}
 
     @model_validator(mode="after")
     def _check_initial(self) -> Self:
