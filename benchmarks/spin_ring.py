@@ -136,7 +136,7 @@ def strong_run(model, scheme, steps):
 
     times = nested_grid(steps * 2.0**-10, 2.0**-10, [2.0**-9], True, None)
     initial = tuple(np.cos(np.arange(dimension(model))).tolist())
-    sums = sums_of(model, initial, times.reference_steps >> times.doublings, 1)
+    sums = sums_of(model, initial, times, 1)
     report = empty_report(1, 2)
     integrate(SCHEMES[scheme].record, model, initial, times, brownian(1), sums, report, 0, 1, 64)
     return sums.drift.max()
