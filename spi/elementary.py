@@ -170,13 +170,8 @@ def log(x):
 
 
 @inlined
-def exp(x):
-    """e^x for any float64: overflows to inf above 709.78, fades through the denormals to 0 below -745.13.
-
-    x = n ln 2 + r with |r| <= ln(2)/2, the Taylor polynomial of degree 13 in r, and a scaling by 2^n in two factors.
-    """
-    x = 710.0 if x > 710.0 else x
-    x = -746.0 if x < -746.0 else x
+def _reduced_exp(x):
+    """(e^r - 1, n + _ROUND) for x = n ln 2 + r with |r| <= ln(2)/2, by the Taylor polynomial of degree 13 in r."""
     shifted = x * _LOG2_E + _ROUND
     n = shifted - _ROUND
     r = (x - n * _LN2_HI) - n * _LN2_LO
@@ -193,7 +188,28 @@ def exp(x):
     p = 4.1666666666666664e-02 + r * p
     p = 1.6666666666666666e-01 + r * p
     p = 0.5 + r * p
-    y = 1.0 + (r + (c + r * r * p))
+    return r + (c + r * r * p), shifted
+
+
+@inlined
+def exp(x):
+    """e^x for any float64: overflows to inf above 709.78, fades through the denormals to 0 below -745.13.
+
+    x = n ln 2 + r as in :func:`_reduced_exp`, and a scaling by 2^n in two factors.
+    """
+    x = 710.0 if x > 710.0 else x
+    x = -746.0 if x < -746.0 else x
+    rest, shifted = _reduced_exp(x)
+    y = 1.0 + rest
     i = bits(shifted) - _ROUND_BITS
     half = i >> np.int64(1)
     return y * from_bits((half + 1023) << _52) * from_bits((i - half + 1023) << _52)
+
+
+@inlined
+def expm1(x):
+    """e^x - 1 for x <= 709, to 2 ulp relative also where it is small: 2^n (e^r - 1) + (2^n - 1), see :func:`exp`."""
+    x = -100.0 if x < -100.0 else x
+    rest, shifted = _reduced_exp(x)
+    power = from_bits((bits(shifted) - _ROUND_BITS + 1023) << _52)
+    return power * rest + (power - 1.0)

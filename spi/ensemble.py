@@ -13,10 +13,10 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
-from .dispatch import INLINED, linked, number, parallel_kernel, unrolled
+from .dispatch import INLINED, linked, parallel_kernel
 from .increments import add_first_half, clip, copy, draw_channels, flip, keep_first_half, truncation_bound
-from .lanes import load_lane, store_lane
-from .protocol import REPORT, SUMMED, casimir_indices, casimirs, dimension, noises, observe
+from .lanes import store_lane
+from .protocol import REPORT, SUMMED, dimension, noises, observe
 from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
 from .steppers import advance_path, largest_sizes, tosses_any
 
@@ -68,6 +68,16 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme):
     doublings = [0, *(round(np.log2(h / reference_step)) for h in reversed(steps))]
     total = round(final_time / reference_step)
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme)
+
+
+def steps_of(times):
+    """(levels,) how many steps each step size of a grid takes."""
+    return times.reference_steps >> times.doublings
+
+
+def step_sizes_of(times):
+    """(levels,) the step sizes of a grid."""
+    return times.reference_step * 2.0**times.doublings
 
 
 def shortest(times):
@@ -201,17 +211,6 @@ def integrate(scheme, model, initial, grid, noise, observer, report, first_block
         paths = min(LANES, samples - block * LANES)
         scheme, model, initial, grid, noise, observer = records[0]
         integrate_block(scheme, model, initial, grid, noise, observer, report[row], block, row, paths)
-
-
-@unrolled(casimir_indices)
-def watch_casimirs(index, model, worst, initial, y):
-    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers."""
-    c = number(index)
-    for lane in range(LANES):
-        change = abs(casimirs(model, load_lane(model, y, lane))[c] - initial[c])
-        if not change <= worst[c, lane]:  # true for NaN
-            worst[c, lane] = change
-    return worst
 
 
 class FinalStates(NamedTuple):

@@ -56,6 +56,11 @@ def conserved(model):
     """The number of Casimir functions."""
 
 
+@fact(tuple, default=())
+def casimir_degrees(model):
+    """The degrees k of the Casimir functions where all are homogeneous, C(c y) = c^k C(y); otherwise empty."""
+
+
 @fact(bool, default=True)
 def exact_flows(model):
     """Whether the flows are exact; if not, what is known of splitting schemes does not hold."""
@@ -71,9 +76,12 @@ def populations(model):
     """Whether the components are to stay positive."""
 
 
-@fact(float, default=0.5)
+@fact(float, default=0.0)
 def flow_ns(model):
-    """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time."""
+    """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
+
+    0: not known; then it is found by counting operations.
+    """
 
 
 def piece_indices(model):
@@ -202,6 +210,18 @@ def noise_hessian(model, k, y, v):
 @word
 def casimirs(model, y):
     """The Casimir functions at y, a tuple (empty if there are none)."""
+
+
+@word_with_default
+def add_dissipation(model, value, h, y):
+    """value + h g(y), where g, a linear function, is what the drift has beside B(y) grad H(y)."""
+    return value
+
+
+@word_with_default
+def decay_rates(model):
+    """The rates at which the Casimir functions decay; empty where they are preserved.  Asked in Python only."""
+    return ()
 
 
 @capability

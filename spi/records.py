@@ -159,7 +159,7 @@ def describe(case: Any, row: Any, part: Part) -> dict[str, Any]:
         "initial": case.initial,
         "truncate_noise": case.truncate_noise,
         "model": case.model_name,
-        **{f"{_MODEL}{name}": value for name, value in case.model._asdict().items()},
+        **{f"{_MODEL}{name}": value for name, value in case.parameters.items()},
     }
 
 

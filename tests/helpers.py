@@ -18,6 +18,7 @@ from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrat
 from spi.fields import add_noise_fields, add_scaled, drift_field
 from spi.lanes import load_lane, store_lane
 from spi.models import RigidBody
+from spi.models.damped import Damped
 from spi.protocol import (
     REPORT,
     advance,
@@ -26,6 +27,8 @@ from spi.protocol import (
     memory_size,
     noise_flow,
     noise_indices,
+    noises,
+    pieces,
     work_size,
 )
 from spi.rng import BROWNIAN, LANES
@@ -41,6 +44,24 @@ RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))
 #: The same equations with one noise.
 ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, None, None))
 INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
+
+
+class LinearlyDamped(NamedTuple):
+    """Damping by the factor 1 - gamma t: not exact, and no test of the decay may pass it."""
+
+    model: NamedTuple
+    damping: float
+    sigma: tuple
+
+    def drift_flow(model, k, t, y, angles):
+        if k < pieces(model.model):
+            return drift_flow(model.model, k, t, y, angles)
+        return add_scaled(y, -model.damping * t, y)
+
+
+for _name, _word in vars(Damped).items():
+    if not _name.startswith("_") and _name not in (*Damped._fields, "drift_flow"):
+        setattr(LinearlyDamped, _name, _word)
 
 
 # --- records for the ensemble ----------------------------------------------------------------------------------------
@@ -145,7 +166,7 @@ def final_states(scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, s
 
 def _until_the_end(scheme, model, times, *, blocks, **paths):
     """The last states [level, component, path], and the report."""
-    levels, d = len(times.doublings), type(model).dimension
+    levels, d = len(times.doublings), dimension(model)
     observer = FinalStates(np.zeros((blocks, levels, d * LANES)), times.reference_steps >> times.doublings)
     report = _run(scheme, model, times, observer, blocks=blocks, **paths)
     return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1), report
@@ -175,7 +196,7 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     """
     y = np.array(y, float)
     block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
-    dW = np.ascontiguousarray(dW, float).reshape(-1, type(model).noises * LANES)
+    dW = np.ascontiguousarray(dW, float).reshape(-1, noises(model) * LANES)
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report

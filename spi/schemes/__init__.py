@@ -6,6 +6,7 @@ from typing import NamedTuple
 from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
+from .costs import euler_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
 from .rows import sweeps
@@ -25,6 +26,7 @@ class Scheme(NamedTuple):
     weak_order: float
     preserves: str
     work: float | None = None  #: of a step, in flows of the model, for estimates of run time; None: flows are counted
+    step_cost: Callable = euler_cost  #: nanoseconds of a step without flows, of a model that does not state ``flow_ns``
     overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
@@ -124,6 +126,7 @@ register_scheme(
     weak_order=1.0,
     preserves="quadratic Casimirs",
     work=25.0,
+    step_cost=midpoint_cost,
     needs_truncation=True,
 )
 register_scheme(
@@ -202,6 +205,10 @@ _DRAW_NS = 0.85  # an increment
 
 def typical_ns(name, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
-    row = SCHEMES[name]
-    flows = row.work if row.composition is None else len(sweeps(row.composition, model))
-    return row.overhead * (_DRAW_NS * len(noise_indices(model)) + flow_ns(model) * flows)
+    row, stated = SCHEMES[name], flow_ns(model)
+    acting = () if row.composition is None else sweeps(row.composition, model)
+    if stated:
+        step = stated * (len(acting) or row.work)
+    else:
+        step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
+    return row.overhead * (_DRAW_NS * len(noise_indices(model)) + step)

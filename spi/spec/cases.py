@@ -2,7 +2,7 @@
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
@@ -13,9 +13,11 @@ from ..claims import Claim, Sort
 from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
-from ..protocol import Positive, dimension
+from ..models.damped import undamped
+from ..protocol import NonNegative, Positive, dimension
 from ..schemes import SCHEMES
 from ..schemes.rows import compositions
+from .damping import damped_model
 from .expect import Expect, claims
 from .keys import (
     ESTIMATORS,
@@ -47,6 +49,7 @@ class BaseCase(Keys):
     name: str
     title: str
     model: Model
+    damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift") = 0.0
     initial: key_of(State, "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode")
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
@@ -77,6 +80,26 @@ class BaseCase(Keys):
     def model_name(self) -> str:
         return name_of(self.model)
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Those of the model by name, and the damping where there is one."""
+        return undamped(self.model)._asdict() | ({"damping": self.damping} if self.damping else {})
+
+    @property
+    def last_time(self) -> float:
+        """The time at which the longest paths end."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check_damping(self) -> Self:
+        """The case with its damping in the record of the model."""
+        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+
+    @pydantic.model_serializer(mode="wrap")
+    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """No damping of 0, which is none: specs of which it is no key stay what they were."""
+        return {key: value for key, value in write(self).items() if key != "damping" or value}
+
     @model_validator(mode="after")
     def _check_initial(self) -> Self:
         d, found = dimension(self.model), len(self.initial)
@@ -96,6 +119,7 @@ class BaseCase(Keys):
             if needs and not needs(self.model):
                 able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
                 listed = name in self.schemes
+                able += " without damping" if self.damping else ""
                 what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
                 raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
         return self
@@ -132,6 +156,11 @@ class ErrorCase(BaseCase):
     reference_scheme: key_of(Literal[tuple(SCHEMES)] | None, "scheme of the reference; default: each its own") = None
 
     bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
+
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
 
     def _schemes_used(self) -> tuple[str, ...]:
         return self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
@@ -242,7 +271,9 @@ class SampledCase(FunctionsCase):
 
     def _check_kolmogorov(self) -> None:
         """What the solvers without sampling can do."""
-        if not can_solve(self.model):
+        if self.damping:
+            what = "follows paths on a Casimir surface, which they leave with damping"
+        elif not can_solve(self.model):
             able = [name for name, cls in MODELS.items() if can_solve(cls)]
             what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
         elif not any(SCHEMES[s].solvable_without_sampling for s in self.schemes):

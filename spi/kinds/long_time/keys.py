@@ -34,6 +34,11 @@ class Case(BaseCase):
         **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
     }
 
+    @property
+    def last_time(self) -> float:
+        """Of the largest step size."""
+        return max(self.steps) * self.step_count
+
     @model_validator(mode="after")
     def _check_steps(self) -> Self:
         if self.step_count % STEPS_PER_TOSS:

@@ -35,6 +35,11 @@ class Case(BaseCase):
         "lowest": Sort(AT_LEAST),
     }
 
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
+
     @model_validator(mode="after")
     def _check_step(self) -> Self:
         if self.final_time / self.step > _MOST_STORED:

@@ -159,7 +159,7 @@ def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, .
     if case.functions:
         observer = FinalStates(np.empty((blocks, 1, len(p.initial) * LANES)), np.array([steps]))
     else:
-        observer = sums_of(p.model, p.initial, np.array([steps]), blocks)
+        observer = sums_of(p.model, p.initial, times, blocks)
     report = empty_report(blocks, 1)
     return p.scheme, p.model, p.initial, times, brownian(case.seed), observer, report, 0, blocks, blocks * LANES
 

@@ -122,7 +122,7 @@ class StabilityPlan(Blockwise):
     def description(self) -> dict[str, Any]:
         """The attributes that say what was integrated, whatever the value of the swept word."""
         first, *others = (point.description() for point in self.points)
-        return {name: value for name, value in first.items() if all(other[name] == value for other in others)}
+        return dict(item for item in first.items() if all(item in other.items() for other in others))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""

@@ -65,7 +65,7 @@ class StrongPlan(BlocksPlan):
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, which also serves the measurement of times."""
         least = self.least
-        return [least.integration(sums_of(least.model, least.initial, least.steps, 1))]
+        return [least.integration(sums_of(least.model, least.initial, least.grid, 1))]
 
     def begin(self) -> Times:
         """No time has been measured."""
