@@ -2,7 +2,8 @@
 
 The same Brownian path drives all step sizes: increments are drawn once, at the reference step h_ref, and an increment
 over 2^s h_ref is the sum of its two halves, in this order, first half plus second half.  So every increment is defined
-to the last bit by (seed, stream, path, h_ref), whatever else is computed.
+to the last bit by (seed, stream, path, h_ref), whatever else is computed.  Where a scheme needs increments
+over sub-steps, those of h_ref are Brownian bridges of the same path, and those of coarser steps are finer increments.
 """
 
 import contextlib
@@ -14,11 +15,11 @@ from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
 from .dispatch import INLINED, linked, number, parallel_kernel, unrolled
-from .increments import add_first_half, clip, copy, draw_channels, flip, keep_first_half, truncation_bound
+from .increments import copy, draw_steps, flip, join, keep, truncate, turn_around
 from .lanes import load_lane, store_lane
 from .protocol import REPORT, SUMMED, casimir_indices, casimirs, dimension, noises, observe
 from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
-from .steppers import advance_path, largest_sizes, tosses_any
+from .steppers import advance_path, largest_sizes, most_substeps, tosses_any
 
 #: How often a study that runs in batches can report, and be interrupted.
 BATCH_SECONDS = 0.5
@@ -38,7 +39,7 @@ class Grid(NamedTuple):
     reference_step: float
     reference_steps: int
     doublings: np.ndarray  #: int64, increasing, doublings[0] = 0
-    truncate: bool  #: whether increments are clipped as :func:`truncation_bound` says, per step size
+    truncate: bool  #: whether increments are clipped as ``truncation_bound`` says, per step size
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
@@ -123,11 +124,14 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     for level in range(levels):
         begin(model, initial, row, y[level])
     first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
-    width = noises(model) * LANES
+    finest = most_substeps(grid.reference_scheme, scheme)  # a constant: what it switches off is not even compiled
+    width = (2 * finest - 1) * noises(model) * LANES
     words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
-    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, clipped ones
+    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, clipped, turned ones
     first, clipped = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
-    dW = np.empty((clipped + 1, width))
+    turned = clipped + 1
+    dW = np.empty((turned + 1, width))
+    normals = np.empty(STEPS_PER_DRAW * LANES)
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
     coins = np.empty((flipped + 1, LANES))
@@ -136,7 +140,8 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
-            draw_channels(model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
+            draw = np.uint64(n // STEPS_PER_DRAW)
+            draw_steps(model, dW, noise, draw, np.uint64(block), scale, words, normals, finest)
         if tosses_any(grid.reference_scheme, scheme):
             if n % STEPS_PER_TOSS == 0:
                 toss(
@@ -158,8 +163,11 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                     if reversal != AS_TOSSED:
                         flip(coins, side, flipped)
                         side = flipped
+                        if finest > 1:
+                            turn_around(model, dW[increments], dW[turned], finest)
+                            increments = turned
                     if grid.truncate:
-                        clip(model, dW[increments], dW[clipped], truncation_bound(h))
+                        truncate(model, dW[increments], dW[clipped], h, finest)
                         increments = clipped
                     advance_path(
                         grid.reference_scheme,
@@ -176,12 +184,12 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
             if s == last or not second_half:
                 break
-            add_first_half(model, dW[drawn], dW[first + s])
+            join(model, dW[drawn], dW[first + s], finest)
             if tosses_any(grid.reference_scheme, scheme):
                 copy(coins, s, here)  # the coin of a step is that of its first half
             s += 1
         if s < last:
-            keep_first_half(model, dW[drawn], dW[first + s])
+            keep(model, dW[drawn], dW[first + s], finest)
             if tosses_any(grid.reference_scheme, scheme):
                 copy(coins, here, s)
 
