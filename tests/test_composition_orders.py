@@ -34,7 +34,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
     assert low <= order <= high and high - low < 0.15
     assert not low <= other <= high
     assert found["casimir_drift"].max() < 1e-12
-    assert "expected_order" not in attributes or attributes["expected_order"] is None
+    assert attributes["expected_order"] == order
 
 
 @compiled_only
@@ -104,7 +104,38 @@ def test_a_palindrome_has_reversed_twins():
         [*case.steps, case.reference_step], list(FUNCTIONS.values()), accuracy=1e-5,
     )  # fmt: skip
     differences = exact.value[:, :-1] - exact.value[:, -1:]
-    assert np.all(np.abs(found["error"] - differences) < 4.5 * np.hypot(found["error_stderr"], 2e-5))
+    found_differences = found["error"] * (1 - (case.reference_step / np.array(case.steps)) ** 2)
+    assert np.all(np.abs(found_differences - differences) < 4.5 * np.hypot(found["error_stderr"], 2e-5))
+
+
+@pytest.mark.parametrize(
+    ("rows", "order"),
+    [
+        ("[noise 1, drift 1]", 1),
+        (PALINDROME, 2),
+        (CROOKED, 1),
+        ("[noise 1/2, drift 1, noise 1/2 backwards]", 1),
+        ("[noise 1/2, drift 1 symmetric, noise 1/2 backwards]", 2),
+        ("[drift 1/2 symmetric, noise 1 coin, drift 1/2 symmetric]", 2),
+        ("[drift 1/2 symmetric, noise 1, drift 1/2 symmetric]", 1),
+        ("[drift 1/2, noise 1 coin, drift 1/2 backwards]", 2),
+        ("[drift 5/4 symmetric, noise 1 symmetric, drift -1/4 symmetric]", 1),
+    ],
+)
+def test_weak_orders_that_theory_states(rows, order):
+    """By the coefficients of products, and by the errors of three steps."""
+    case = weak_case(f"compositions={{own: {rows}}}", "schemes=[own]", "steps=2^-4 .. 2^-6", "reference_step=2^-8")
+    assert case.row("own").weak_order == order
+    words = compositions(case.row("own").composition, case.model)
+    found = expectations(case.model, words, case.initial, 1.0, case.steps, list(FUNCTIONS.values()), accuracy=1e-7)
+    ratio = found.weak_error[:, -2] / found.weak_error[:, -1]
+    assert np.abs(np.log2(ratio) - order).min() < 0.1
+
+
+def test_theory_is_silent_without_noise():
+    own = ["compositions={own: [noise 1, drift 1]}", "schemes=[own]"]
+    assert np.isnan(weak_case(*own, "model.sigma=[0, 0, 0]").row("own").weak_order)
+    assert weak_case(*own, "model.sigma=[0, 0, 1]").row("own").weak_order == 1
 
 
 # --- without noise ---------------------------------------------------------------------------------------------------

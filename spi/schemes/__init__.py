@@ -16,7 +16,7 @@ from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
 class Scheme(NamedTuple):
     """One row of the table of orders; what theory says where the coefficients are smooth and bounded.
 
-    A composition of the user's own has no look, figures choose one, and its orders are NaN: no theory is known of it.
+    A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
     """
 
     record: NamedTuple
@@ -190,18 +190,21 @@ def has_theory(row, model):
     return not math.isnan(row.weak_order) and (exact_flows(model) or row.composition is None)
 
 
-def composed(name, rows):
-    """What is known of a composition of flows that has no row in the table: no orders."""
+def composed(name, rows, weak_order):
+    """What is known of a composition of flows that has no row in the table; NaN for the order if theory states none.
+
+    Its strong orders are those of all compositions that are whole steps: what they do not share with the equation at
+    first order are brackets of a noise with the drift, of mean 0, and of noises with one another.
+    """
+    known = not math.isnan(weak_order)
     return Scheme(
         record=splitting(*rows),
         label=name,
         formula="z = the flows of its rows one after the other",
         reference="the experiment",
         look=("", ""),
-        strong_order=math.nan,
-        strong_order_commuting=math.nan,
-        weak_order=math.nan,
-        preserves=_POISSON["preserves"],
+        weak_order=weak_order,
+        **(_POISSON if known else _POISSON | {"strong_order": math.nan, "strong_order_commuting": math.nan}),
     )
 
 

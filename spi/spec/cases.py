@@ -17,7 +17,7 @@ from ..protocol import Positive, dimension
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions
 from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
-from .compositions import Compositions
+from .compositions import Compositions, weak_order
 from .expect import Expect, claims
 from .keys import (
     ESTIMATORS,
@@ -66,7 +66,8 @@ class BaseCase(Keys):
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
         """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
         if scheme in self.compositions:
-            return composed(scheme, self.compositions[scheme])
+            rows = self.compositions[scheme]
+            return composed(scheme, rows, weak_order(rows, self.model))
         return with_eps(SCHEMES[scheme], eps)
 
     def reference_record(self, eps: float | None) -> Any:

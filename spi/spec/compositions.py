@@ -8,14 +8,18 @@ A row is the part that acts, its share of the step and, where that is not forwar
 ``coin`` has the order reversed for the paths whose coin is -1.  The first row acts first.
 """
 
+import functools
+import math
 import re
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PlainSerializer
 
 from ..arithmetic import NumberError, parse
+from ..kolmogorov import backward
+from ..protocol import noise_indices
 from ..schemes import SCHEMES
-from ..schemes.rows import ORDERS, PARTS, Flows, flows
+from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows
 from ..schemes.splitting import splitting
 from .keys import NAME, entries_in, shown, suggestion, wrong
 
@@ -77,6 +81,21 @@ def _rows(name: str, texts: Any) -> Rows:
     except ValueError as error:
         raise wrong("is no whole step", f"{error}", name) from None
     return rows
+
+
+def weak_order(rows: Rows, model: Any) -> float:
+    """What theory says of rows: 2 where any two flows act in either order for one half of the step, otherwise 1.
+
+    With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
+    negative fractions.  NaN without noise, where it can.
+    """
+    return _weak_order(compositions(rows, model)) if noise_indices(model) else math.nan
+
+
+@functools.lru_cache(maxsize=64)
+def _weak_order(acting: Any) -> float:
+    words = backward.words_of(acting, lambda part, k: True)
+    return float(backward.weak_order(words, commute=lambda a, b: False))
 
 
 def _texts(rows: Rows) -> list[str]:
