@@ -94,14 +94,14 @@ def test_sampling_agrees_with_expectations_without_sampling():
 def test_a_palindrome_has_reversed_twins():
     """The variance of a level falls like h^2, and its errors have order 2 and are those found without sampling."""
     own = [f"compositions={{own: {PALINDROME}, crooked: {CROOKED}}}", "schemes=[own, crooked]"]
-    case = weak_case(*own, "steps=2^-1 .. 2^-4", "reference_step=2^-6", "seconds=4")
+    case = weak_case(*own, "steps=2^-1 .. 2^-4", "reference_step=2^-6", "seconds=2", "functions=y1^2")
     found, attributes = results_of(case, "own", "multilevel")
     assert attributes["twins"] and not results_of(case, "crooked", "multilevel")[1]["twins"]
     assert np.all(np.abs(found["level_variance_rate"] - 2) < 0.4)
     assert has_order(found, 2) and not has_order(found, 1)
     exact = expectations(
         case.model, compositions(case.row("own").composition, case.model), INITIAL, 1.0,
-        [*case.steps, case.reference_step], list(FUNCTIONS.values()), accuracy=1e-5,
+        [*case.steps, case.reference_step], [FUNCTIONS["square"]], accuracy=1e-5,
     )  # fmt: skip
     differences = exact.value[:, :-1] - exact.value[:, -1:]
     found_differences = found["error"] * (1 - (case.reference_step / np.array(case.steps)) ** 2)
@@ -123,13 +123,12 @@ def test_a_palindrome_has_reversed_twins():
     ],
 )
 def test_weak_orders_that_theory_states(rows, order):
-    """By the coefficients of products, and by the errors of three steps."""
-    case = weak_case(f"compositions={{own: {rows}}}", "schemes=[own]", "steps=2^-4 .. 2^-6", "reference_step=2^-8")
+    """By the coefficients of products; and by errors without sampling."""
+    case = weak_case(f"compositions={{own: {rows}}}", "schemes=[own]", "steps=[2^-5, 2^-6]", "reference_step=2^-8")
     assert case.row("own").weak_order == order
     words = compositions(case.row("own").composition, case.model)
-    found = expectations(case.model, words, case.initial, 1.0, case.steps, list(FUNCTIONS.values()), accuracy=1e-7)
-    ratio = found.weak_error[:, -2] / found.weak_error[:, -1]
-    assert np.abs(np.log2(ratio) - order).min() < 0.1
+    found = expectations(case.model, words, case.initial, 1.0, case.steps, [FUNCTIONS["square"]], accuracy=1e-8)
+    assert abs(np.log2(found.weak_error[0, 0] / found.weak_error[0, 1]) - order) < 0.1
 
 
 def test_theory_is_silent_without_noise():
