@@ -15,9 +15,9 @@ from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
 from .dispatch import INLINED, linked, number, parallel_kernel, unrolled
-from .increments import copy, draw_steps, flip, join, keep, truncate, turn_around
+from .increments import copy, draw_steps, flip, join, keep, reversed_row, row_length, truncate
 from .lanes import load_lane, store_lane
-from .protocol import REPORT, SUMMED, casimir_indices, casimirs, dimension, noises, observe
+from .protocol import REPORT, SUMMED, casimir_indices, casimirs, dimension, observe
 from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
 from .steppers import advance_path, largest_sizes, most_substeps, tosses_any
 
@@ -124,14 +124,11 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     for level in range(levels):
         begin(model, initial, row, y[level])
     first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
-    finest = most_substeps(grid.reference_scheme, scheme)  # a constant: what it switches off is not even compiled
-    width = (2 * finest - 1) * noises(model) * LANES
+    finest = most_substeps(grid.reference_scheme, scheme)
     words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
-    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, clipped, turned ones
-    first, clipped = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
-    turned = clipped + 1
-    dW = np.empty((turned + 1, width))
-    normals = np.empty(STEPS_PER_DRAW * LANES)
+    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
+    first, changed = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
+    dW = np.empty((changed + 1, row_length(finest, model)))
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
     coins = np.empty((flipped + 1, LANES))
@@ -140,8 +137,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
-            draw = np.uint64(n // STEPS_PER_DRAW)
-            draw_steps(model, dW, noise, draw, np.uint64(block), scale, words, normals, finest)
+            draw_steps(finest, model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
         if tosses_any(grid.reference_scheme, scheme):
             if n % STEPS_PER_TOSS == 0:
                 toss(
@@ -163,12 +159,10 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                     if reversal != AS_TOSSED:
                         flip(coins, side, flipped)
                         side = flipped
-                        if finest > 1:
-                            turn_around(model, dW[increments], dW[turned], finest)
-                            increments = turned
+                        increments = reversed_row(finest, model, dW, increments, changed)
                     if grid.truncate:
-                        truncate(model, dW[increments], dW[clipped], h, finest)
-                        increments = clipped
+                        truncate(finest, model, dW[increments], dW[changed], h)
+                        increments = changed
                     advance_path(
                         grid.reference_scheme,
                         scheme,
@@ -184,12 +178,12 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
             if s == last or not second_half:
                 break
-            join(model, dW[drawn], dW[first + s], finest)
+            join(finest, model, dW[drawn], dW[first + s])
             if tosses_any(grid.reference_scheme, scheme):
                 copy(coins, s, here)  # the coin of a step is that of its first half
             s += 1
         if s < last:
-            keep(model, dW[drawn], dW[first + s], finest)
+            keep(finest, model, dW[drawn], dW[first + s])
             if tosses_any(grid.reference_scheme, scheme):
                 copy(coins, here, s)
 

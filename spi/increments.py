@@ -4,9 +4,12 @@ A row of increments has those over a whole step, and behind them, where a scheme
 halves, quarters, ..., see :func:`first_lane`.
 """
 
-import numpy as np
+import functools
 
-from .dispatch import inlined, number, unrolled
+import numpy as np
+from numba.extending import overload
+
+from .dispatch import INDICES, INLINED, class_of, inlined, number, unrolled
 from .protocol import noise_indices, noises
 from .rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
 
@@ -135,36 +138,86 @@ def clip_substeps(index, model, dW, clipped, h, finest):
     return dW
 
 
+# What the loop over time does with rows of increments; `finest` is one of INDICES, and where it stands for 1, which is
+# so for nearly all schemes, there are no sub-steps and kernels contain nothing about them.
+
+
 @inlined
-def draw_steps(model, increments, noise, draw, block, scale, words, normals, finest):
+def row_length(finest, model):
+    """How many floats the increments of a block over a step and its sub-steps are."""
+    return (2 * number(finest) - 1) * noises(model) * LANES
+
+
+def _unless_one(plain):
+    """Decorator: `plain` takes the place of ``body(finest, ...)`` where `finest` stands for 1, without a branch."""
+
+    def decorate(body):
+        @functools.wraps(body)
+        def f(finest, *arguments):
+            return (plain if number(finest) == 1 else body)(finest, *arguments)
+
+        @overload(f, jit_options=INLINED, strict=False)
+        def f_while_compiling(finest, *types_of_arguments):
+            return plain if INDICES.index(class_of(finest)) == 1 else body
+
+        return f
+
+    return decorate
+
+
+def _draw_steps(finest, model, increments, noise, draw, block, scale, words):
+    draw_channels(model, increments, noise, draw, block, scale, words, row_length(finest, model))
+
+
+@_unless_one(_draw_steps)
+def draw_steps(finest, model, increments, noise, draw, block, scale, words):
     """Increments of the next STEPS_PER_DRAW steps and of their sub-steps, of which there are `finest` at last."""
-    draw_channels(model, increments, noise, draw, block, scale, words, increments.shape[1])
-    if finest > 1:
-        draw_bridges(model, increments, noise, draw, block, scale, words, normals, finest)
+    draw_channels(model, increments, noise, draw, block, scale, words, row_length(finest, model))
+    normals = np.empty(STEPS_PER_DRAW * LANES)
+    draw_bridges(model, increments, noise, draw, block, scale, words, normals, number(finest))
 
 
-@inlined
-def keep(model, dW, first, finest):
-    """Keep a step as the first half of a larger one."""
+def _keep(finest, model, dW, first):
     keep_first_half(model, dW, first)
-    if finest > 1:
-        first[:] = dW
 
 
-@inlined
-def join(model, dW, first, finest):
-    """The step of which `dW` holds the second half and `first` the first, in `dW`."""
-    if finest > 1:
-        join_halves(model, dW, first, finest)
+@_unless_one(_keep)
+def keep(finest, model, dW, first):
+    """Keep a step as the first half of a larger one."""
+    first[:] = dW
+
+
+def _join(finest, model, dW, first):
     add_first_half(model, dW, first)
 
 
-@inlined
-def truncate(model, dW, clipped, h, finest):
-    """The increments of a step of size h with their bounds, in `clipped`."""
+@_unless_one(_join)
+def join(finest, model, dW, first):
+    """The step of which `dW` holds the second half and `first` the first, in `dW`."""
+    join_halves(model, dW, first, number(finest))
+    add_first_half(model, dW, first)
+
+
+def _same_row(finest, model, dW, row, turned):
+    return row
+
+
+@_unless_one(_same_row)
+def reversed_row(finest, model, dW, row, turned):
+    """The number of the row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
+    turn_around(model, dW[row], dW[turned], number(finest))
+    return turned
+
+
+def _truncate(finest, model, dW, clipped, h):
     clip(model, dW, clipped, truncation_bound(h))
-    if finest > 1:
-        clip_substeps(model, dW, clipped, h, finest)
+
+
+@_unless_one(_truncate)
+def truncate(finest, model, dW, clipped, h):
+    """The increments of a step of size h with their bounds, in `clipped`, which may be `dW`."""
+    clip(model, dW, clipped, truncation_bound(h))
+    clip_substeps(model, dW, clipped, h, number(finest))
 
 
 @inlined

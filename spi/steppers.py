@@ -3,7 +3,7 @@
 from numba import types
 from numba.extending import overload
 
-from .dispatch import INLINED
+from .dispatch import INDICES, INLINED
 from .protocol import advance, memory_size, substeps, tosses, work_size
 
 
@@ -35,13 +35,13 @@ def _(reference_scheme, scheme):
 
 
 def most_substeps(reference_scheme, scheme):
-    """Into how many sub-steps the increments of a step must be resolved for either scheme."""
-    return max(substeps(s) for s in (reference_scheme, scheme) if s is not None)
+    """Into how many sub-steps the increments of a step must be resolved for either scheme, as one of INDICES."""
+    return INDICES[max(substeps(s) for s in (reference_scheme, scheme) if s is not None)]()
 
 
 @overload(most_substeps, jit_options=INLINED)
 def _(reference_scheme, scheme):
-    most = max(substeps(s) for s in (reference_scheme, scheme) if s != types.none)
+    most = INDICES[max(substeps(s) for s in (reference_scheme, scheme) if s != types.none)]()
     return lambda reference_scheme, scheme: most
 
 
