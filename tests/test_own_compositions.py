@@ -137,6 +137,8 @@ def test_compositions_in_cases_profiles_and_overrides(spec):
     [
         ("[nois 1/2, drift 1]", "entry 1 is 'nois 1/2'; must be like noise 1/2, drift 1 symmetric or noise 1 coin"),
         ("[noise 1, drift]", "entry 2 is 'drift'; must be like .*"),
+        ("[noise 1, ' ']", "entry 2 is ' '; must be like .*"),
+        ("[noise 1, null]", "entry 2 is empty; must be like .*"),
         ("[noise 1, {drift: 1}]", "entry 2 is a mapping; must be like .*"),
         ("[noise 1 backward, drift 1]", "entry 1 is '.*' with the word 'backward'; did you mean 'backwards'[?]"),
         ("[noise 1 coin coin, drift 1]", "entry 1 is 'noise 1 coin coin' with several orders; must be like .*"),

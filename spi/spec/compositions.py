@@ -34,7 +34,7 @@ _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items(
 
 def _row(text: Any, *keys: str | int) -> Flows:
     """The row that a text stands for; `keys` lead to it."""
-    part, *words = text.split() if isinstance(text, str) else [""]
+    part, *words = (text.split() if isinstance(text, str) else []) or [""]
     if part not in PARTS or not words:
         raise wrong(f"is {shown(text)}", _RIGHT, *keys)
     last = len(words)
