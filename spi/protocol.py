@@ -251,6 +251,7 @@ def advance(scheme, model, h, dW, coins, y, work, report):
     """One step of size h for LANES paths: replaces the states in `y`.
 
     `dW` holds the increments, channel k of lane l at [k * LANES + l]; channels that are off are not to be read.
+    For a scheme with :func:`substeps` those over sub-steps follow, as ``increments.first_lane`` says.
     `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
     ``work_size(scheme, model)`` floats; the scheme adds to `report` what :data:`REPORT` says.
     """
@@ -259,6 +260,11 @@ def advance(scheme, model, h, dW, coins, y, work, report):
 @fact(bool, default=False)
 def tosses(scheme):
     """Whether the scheme needs a fair coin per step and path."""
+
+
+@fact(int, default=1)
+def substeps(scheme):
+    """Into how many equal sub-steps, a power of two, the increments of a step must be resolved."""
 
 
 @word_with_default

@@ -16,6 +16,7 @@ from spi.angles import ANY_ANGLES
 from spi.dispatch import kernel, number, unrolled
 from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
+from spi.increments import first_lane
 from spi.lanes import load_lane, store_lane
 from spi.models import RigidBody
 from spi.models.damped import Damped
@@ -27,7 +28,6 @@ from spi.protocol import (
     memory_size,
     noise_flow,
     noise_indices,
-    noises,
     pieces,
     work_size,
 )
@@ -94,6 +94,18 @@ class Increments(NamedTuple):
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         put_increments(model, y, dW)
+
+
+class SubIncrements(NamedTuple):
+    """No scheme either: the new state is the increment over sub-step `part` of n."""
+
+    n: int
+    part: int
+
+    substeps = 8
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        put_increments(model, y, dW[first_lane(model, 0, scheme.n, scheme.part) :])
 
 
 class Coins(NamedTuple):
@@ -192,11 +204,12 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
 def take_steps(scheme, model, h, dW, y, coins=None):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
-    `coins` [step, lane] are all 1 unless given.
+    For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  `coins` [step, lane] are all 1
+    unless given.
     """
     y = np.array(y, float)
     block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
-    dW = np.ascontiguousarray(dW, float).reshape(-1, noises(model) * LANES)
+    dW = np.ascontiguousarray(dW, float).reshape(len(dW), -1)
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report

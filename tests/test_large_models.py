@@ -120,9 +120,9 @@ def test_counted_flows_cost_what_the_models_state(model):
 
 def test_counting_tells_large_from_small(ring):
     """A model that says nothing was taken for one with three components."""
-    assert typical_ns("splitting", ring) > 5 * typical_ns("splitting", RIGID_BODY)
-    assert typical_ns("euler_maruyama", ring) > 5 * typical_ns("euler_maruyama", RIGID_BODY)
-    assert typical_ns("midpoint", ring) > 20 * typical_ns("midpoint", RIGID_BODY)
+    assert typical_ns(SCHEMES["splitting"], ring) > 5 * typical_ns(SCHEMES["splitting"], RIGID_BODY)
+    assert typical_ns(SCHEMES["euler_maruyama"], ring) > 5 * typical_ns(SCHEMES["euler_maruyama"], RIGID_BODY)
+    assert typical_ns(SCHEMES["midpoint"], ring) > 20 * typical_ns(SCHEMES["midpoint"], RIGID_BODY)
     assert costs.flow_cost("noise", 0, ring) < costs.flow_cost("drift", 0, ring)  # one spin turns, or all
 
 
@@ -131,7 +131,7 @@ def test_what_is_stated_counts(ring):
         flow_ns = 100.0
 
     draws = 0.85 * ring.noises
-    assert typical_ns("splitting", Stated(*ring)) == pytest.approx(draws + 100.0 * (3 + ring.noises))
+    assert typical_ns(SCHEMES["splitting"], Stated(*ring)) == pytest.approx(draws + 100.0 * (3 + ring.noises))
 
 
 @inlined

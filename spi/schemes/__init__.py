@@ -1,20 +1,24 @@
 """The schemes, by the names that experiments use."""
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir
+from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir, substeps
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .costs import euler_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
 from .rows import sweeps
-from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
+from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
 
 
 class Scheme(NamedTuple):
-    """One row of the table of orders; what theory says where the coefficients are smooth and bounded."""
+    """One row of the table of orders; what theory says where the coefficients are smooth and bounded.
+
+    A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
+    """
 
     record: NamedTuple
     label: str
@@ -185,30 +189,48 @@ register_scheme(
 
 
 def has_theory(row, model):
-    """Whether the orders of a row hold for a model; not those of a splitting that is not made of exact flows."""
-    return exact_flows(model) or row.composition is None
+    """Whether a row has orders that hold for a model; not those of a splitting that is not made of exact flows."""
+    return not math.isnan(row.weak_order) and (exact_flows(model) or row.composition is None)
 
 
-def scheme_row(name, eps=None):
-    """The row of a scheme, for the multiscale system with this eps in its record."""
-    row = SCHEMES[name]
+def composed(name, rows, weak_order):
+    """What is known of a composition of flows that has no row in the table; NaN for the order if theory states none.
+
+    Its strong orders are those of all compositions that are whole steps: what they do not share with the equation at
+    first order are brackets of a noise with the drift, of mean 0, and of noises with one another.
+    """
+    known = not math.isnan(weak_order)
+    return Scheme(
+        record=splitting(*rows),
+        label=name,
+        formula="z = the flows of its rows one after the other",
+        reference="the experiment",
+        look=("", ""),
+        weak_order=weak_order,
+        **(_POISSON if known else _POISSON | {"strong_order": math.nan, "strong_order_commuting": math.nan}),
+    )
+
+
+def with_eps(row, eps):
+    """A row with this eps in its record if it is for the multiscale system."""
     return row._replace(record=row.record._replace(eps=eps)) if row.multiscale else row
 
 
-def reference_record(name, eps):
-    """The record of the scheme that makes a reference, with the eps of the scheme it is for; None without a name."""
-    return scheme_row(name, eps or 0.0).record if name else None
+def scheme_row(name, eps=None):
+    """The row of a scheme in the table, for the multiscale system with this eps in its record."""
+    return with_eps(SCHEMES[name], eps)
 
 
 _DRAW_NS = 0.85  # an increment
 
 
-def typical_ns(name, model):
+def typical_ns(row, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
-    row, stated = SCHEMES[name], flow_ns(model)
+    stated = flow_ns(model)
     acting = () if row.composition is None else sweeps(row.composition, model)
     if stated:
         step = stated * (len(acting) or row.work)
     else:
         step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
-    return row.overhead * (_DRAW_NS * len(noise_indices(model)) + step)
+    draws = len(noise_indices(model)) * substeps(row.record)
+    return row.overhead * (_DRAW_NS * draws + step)

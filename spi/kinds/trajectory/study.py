@@ -61,7 +61,7 @@ class TrajectoryPlan(PathsPlan):
     def cost(self) -> Cost:
         """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
-        seconds = steps * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
+        seconds = steps * LANES * 1e-9 * typical_ns(self.row, self.model)
         return Cost(steps * LANES, seconds, 8 * (steps + 1) * (len(self.initial) + 4))
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:
