@@ -18,7 +18,7 @@ from spi.dispatch import INDICES, MOST, inlined, uncompiled
 from spi.fields import drift_field, noise_field, unit
 from spi.models import MODELS, register_model
 from spi.protocol import NonNegative, drift_flow, drift_gradient, flow_ns, hamiltonian, noise_flow
-from spi.schemes import costs, typical_ns
+from spi.schemes import SCHEMES, costs, typical_ns
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(FOLDER))
