@@ -60,7 +60,8 @@ class Formula:
         """What is the same in all lanes comes first, in parentheses, so that it is computed once."""
         same = [f for f in e.args if not f.free_symbols & self.varying]
         other = [f for f in e.args if f not in same]
-        above, below = [], []
+        above: list[Any] = []
+        below: list[Any] = []
         for f in other:
             (below if f.is_Pow and f.exp.is_number and f.exp.is_negative else above).append(f)
         invariant = self._invariant(same)

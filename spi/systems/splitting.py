@@ -122,7 +122,8 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
 
 def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any]]:
     """(terms with exact flows, products y_i y_j of components that do not commute)."""
-    terms, crossing = [], []
+    terms: list[Term] = []
+    crossing: list[Any] = []
     for addend in addends:
         if not world.used(addend):
             continue  # a constant moves nothing
