@@ -22,7 +22,6 @@ from .source import Function, System
 from .splitting import Constants, Flow, NoExactFlow, Symbolics, merged, single, split
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, repeated, whole
 
-
 T = TypeVar("T")
 
 
