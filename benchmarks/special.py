@@ -22,8 +22,8 @@ SPLITTING = SCHEMES["splitting"].record
 
 def strong_work(model, initial, doublings):
     """The pass of the strong study, with several step sizes; per step of the smallest."""
-    sums = sums_of(model, initial, STEPS >> np.array(doublings), BLOCKS)
     times, report = grid(STEP, STEPS, doublings, True), empty_report(BLOCKS, len(doublings))
+    sums = sums_of(model, initial, times, BLOCKS)
     return lambda: integrate(SPLITTING, model, initial, times, NOISE, sums, report, 0, BLOCKS, BLOCKS * LANES)
 
 

@@ -6,6 +6,7 @@ called from a kernel, Numba picks it by the type of the record while compiling, 
 contain no closures and take no functions as arguments, so that Numba finds them in its disk cache.
 """
 
+import collections
 import contextlib
 import functools
 import inspect
@@ -44,8 +45,8 @@ linked = njit(**{**INLINED, "forceinline": False})
 def inlined(function):
     """Decorator: compiled code that calls this function contains a copy of it.
 
-    Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk;
-    ``__wrapped__`` is the bare function.
+    Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk, except
+    within :func:`uncompiled`; ``__wrapped__`` is the bare function.
     """
 
     by_itself = njit(**OPTIONS)(function)
@@ -210,11 +211,12 @@ def fact(of, **default):
     return decorate
 
 
-#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types.
-INDICES = tuple(NamedTuple(f"Index{k}", []) for k in range(16))
+#: How many components, pieces, noises or Casimir functions a model may have.
+MOST = 64
+
+#: Records that stand for the integers 0, 1, 2, ... and are known to the compiler by their types; one more for damping.
+INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k in range(MOST + 1))
 globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache looks for them
-for _cls in INDICES:
-    _cls.__module__ = __name__
 
 
 @constant

@@ -170,13 +170,8 @@ def log(x):
 
 
 @inlined
-def exp(x):
-    """e^x for any float64: overflows to inf above 709.78, fades through the denormals to 0 below -745.13.
-
-    x = n ln 2 + r with |r| <= ln(2)/2, the Taylor polynomial of degree 13 in r, and a scaling by 2^n in two factors.
-    """
-    x = 710.0 if x > 710.0 else x
-    x = -746.0 if x < -746.0 else x
+def _reduced_exp(x):
+    """(e^r - 1, n + _ROUND) for x = n ln 2 + r with |r| <= ln(2)/2, by the Taylor polynomial of degree 13 in r."""
     shifted = x * _LOG2_E + _ROUND
     n = shifted - _ROUND
     r = (x - n * _LN2_HI) - n * _LN2_LO
@@ -193,7 +188,19 @@ def exp(x):
     p = 4.1666666666666664e-02 + r * p
     p = 1.6666666666666666e-01 + r * p
     p = 0.5 + r * p
-    y = 1.0 + (r + (c + r * r * p))
+    return r + (c + r * r * p), shifted
+
+
+@inlined
+def exp(x):
+    """e^x for any float64: overflows to inf above 709.78, fades through the denormals to 0 below -745.13.
+
+    x = n ln 2 + r as in :func:`_reduced_exp`, and a scaling by 2^n in two factors.
+    """
+    x = 710.0 if x > 710.0 else x
+    x = -746.0 if x < -746.0 else x
+    rest, shifted = _reduced_exp(x)
+    y = 1.0 + rest
     i = bits(shifted) - _ROUND_BITS
     half = i >> np.int64(1)
     return y * from_bits((half + 1023) << _52) * from_bits((i - half + 1023) << _52)
@@ -201,30 +208,14 @@ def exp(x):
 
 @inlined
 def expm1(x):
-    """e^x - 1 to all digits also for small x, for |x| <= 709; inf above 710, -1 below -745.
+    """e^x - 1, to 2 ulp relative also where it is small: 2^n (e^r - 1) + (2^n - 1), see :func:`exp`.
 
-    With n and r as in :func:`exp`: 2^n (e^r - 1) + (2^n - 1).
+    For x <= 709; inf above 710, -1 below -100.
     """
     x = 710.0 if x > 710.0 else x
-    x = -746.0 if x < -746.0 else x
-    shifted = x * _LOG2_E + _ROUND
-    n = shifted - _ROUND
-    r = (x - n * _LN2_HI) - n * _LN2_LO
-    c = ((x - n * _LN2_HI) - r) - n * _LN2_LO
-    p = 1.6059043836821613e-10
-    p = 2.08767569878681e-09 + r * p
-    p = 2.505210838544172e-08 + r * p
-    p = 2.755731922398589e-07 + r * p
-    p = 2.7557319223985893e-06 + r * p
-    p = 2.48015873015873e-05 + r * p
-    p = 1.984126984126984e-04 + r * p
-    p = 1.388888888888889e-03 + r * p
-    p = 8.333333333333333e-03 + r * p
-    p = 4.1666666666666664e-02 + r * p
-    p = 1.6666666666666666e-01 + r * p
-    p = 0.5 + r * p
-    y = r + (c + r * r * p)
+    x = -100.0 if x < -100.0 else x
+    rest, shifted = _reduced_exp(x)
     i = bits(shifted) - _ROUND_BITS
     half = i >> np.int64(1)
     a, b = from_bits((half + 1023) << _52), from_bits((i - half + 1023) << _52)
-    return a * y * b + (a * b - 1.0)
+    return a * rest * b + (a * b - 1.0)

@@ -2,7 +2,8 @@
 
 The same Brownian path drives all step sizes: increments are drawn once, at the reference step h_ref, and an increment
 over 2^s h_ref is the sum of its two halves, in this order, first half plus second half.  So every increment is defined
-to the last bit by (seed, stream, path, h_ref), whatever else is computed.
+to the last bit by (seed, stream, path, h_ref), whatever else is computed.  Where a scheme needs increments
+over sub-steps, those of h_ref are Brownian bridges of the same path, and those of coarser steps are finer increments.
 """
 
 import contextlib
@@ -13,12 +14,12 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
-from .dispatch import INLINED, linked, number, parallel_kernel, unrolled
-from .increments import add_first_half, clip, copy, draw_channels, flip, keep_first_half, truncation_bound
-from .lanes import load_lane, store_lane
-from .protocol import REPORT, SUMMED, casimir_indices, casimirs, dimension, noises, observe
+from .dispatch import INLINED, linked, parallel_kernel
+from .increments import copy, draw_steps, flip, join, keep, reversed_row, row_length, truncate
+from .lanes import store_lane
+from .protocol import REPORT, SUMMED, dimension, observe
 from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
-from .steppers import advance_path, largest_sizes, tosses_any
+from .steppers import advance_path, largest_sizes, most_substeps, tosses_any
 
 #: How often a study that runs in batches can report, and be interrupted.
 BATCH_SECONDS = 0.5
@@ -38,7 +39,7 @@ class Grid(NamedTuple):
     reference_step: float
     reference_steps: int
     doublings: np.ndarray  #: int64, increasing, doublings[0] = 0
-    truncate: bool  #: whether increments are clipped as :func:`truncation_bound` says, per step size
+    truncate: bool  #: whether increments are clipped as ``truncation_bound`` says, per step size
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
@@ -68,6 +69,16 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme):
     doublings = [0, *(round(np.log2(h / reference_step)) for h in reversed(steps))]
     total = round(final_time / reference_step)
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme)
+
+
+def steps_of(times):
+    """(levels,) how many steps each step size of a grid takes."""
+    return times.reference_steps >> times.doublings
+
+
+def step_sizes_of(times):
+    """(levels,) the step sizes of a grid."""
+    return times.reference_step * 2.0**times.doublings
 
 
 def shortest(times):
@@ -123,11 +134,11 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     for level in range(levels):
         begin(model, initial, row, y[level])
     first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
-    width = noises(model) * LANES
+    finest = most_substeps(grid.reference_scheme, scheme)
     words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
-    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, clipped ones
-    first, clipped = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
-    dW = np.empty((clipped + 1, width))
+    # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
+    first, changed = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
+    dW = np.empty((changed + 1, row_length(finest, model)))
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
     coins = np.empty((flipped + 1, LANES))
@@ -136,7 +147,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
-            draw_channels(model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
+            draw_steps(finest, model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
         if tosses_any(grid.reference_scheme, scheme):
             if n % STEPS_PER_TOSS == 0:
                 toss(
@@ -158,9 +169,10 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                     if reversal != AS_TOSSED:
                         flip(coins, side, flipped)
                         side = flipped
+                        increments = reversed_row(finest, model, dW, increments, changed)
                     if grid.truncate:
-                        clip(model, dW[increments], dW[clipped], truncation_bound(h))
-                        increments = clipped
+                        truncate(finest, model, dW[increments], dW[changed], h)
+                        increments = changed
                     advance_path(
                         grid.reference_scheme,
                         scheme,
@@ -176,12 +188,12 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
             if s == last or not second_half:
                 break
-            add_first_half(model, dW[drawn], dW[first + s])
+            join(finest, model, dW[drawn], dW[first + s])
             if tosses_any(grid.reference_scheme, scheme):
                 copy(coins, s, here)  # the coin of a step is that of its first half
             s += 1
         if s < last:
-            keep_first_half(model, dW[drawn], dW[first + s])
+            keep(finest, model, dW[drawn], dW[first + s])
             if tosses_any(grid.reference_scheme, scheme):
                 copy(coins, here, s)
 
@@ -201,17 +213,6 @@ def integrate(scheme, model, initial, grid, noise, observer, report, first_block
         paths = min(LANES, samples - block * LANES)
         scheme, model, initial, grid, noise, observer = records[0]
         integrate_block(scheme, model, initial, grid, noise, observer, report[row], block, row, paths)
-
-
-@unrolled(casimir_indices)
-def watch_casimirs(index, model, worst, initial, y):
-    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers."""
-    c = number(index)
-    for lane in range(LANES):
-        change = abs(casimirs(model, load_lane(model, y, lane))[c] - initial[c])
-        if not change <= worst[c, lane]:  # true for NaN
-            worst[c, lane] = change
-    return worst
 
 
 class FinalStates(NamedTuple):

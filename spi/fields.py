@@ -5,6 +5,7 @@ All functions act on one state, a tuple of d floats, and are inlined into the lo
 
 from .dispatch import inlined, number, tuplewise, unrolled
 from .protocol import (
+    add_dissipation,
     drift_gradient,
     drift_hessian,
     noise_gradient,
@@ -46,8 +47,8 @@ def unit(indices, j):
 
 @inlined
 def drift_field(model, y):
-    """B(y) grad H(y)."""
-    return structure(model, y, drift_gradient(model, y))
+    """B(y) grad H(y), and what else the drift has."""
+    return add_dissipation(model, structure(model, y, drift_gradient(model, y)), 1.0, y)
 
 
 @inlined
@@ -101,12 +102,19 @@ def step_gradient(model, h, dW, lane, y):
 
 @inlined
 def step_field(model, h, dW, lane, y):
-    """F(y) = B(y) grad K(y)."""
-    return structure(model, y, step_gradient(model, h, dW, lane, y))
+    """F(y) = B(y) grad K(y), and h times what else the drift has."""
+    return step_field_along(model, h, y, step_gradient(model, h, dW, lane, y))
+
+
+@inlined
+def step_field_along(model, h, y, gradient):
+    """F(y), given gradient = grad K(y)."""
+    return add_dissipation(model, structure(model, y, gradient), h, y)
 
 
 @inlined
 def step_field_derivative(model, h, dW, lane, y, gradient, v):
     """F'(y) v, given gradient = grad K(y)."""
     hessian = add_noise_hessians(model, scaled(drift_hessian(model, y, v), h), dW, lane, y, v)
-    return add_scaled(structure_derivative(model, y, v, gradient), 1.0, structure(model, y, hessian))
+    turned = add_scaled(structure_derivative(model, y, v, gradient), 1.0, structure(model, y, hessian))
+    return add_dissipation(model, turned, h, v)

@@ -6,13 +6,14 @@ Loops over lanes that load a tuple, compute and store it become vector instructi
 from numba import types
 from numba.core import cgutils
 
-from .dispatch import instructions, record_class
+from .dispatch import instructions
+from .protocol import dimension
 from .rng import LANES
 
 
 def load_lane(model, y, lane):
     """The state of one lane as a tuple of ``dimension(model)`` floats."""
-    return tuple(float(y[i * LANES + lane]) for i in range(model.dimension))
+    return tuple(float(y[i * LANES + lane]) for i in range(dimension(model)))
 
 
 def store_lane(y, lane, state):
@@ -23,7 +24,7 @@ def store_lane(y, lane, state):
 
 @instructions(load_lane)
 def _(model, y, lane):
-    d = record_class(model).dimension
+    d = dimension(model)
 
     def code(context, builder, signature, arguments):
         data = cgutils.create_struct_proxy(signature.args[1])(context, builder, arguments[1]).data

@@ -56,6 +56,11 @@ def conserved(model):
     """The number of Casimir functions."""
 
 
+@fact(tuple, default=())
+def casimir_degrees(model):
+    """The degrees k of the Casimir functions where all are homogeneous, C(c y) = c^k C(y); otherwise empty."""
+
+
 @fact(bool, default=True)
 def exact_flows(model):
     """Whether the flows are exact; if not, what is known of splitting schemes does not hold."""
@@ -71,9 +76,12 @@ def populations(model):
     """Whether the components are to stay positive."""
 
 
-@fact(float, default=0.5)
+@fact(float, default=0.0)
 def flow_ns(model):
-    """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time."""
+    """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
+
+    0: not known; then it is found by counting operations.
+    """
 
 
 def piece_indices(model):
@@ -204,6 +212,18 @@ def casimirs(model, y):
     """The Casimir functions at y, a tuple (empty if there are none)."""
 
 
+@word_with_default
+def add_dissipation(model, value, h, y):
+    """value + h g(y), where g, a linear function, is what the drift has beside B(y) grad H(y)."""
+    return value
+
+
+@word_with_default
+def decay_rates(model):
+    """The rates at which the Casimir functions decay; empty where they are preserved.  Asked in Python only."""
+    return ()
+
+
 @capability
 def axis_inertias(model):
     """((I_1, I_2, I_3), (Î_1, Î_2, Î_3)) where B(y) v = y x v, H_k = y_k^2 / (2 I_k) and Ĥ_k = y_k^2 / (2 Î_k).
@@ -231,6 +251,7 @@ def advance(scheme, model, h, dW, coins, y, work, report):
     """One step of size h for LANES paths: replaces the states in `y`.
 
     `dW` holds the increments, channel k of lane l at [k * LANES + l]; channels that are off are not to be read.
+    For a scheme with :func:`substeps` those over sub-steps follow, as ``increments.first_lane`` says.
     `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
     ``work_size(scheme, model)`` floats; the scheme adds to `report` what :data:`REPORT` says.
     """
@@ -239,6 +260,11 @@ def advance(scheme, model, h, dW, coins, y, work, report):
 @fact(bool, default=False)
 def tosses(scheme):
     """Whether the scheme needs a fair coin per step and path."""
+
+
+@fact(int, default=1)
+def substeps(scheme):
+    """Into how many equal sub-steps, a power of two, the increments of a step must be resolved."""
 
 
 @word_with_default

@@ -161,7 +161,7 @@ def describe(case: Any, row: Any, part: Part) -> dict[str, Any]:
         "initial": case.initial,
         "truncate_noise": case.truncate_noise,
         "model": case.model_name,
-        **{f"{_MODEL}{name}": value for name, value in case.model._asdict().items() if name != "constants"},
+        **{f"{_MODEL}{name}": value for name, value in case.parameters.items() if name != "constants"},
         **({"variables": names} if (names := getattr(case, "variables", ())) else {}),
     }
 

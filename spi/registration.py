@@ -4,6 +4,7 @@ import difflib
 import inspect
 
 from . import protocol
+from .dispatch import MOST
 
 
 def vocabulary(asked):
@@ -49,5 +50,7 @@ def _disagreement(name, value, declared):
             return [f"has {name} = {value!r}, which must be a method"]
         found = len(inspect.signature(value).parameters)
         return [f"has {name} with {found} parameters instead of {declared.parameters}"] * (found != declared.parameters)
+    if declared.of is int and type(value) is int and not 0 <= value <= MOST:
+        return [f"has {name} = {value}, which must be between 0 and {MOST}"]
     right = type(value) is declared.of or inspect.isfunction(value)
     return [] if right else [f"has {name} = {value!r}, which must be of type {declared.of.__name__}"]

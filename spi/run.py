@@ -99,7 +99,7 @@ def reports(experiment: spec.Experiment) -> dict[str, list[str]]:
     found: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
         if lines := systems.report(case.model):
-            steps = [f"a step of {s}: about {typical_ns(s, case.model):.3g} ns" for s in case.schemes]
+            steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}

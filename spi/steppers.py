@@ -3,8 +3,8 @@
 from numba import types
 from numba.extending import overload
 
-from .dispatch import INLINED
-from .protocol import advance, memory_size, tosses, work_size
+from .dispatch import INDICES, INLINED
+from .protocol import advance, memory_size, substeps, tosses, work_size
 
 
 def largest_sizes(reference_scheme, scheme, model):
@@ -32,6 +32,17 @@ def tosses_any(reference_scheme, scheme):
 def _(reference_scheme, scheme):
     either = tosses(scheme) or (reference_scheme != types.none and tosses(reference_scheme))
     return lambda reference_scheme, scheme: either
+
+
+def most_substeps(reference_scheme, scheme):
+    """Into how many sub-steps the increments of a step must be resolved for either scheme, as one of INDICES."""
+    return INDICES[max(substeps(s) for s in (reference_scheme, scheme) if s is not None)]()
+
+
+@overload(most_substeps, jit_options=INLINED)
+def _(reference_scheme, scheme):
+    most = INDICES[max(substeps(s) for s in (reference_scheme, scheme) if s != types.none)]()
+    return lambda reference_scheme, scheme: most
 
 
 def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):

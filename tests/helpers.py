@@ -16,8 +16,10 @@ from spi.angles import ANY_ANGLES
 from spi.dispatch import kernel, number, unrolled
 from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
+from spi.increments import first_lane
 from spi.lanes import load_lane, store_lane
 from spi.models import RigidBody
+from spi.models.damped import Damped
 from spi.protocol import (
     REPORT,
     advance,
@@ -26,6 +28,7 @@ from spi.protocol import (
     memory_size,
     noise_flow,
     noise_indices,
+    pieces,
     work_size,
 )
 from spi.rng import BROWNIAN, LANES
@@ -41,6 +44,24 @@ RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))
 #: The same equations with one noise.
 ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, None, None))
 INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
+
+
+class LinearlyDamped(NamedTuple):
+    """Damping by the factor 1 - gamma t: not exact, and no test of the decay may pass it."""
+
+    model: NamedTuple
+    damping: float
+    sigma: tuple
+
+    def drift_flow(model, k, t, y, angles):
+        if k < pieces(model.model):
+            return drift_flow(model.model, k, t, y, angles)
+        return add_scaled(y, -model.damping * t, y)
+
+
+for _name, _word in vars(Damped).items():
+    if not _name.startswith("_") and _name not in (*Damped._fields, "drift_flow"):
+        setattr(LinearlyDamped, _name, _word)
 
 
 # --- records for the ensemble ----------------------------------------------------------------------------------------
@@ -73,6 +94,18 @@ class Increments(NamedTuple):
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         put_increments(model, y, dW)
+
+
+class SubIncrements(NamedTuple):
+    """No scheme either: the new state is the increment over sub-step `part` of n."""
+
+    n: int
+    part: int
+
+    substeps = 8
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        put_increments(model, y, dW[first_lane(model, 0, scheme.n, scheme.part) :])
 
 
 class Coins(NamedTuple):
@@ -145,7 +178,7 @@ def final_states(scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, s
 
 def _until_the_end(scheme, model, times, *, blocks, **paths):
     """The last states [level, component, path], and the report."""
-    levels, d = len(times.doublings), type(model).dimension
+    levels, d = len(times.doublings), dimension(model)
     observer = FinalStates(np.zeros((blocks, levels, d * LANES)), times.reference_steps >> times.doublings)
     report = _run(scheme, model, times, observer, blocks=blocks, **paths)
     return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1), report
@@ -171,11 +204,12 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
 def take_steps(scheme, model, h, dW, y, coins=None):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
-    `coins` [step, lane] are all 1 unless given.
+    For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  `coins` [step, lane] are all 1
+    unless given.
     """
     y = np.array(y, float)
     block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
-    dW = np.ascontiguousarray(dW, float).reshape(-1, type(model).noises * LANES)
+    dW = np.ascontiguousarray(dW, float).reshape(len(dW), -1)
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report

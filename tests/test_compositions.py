@@ -202,8 +202,10 @@ def test_order_2_keeps_all_casimirs(system, generator):
 
 def test_flows_of_a_step_for_estimates_of_run_time():
     """13 flows and, because lanes differ in their coins, two of the noises twice."""
-    assert typical_ns("splitting_order2", RIGID_BODY) > typical_ns("splitting", RIGID_BODY)
-    flow = typical_ns("splitting", RIGID_BODY._replace(sigma=(None, None, None))) / 3
-    assert typical_ns("splitting_order2", RIGID_BODY._replace(sigma=(None, None, None))) == pytest.approx(10 * flow)
-    draws = typical_ns("splitting", RIGID_BODY) - 6 * flow
-    assert typical_ns("splitting_order2", RIGID_BODY) == pytest.approx(15 * flow + draws)
+    assert typical_ns(SCHEMES["splitting_order2"], RIGID_BODY) > typical_ns(SCHEMES["splitting"], RIGID_BODY)
+    flow = typical_ns(SCHEMES["splitting"], RIGID_BODY._replace(sigma=(None, None, None))) / 3
+    assert typical_ns(SCHEMES["splitting_order2"], RIGID_BODY._replace(sigma=(None, None, None))) == pytest.approx(
+        10 * flow
+    )
+    draws = typical_ns(SCHEMES["splitting"], RIGID_BODY) - 6 * flow
+    assert typical_ns(SCHEMES["splitting_order2"], RIGID_BODY) == pytest.approx(15 * flow + draws)

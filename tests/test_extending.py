@@ -78,7 +78,7 @@ def test_the_composition_is_what_its_row_says():
         expected = np.transpose([composed(RIGID_BODY, flows, h, tuple(y[:, n]), dW[:, n]) for n in range(LANES)])
         assert (np.abs(new - expected).max() < 1e-13) == same
     assert has_theory(row, RIGID_BODY) and not has_reversed_twin(row.record)
-    assert typical_ns(NAME, RIGID_BODY) > typical_ns("splitting", RIGID_BODY)
+    assert typical_ns(SCHEMES[NAME], RIGID_BODY) > typical_ns(SCHEMES["splitting"], RIGID_BODY)
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many paths without the compiler")

@@ -12,9 +12,10 @@ FLOORS = [
     ["own", "modules", "inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies", "claims"],
     [
         "angles",
-        "lanes",
         "protocol",
+        "lanes",
         "registration",
+        "invariants",
         "fields",
         "increments",
         "steppers",

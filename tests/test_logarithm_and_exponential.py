@@ -41,6 +41,12 @@ def exp(x, y):
         y[i] = elementary.exp(x[i])
 
 
+@kernel
+def expm1(x, y):
+    for i in range(x.size):
+        y[i] = elementary.expm1(x[i])
+
+
 # --- logarithm -------------------------------------------------------------------------------------------------------
 
 
@@ -111,3 +117,16 @@ def test_exp_at_the_edges():
     assert np.all(call(exp, [OVERFLOW + 1e-9, 709.8, 710.0, 711.0, 1e4, LARGEST, INF]) == INF)
     assert np.all(call(exp, [-745.14, -746.0, -747.0, -1e4, -LARGEST, -INF]) == 0.0)
     assert np.isnan(call(exp, [NAN])[0])
+
+
+def test_expm1():
+    x = np.concatenate(
+        [
+            np.random.default_rng(18).uniform(-100.0, 708.0, N),
+            spread(1e-300, 1.0, N, 19),
+            with_neighbours([1.0, -1.0, 0.5 * math.log(2.0), -0.5 * math.log(2.0), math.log(2.0), -math.log(2.0)]),
+        ]
+    )
+    assert_accurate(x, call(expm1, x), mpmath.expm1)
+    assert np.array_equal(call(expm1, [0.0, -101.0, -LARGEST, -INF]), [0.0, -1.0, -1.0, -1.0])
+    assert np.isnan(call(expm1, [NAN])[0])

@@ -9,6 +9,7 @@ from matplotlib.legend import Legend
 from trajectory_results import LABELS, THREE, trajectories, trajectory_group
 
 from spi import views
+from spi.drawing import style
 from spi.kinds.trajectory import figure
 from spi.kinds.trajectory.figure import curves
 from spi.kinds.trajectory.keys import PANELS
@@ -273,3 +274,27 @@ def test_panels_that_cannot_be_drawn():
         views.figure(trajectories(*prey(("casimirs",))))
     with pytest.raises(ValueError, match="no scheme"):
         views.figure(trajectories())
+
+
+@pytest.mark.parametrize("noted", [False, True])
+def test_the_shared_legend_is_clear_of_the_labels_of_axes(noted):
+    """Also where claims stand under the figure, for which the layout engine no longer keeps room for it."""
+    fig = views.figure(trajectories(*bloch("one", ("casimirs", "casimirs", "casimirs"))))
+    if noted:
+        style.note_under(fig, [("Claims kept: all of them.", "black")])
+    fig.draw_without_rendering()
+    (legend,) = fig.legends
+    labels = [ax.xaxis.label.get_window_extent() for ax in fig.axes]
+    assert legend.get_window_extent().y1 < min(label.y0 for label in labels)
+
+
+def test_changes_of_casimirs_that_decay():
+    """Those that the study stored, exp(k gamma t) C(y) - C(y_0), and not the fall of C(y) itself."""
+    groups = bloch("one", ("casimir_errors",), model_damping=0.1)
+    stored = [
+        group._replace(variables=group.variables | {"casimir_changes": (("t", "casimir"), 1e-15 * np.sin(T)[:, None])})
+        for group in groups
+    ]
+    (ax,) = views.figure(trajectories(*stored)).axes
+    assert ax.get_ylabel().startswith(r"$e^{k\gamma t}C(y)-C(y_0)$")
+    np.testing.assert_array_equal(drawn(ax, "splitting").get_ydata(), 1e-15 * np.sin(T))

@@ -5,7 +5,7 @@ import pytest
 from helpers import LANES, RIGID_BODY, SCHEMES, composed, random_states, take_step
 
 from spi.models import MaxwellBloch
-from spi.schemes import AsymptoticPreserving, ImplicitEuler, register_scheme, typical_ns
+from spi.schemes import AsymptoticPreserving, ImplicitEuler, typical_ns
 from spi.schemes.rows import compositions, flows, sweeps
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_reversed_twin, splitting
 
@@ -53,6 +53,15 @@ def test_noises_that_are_off_are_left_out():
         (("jump",), "the part 'jump', which is none of drift, noise"),
         (("drift", "sideways"), "the order 'sideways', which is none of forwards, backwards, symmetric"),
         (("noise", "symmetric", 1.0, True), "its own reverse"),
+        (
+            ("noise", "forwards", 1 / 3),
+            "is 0.333333 and must be a positive multiple of 1/8, at most 1: a step is divided",
+        ),
+        (("noise", "forwards", 1 / 16), "is 0.0625 and must be a positive multiple of 1/8"),
+        (("noise", "backwards", -1 / 2), "is -0.5 and must be a positive multiple of 1/8"),
+        (("noise", "forwards", 0.0), "is 0 and must be a positive multiple of 1/8"),
+        (("noise", "forwards", 9 / 8), "is 1.125 and must be a positive multiple of 1/8, at most 1"),
+        (("noise", "symmetric", 1 / 8), "multiple of 1/4, at most 1, as it is halved"),
     ],
 )
 def test_words_that_are_not_known_are_refused(arguments, complaint):
@@ -65,8 +74,11 @@ def test_words_that_are_not_known_are_refused(arguments, complaint):
     [
         ((flows("drift"), flows("drift"), flows("noise")), "of the drift add up to 2 and"),
         ((flows("drift"),), "of the noise add up to 0 and"),
-        ((flows("drift"), flows("noise", fraction=0.5), flows("noise", fraction=0.5)), "increments of their own"),
-        ((flows("drift"), flows("noise", "symmetric")), "increments of their own"),
+        (
+            (flows("drift"), flows("noise", fraction=0.5), flows("noise", fraction=0.25)),
+            "of the noise add up to 0.75 and",
+        ),
+        ((flows("drift", fraction=-1.0), flows("drift"), NOISE), "of the drift add up to 0 and"),
     ],
 )
 def test_schemes_that_kernels_cannot_make_are_refused(rows, complaint):
@@ -121,15 +133,9 @@ def test_reversed_twins():
 
 def test_the_cost_of_a_step_follows_from_its_rows():
     def cost(*rows):
-        register_scheme("of_this_test", **{**SCHEMES["splitting"]._asdict(), "record": Splitting(rows)})
-        try:
-            return typical_ns("of_this_test", RIGID_BODY)
-        finally:
-            from spi.schemes import SCHEMES as registered
+        return typical_ns(SCHEMES["splitting"]._replace(record=Splitting(rows)), RIGID_BODY)
 
-            del registered["of_this_test"]
-
-    one = typical_ns("splitting", RIGID_BODY)
+    one = typical_ns(SCHEMES["splitting"], RIGID_BODY)
     flow = cost(DRIFT, DRIFT, NOISE) - one
     assert cost(*LIE_TROTTER.rows) == one
     assert cost(flows("drift", "symmetric"), NOISE) - one == pytest.approx(flow * 2 / 3)

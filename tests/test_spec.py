@@ -854,7 +854,8 @@ def test_json_schema():
     strong = schema["$defs"]["strong"]
     keys = strong["properties"]
     assert keys["kind"]["const"] == "strong"
-    assert keys["schemes"]["items"]["enum"] == SCHEMES.split(", ")
+    assert keys["schemes"]["items"]["anyOf"][0]["enum"] == SCHEMES.split(", ")
+    assert keys["compositions"]["additionalProperties"] == {"type": "array", "items": {"type": "string"}}
     assert keys["final_time"]["anyOf"] == [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]
     assert keys["samples"]["description"] == "number of Brownian paths"
     assert {"$ref": "#/$defs/RigidBodyPart"} in keys["model"]["anyOf"]

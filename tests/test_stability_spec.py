@@ -34,7 +34,10 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
     ("replaced", "message"),
     [
         (["sweep: " + WORD + "\n", ""], r"1: sweep: missing key 'sweep'; add sweep: .*"),
-        ([SIGMA, "[1, 1, 1]"], r"11: sweep: the word 's' stands nowhere; use it in one of model, initial, eps"),
+        (
+            [SIGMA, "[1, 1, 1]"],
+            r"11: sweep: the word 's' stands nowhere; use it in .* model, damping, initial, eps",
+        ),
         ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 words; must have one word .*"),
         ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
         ([WORD, "{pi: [0.5]}", SIGMA, "[pi, 1, 1]"], r"11: sweep: 'pi' cannot be swept; must be .*"),

@@ -13,7 +13,7 @@ from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import _expected_order
 from spi.protocol import casimirs
 from spi.records import Part
-from spi.schemes import SCHEMES
+from spi.schemes import SCHEMES, scheme_row
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -100,6 +100,8 @@ def strong_case(name, sigma, scheme, final_time):
         steps=tuple(2.0**-n for n in range(5, 14)),
         reference_step=2.0**-exponent,
         reference_scheme=None,
+        row=scheme_row,
+        reference_record=lambda eps: None,
         schemes=(scheme,),
         truncate_noise=name == "maxwell_bloch",
         samples=500,

@@ -113,7 +113,7 @@ def test_without_what_may_be_missing(results):
     multilevel.attributes["level_cost_rate"] = math.nan
     text = printed(weak(plain, multilevel, exact))
     assert "standard error 1.0e-4 at 2^-3 in 4 s of processor time\n" in text and "expected" not in text
-    assert "levels: " not in text and "as if the scheme had its usual order" in text
+    assert "levels: " not in text and "errors are not corrected for what it lacks, as theory states no order" in text
 
 
 def test_nothing_finite():

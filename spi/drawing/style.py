@@ -121,9 +121,11 @@ def note_under(fig: Figure, notes: Iterable[tuple[str, str]]) -> None:
     for text in fig.texts:  # which stay where they are, seen from above
         text.set_y(1 - (1 - text.get_position()[1]) * height / taller)
     fig.set_size_inches(width, taller)
-    engine.set(rect=(0, room / taller, 1, top / taller))
-    for legend in fig.legends:  # "outside" of all panels, at the lower edge of what they have
+    legends = 0.0
+    for legend in fig.legends:  # "outside" of all panels; with an anchor the engine no longer keeps room for it
+        legends = max(legends, legend.get_window_extent().height / fig.dpi + 0.12)
         legend.set_bbox_to_anchor((0, room / taller, 1, 1 - room / taller), fig.transFigure)
+    engine.set(rect=(0, (room + legends) / taller, 1, (top - legends) / taller))
     for i, (line, colour) in enumerate(reversed(lines)):
         fig.text(0.2 / width, (0.06 + 0.14 * i) / taller, line, fontsize=7, color=colour, va="bottom")
 

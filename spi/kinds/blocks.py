@@ -88,7 +88,7 @@ class BlocksPlan(Blockwise, PathsPlan):
     @property
     def seconds_per_block(self) -> float:
         """Of one thread at typical speed."""
-        return int(self.steps.sum()) * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
+        return int(self.steps.sum()) * LANES * 1e-9 * typical_ns(self.row, self.model)
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:
         """All paths."""

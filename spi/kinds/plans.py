@@ -15,7 +15,7 @@ import numpy as np
 from spi.ensemble import Grid, RandomStream, brownian, empty_report, integrate, shortest
 from spi.records import Group, Part, describe
 from spi.rng import LANES
-from spi.schemes import Scheme, scheme_row
+from spi.schemes import Scheme
 from spi.tallies import Chunk, PathSet, Sums
 
 from .state import Nothing, State
@@ -119,8 +119,8 @@ class PartPlan:
 
     @property
     def row(self) -> Scheme:
-        """The scheme's row in the table of schemes, with the eps of the part in its record."""
-        return scheme_row(self.part.scheme, self.part.eps)
+        """What is known of the scheme, with the eps of the part in its record."""
+        return self.case.row(self.part.scheme, self.part.eps)
 
     @property
     def scheme(self) -> Any:

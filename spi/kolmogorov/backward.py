@@ -47,10 +47,13 @@ def words_of(compositions, active):
     return words
 
 
-def weak_order(words):
-    """Weak order of a step, 1 or 2: in the product of the exponentials, X_i X_j must have the coefficient 1/2."""
+def weak_order(words, commute=lambda a, b: a[1] == b[1]):
+    """Weak order of a step, 1 or 2: in the product of the exponentials, X_i X_j must have the coefficient 1/2.
+
+    That is not asked of flows, (part, number) each, that `commute`.
+    """
     parts = {(part, k) for word in words for part, k, _ in word}
-    for first, second in ((a, b) for a in parts for b in parts if a[1] != b[1]):
+    for first, second in ((a, b) for a in parts for b in parts if a != b and not commute(a, b)):
         share = 0.0
         for word, probability in words.items():
             pairs = [

@@ -24,6 +24,7 @@ class LotkaVolterra(NamedTuple):
     noises = 1
     conserved = 0
     populations = True
+    flow_ns = 0.5
 
     def drift_flow(model, k, t, y, angles):
         if k == 0:

@@ -21,6 +21,8 @@ class MaxwellBloch(NamedTuple):
     pieces = 2
     noises = 2
     conserved = 1
+    casimir_degrees = (2,)
+    flow_ns = 0.5
 
     def drift_angle(model, k, t, y):
         return abs(t * y[0]) if k == 0 else 0.0

@@ -39,7 +39,9 @@ class RigidBody(NamedTuple):
     pieces = 3
     noises = 3
     conserved = 1
+    casimir_degrees = (2,)
     squared_length_is_casimir = True
+    flow_ns = 0.5
 
     def drift_angle(model, k, t, y):
         return abs(t * (1.0 / model.inertia[k]) * y[k])
@@ -96,7 +98,9 @@ class RigidBodySharedNoise(NamedTuple):
     pieces = 3
     noises = 1
     conserved = 1
+    casimir_degrees = (2,)
     squared_length_is_casimir = True
+    flow_ns = 0.5
     exact_flows = False
 
     # all that does not depend on the noise is the rigid body's

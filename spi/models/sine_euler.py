@@ -137,6 +137,7 @@ class SineEuler(NamedTuple):
     pieces = 4
     noises = 4
     conserved = 2
+    casimir_degrees = (2, 3)
     squared_length_is_casimir = True
     flow_ns = 1.7
 

@@ -1,19 +1,24 @@
 """The schemes, by the names that experiments use."""
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir
+from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir, substeps
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
+from .costs import euler_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
 from .rows import sweeps
-from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
+from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
 
 
 class Scheme(NamedTuple):
-    """One row of the table of orders; what theory says where the coefficients are smooth and bounded."""
+    """One row of the table of orders; what theory says where the coefficients are smooth and bounded.
+
+    A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
+    """
 
     record: NamedTuple
     label: str
@@ -25,6 +30,7 @@ class Scheme(NamedTuple):
     weak_order: float
     preserves: str
     work: float | None = None  #: of a step, in flows of the model, for estimates of run time; None: flows are counted
+    step_cost: Callable = euler_cost  #: nanoseconds of a step without flows, of a model that does not state ``flow_ns``
     overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
@@ -124,6 +130,7 @@ register_scheme(
     weak_order=1.0,
     preserves="quadratic Casimirs",
     work=25.0,
+    step_cost=midpoint_cost,
     needs_truncation=True,
 )
 register_scheme(
@@ -182,26 +189,48 @@ register_scheme(
 
 
 def has_theory(row, model):
-    """Whether the orders of a row hold for a model; not those of a splitting that is not made of exact flows."""
-    return exact_flows(model) or row.composition is None
+    """Whether a row has orders that hold for a model; not those of a splitting that is not made of exact flows."""
+    return not math.isnan(row.weak_order) and (exact_flows(model) or row.composition is None)
 
 
-def scheme_row(name, eps=None):
-    """The row of a scheme, for the multiscale system with this eps in its record."""
-    row = SCHEMES[name]
+def composed(name, rows, weak_order):
+    """What is known of a composition of flows that has no row in the table; NaN for the order if theory states none.
+
+    Its strong orders are those of all compositions that are whole steps: what they do not share with the equation at
+    first order are brackets of a noise with the drift, of mean 0, and of noises with one another.
+    """
+    known = not math.isnan(weak_order)
+    return Scheme(
+        record=splitting(*rows),
+        label=name,
+        formula="z = the flows of its rows one after the other",
+        reference="the experiment",
+        look=("", ""),
+        weak_order=weak_order,
+        **(_POISSON if known else _POISSON | {"strong_order": math.nan, "strong_order_commuting": math.nan}),
+    )
+
+
+def with_eps(row, eps):
+    """A row with this eps in its record if it is for the multiscale system."""
     return row._replace(record=row.record._replace(eps=eps)) if row.multiscale else row
 
 
-def reference_record(name, eps):
-    """The record of the scheme that makes a reference, with the eps of the scheme it is for; None without a name."""
-    return scheme_row(name, eps or 0.0).record if name else None
+def scheme_row(name, eps=None):
+    """The row of a scheme in the table, for the multiscale system with this eps in its record."""
+    return with_eps(SCHEMES[name], eps)
 
 
 _DRAW_NS = 0.85  # an increment
 
 
-def typical_ns(name, model):
+def typical_ns(row, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
-    row = SCHEMES[name]
-    flows = row.work if row.composition is None else len(sweeps(row.composition, model))
-    return row.overhead * (_DRAW_NS * len(noise_indices(model)) + flow_ns(model) * flows)
+    stated = flow_ns(model)
+    acting = () if row.composition is None else sweeps(row.composition, model)
+    if stated:
+        step = stated * (len(acting) or row.work)
+    else:
+        step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
+    draws = len(noise_indices(model)) * substeps(row.record)
+    return row.overhead * (_DRAW_NS * draws + step)

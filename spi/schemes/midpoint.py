@@ -11,12 +11,13 @@ from ..fields import (
     dot,
     squared_distance,
     step_field,
+    step_field_along,
     step_field_derivative,
     step_gradient,
     unit,
 )
 from ..lanes import load_lane, store_lane
-from ..protocol import component_indices, dimension, structure
+from ..protocol import component_indices, dimension
 from ..rng import LANES
 
 _ENOUGH = 2.0**-60  # for squares
@@ -30,7 +31,7 @@ def newton_system(model, h, dW, y, x, matrix):
         middle = load_lane(model, x, lane)
         gradient = step_gradient(model, h, dW, lane, middle)
         newton_columns(model, matrix, h, dW, lane, middle, gradient)
-        reached = add_scaled(load_lane(model, y, lane), 0.5, structure(model, middle, gradient))
+        reached = add_scaled(load_lane(model, y, lane), 0.5, step_field_along(model, h, middle, gradient))
         store_lane(right, lane, add_scaled(reached, -1.0, middle))
 
 

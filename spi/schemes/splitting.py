@@ -15,9 +15,9 @@ from ..angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from ..dispatch import INDICES, INLINED, field_type, inlined, number
 from ..elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..lanes import load_lane, store_lane
-from ..protocol import REPORT, strengths
+from ..protocol import REPORT, noises, strengths
 from ..rng import LANES
-from .rows import PARTS, Noise, Symmetric, angle, flow, flows, is_reversed_by_coin, needs_coins, sweeps
+from .rows import PARTS, angle, flow, flows, is_reversed_by_coin, needs_coins, substeps, sweeps
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
@@ -34,6 +34,9 @@ class Splitting(NamedTuple):
     def tosses(scheme):
         return rows_toss(scheme)
 
+    def substeps(scheme):
+        return substeps(_rows_of(scheme))
+
     def work_size(scheme, model):
         return LANES
 
@@ -44,16 +47,12 @@ class Splitting(NamedTuple):
 def splitting(*rows):
     """The scheme with these rows of :func:`~.rows.flows`.
 
-    ValueError unless drift and noise get the whole step, or where a step would need more than one increment of a noise:
-    the ensemble draws one increment per noise and step.
+    ValueError unless drift and noise get the whole step.
     """
     for part, record in PARTS.items():  # records without fields are equal, so their types are compared
         total = sum(row.fraction for row in rows if type(row.part) is type(record))
         if abs(total - 1.0) > 1e-12:
             raise ValueError(f"the fractions of the {part} add up to {total:g} and not to 1")
-    for row in rows:
-        if isinstance(row.part, Noise) and (row.fraction != 1.0 or isinstance(row.order, Symmetric)):
-            raise ValueError("noise flows over a part of the step need increments of their own, which are not drawn")
     return Splitting(rows)
 
 
@@ -67,7 +66,11 @@ ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True
 
 def rows_toss(scheme):
     """Whether the rows of a scheme, or of the Numba type of one, need coins."""
-    return needs_coins(field_type(scheme, "rows") if isinstance(scheme, types.Type) else scheme.rows)
+    return needs_coins(_rows_of(scheme))
+
+
+def _rows_of(scheme):
+    return field_type(scheme, "rows") if isinstance(scheme, types.Type) else scheme.rows
 
 
 def has_reversed_twin(scheme):
@@ -93,7 +96,7 @@ def _(rows, model, h, dW, coins, y, work, report):
 #: The time of a flow in a lane, as source text: of all lanes, of those with the coin 1, of those with the coin -1.
 _TIMES = {
     "drift": "{share} * (rows[{row}].fraction * h)",
-    "noise": "strengths(model)[{k}] * dW[{k} * LANES + lane]",
+    "noise": "strengths(model)[{k}] * {increment}",
 }
 _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[lane] > 0.0 else {}"}
 
@@ -105,17 +108,26 @@ def _step(sweeps):
     The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
     """
     lines = ["def step(rows, model, h, dW, coins, y, work, report):", "largest = 0"]
-    for row, part, k, share, coin in sweeps:
-        time = _TIMES[part].format(row=row, k=k, share=share)
+    for row, part, k, share, coin, span in sweeps:
+        time = _TIMES[part].format(row=row, k=k, share=share, increment=span and _increment(k, *span))
         if part == "noise" or coin:  # one time per lane
             lines += ["for lane in range(LANES):", "    work[lane] = " + _OF_LANES[coin].format(time)]
             time = "work"
         lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
     lines.append("report_angle(largest, report)")
-    names = {"LANES": LANES, "strengths": strengths, "sweep": sweep, "report_angle": report_angle, **PARTS}
+    names = {"LANES": LANES, "strengths": strengths, "noises": noises, "sweep": sweep, "report_angle": report_angle}
+    names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
     exec("\n    ".join(lines), names)
     return names["step"]
+
+
+def _increment(k, first, end, n):
+    """The increment of a noise over sub-steps, which stand where ``increments.first_lane`` says, as source text."""
+    if n == 1:
+        return f"dW[{k} * LANES + lane]"
+    terms = [f"dW[({n - 1 + part} * noises(model) + {k}) * LANES + lane]" for part in range(first, end)]
+    return f"({' + '.join(terms)})"
 
 
 @inlined

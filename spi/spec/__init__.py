@@ -5,8 +5,8 @@ Later layers override earlier ones, key by key (and a model parameter by paramet
     the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
 
 so that a profile or ``--set`` has the last word in every case.  ``expect`` is overridden claim by claim, see
-:mod:`spi.spec.expect`; another mapping, ``functions``, is replaced whole.  All profiles of a file are checked,
-whichever is asked for.
+:mod:`spi.spec.expect`; other mappings, ``functions`` and ``compositions``, are replaced whole.  All profiles of a file
+are checked, whichever is asked for.
 """
 
 import hashlib
@@ -14,6 +14,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial, reduce
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -110,14 +111,15 @@ def load(
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
     case_class, named = kinds.cases[file.kind], Files(path, files)
-    for above in ([], *profiles.values()):
-        _cases(case_class, named, document, owners, above)
+    each = [_cases(case_class, named, document, owners, above) for above in ([], *profiles.values())]
     last: list[Layer] = [(override(path, one), ()) for one in overrides]
     for layer in last:
         _valid(kinds.profiles[file.kind].model_validate, layer[0].data, [layer])
     cases = _cases(case_class, named, document, owners, profiles.get(profile, []) + last)
-    effective = {"kind": file.kind, "cases": {c.name: c.model_dump(exclude=_NOT_EFFECTIVE) for c in cases}}
-    effective = json.loads(_canonical(effective))
+    used = {name for built in (*each, cases) for case in built for name in case.schemes_used}
+    within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
+    _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
+    effective = json.loads(_canonical({"kind": file.kind, "cases": {case.name: _effective(case) for case in cases}}))
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
@@ -133,6 +135,12 @@ def load(
         expect=claims.as_text(claim for case in cases for claim in case.claims),
         files=tuple(sorted(named.texts.items())),
     )
+
+
+def _effective(case: BaseCase) -> dict[str, Any]:
+    """What of a case decides the results, as plain data."""
+    absent = set() if case.compositions else {"compositions"}
+    return case.model_dump(exclude=_NOT_EFFECTIVE | absent)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -166,6 +174,17 @@ def _cases(
         data = {k: v for k, v in merged.items() if k in case_class.model_fields} | {"name": name, "title": title}
         built.append(_swept(read, data, layers) or _valid(read, data, layers))
     return tuple(built)
+
+
+def _check_used(used: set[str], layers: Iterable[Layer]) -> None:
+    """A composition that no case uses, under any profile, is a mistake."""
+    for document, loc in layers:
+        cases = document.at(loc).get("cases", {})
+        within = [(*loc, "cases", name) for name in cases] if isinstance(cases, dict) else []
+        for place in (loc, *within):
+            for name in document.at(place).get("compositions", {}):
+                if name not in used:
+                    document.fail((*place, "compositions", name), "is used nowhere; list it under schemes or remove it")
 
 
 def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequence[Layer]) -> BaseCase | None:

@@ -2,8 +2,8 @@
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import pydantic
 from pydantic import model_validator
@@ -13,10 +13,14 @@ from ..claims import Claim, Sort
 from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
-from ..protocol import Positive, dimension
-from ..schemes import SCHEMES
+from ..models.damped import undamped
+from ..protocol import NonNegative, Positive, dimension
+from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions
 from ..systems import expanded, has_range, variables
+from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
+from .compositions import Compositions, weak_order
+from .damping import damped_model
 from .expect import Expect, claims
 from .keys import (
     ESTIMATORS,
@@ -25,6 +29,7 @@ from .keys import (
     Functions,
     Keys,
     Samples,
+    SchemeName,
     Schemes,
     Seed,
     State,
@@ -38,8 +43,6 @@ from .keys import (
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
-_MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
-_ROUNDING = 1e-12  # relative: ratios of steps written as decimals are not exact
 
 
 def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
@@ -60,12 +63,16 @@ class BaseCase(Keys):
     name: str
     title: str
     model: Model
+    damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift") = 0.0
     initial: key_of(
         Annotated[State, pydantic.BeforeValidator(_with_ranges)],
         "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
+    compositions: key_of(Compositions, "schemes of your own, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
+        pydantic.Field(default_factory=dict)
+    )
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
 
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
@@ -74,10 +81,28 @@ class BaseCase(Keys):
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
 
+    def row(self, scheme: str, eps: float | None = None) -> Scheme:
+        """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
+        if scheme in self.compositions:
+            rows = self.compositions[scheme]
+            return composed(scheme, rows, weak_order(rows, self.model))
+        return with_eps(SCHEMES[scheme], eps)
+
+    def reference_record(self, eps: float | None) -> Any:
+        """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""
+        name: str | None = getattr(self, "reference_scheme", None)
+        return self.row(name, eps or 0.0).record if name else None
+
+    @property
+    def schemes_used(self) -> tuple[str, ...]:
+        """The schemes, and that of the reference if there is one."""
+        name: str | None = getattr(self, "reference_scheme", None)
+        return (*self.schemes, name) if name else self.schemes
+
     @property
     def runs(self) -> list[tuple[str, float | None]]:
         """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
-        return [(s, eps) for s in self.schemes for eps in (self.eps if SCHEMES[s].multiscale else [None])]
+        return [(s, eps) for s in self.schemes for eps in (self.eps if self.row(s).multiscale else [None])]
 
     @property
     def limiting(self) -> tuple[str, ...]:
@@ -98,6 +123,33 @@ class BaseCase(Keys):
     def model_name(self) -> str:
         return name_of(self.model)
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Those of the model by name, and the damping where there is one."""
+        return undamped(self.model)._asdict() | ({"damping": self.damping} if self.damping else {})
+
+    @property
+    def last_time(self) -> float:
+        """The time at which the longest paths end."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check_damping(self) -> Self:
+        """The case with its damping in the record of the model."""
+        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+
+    @pydantic.model_serializer(mode="wrap")
+    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """No damping of 0, which is none: specs of which it is no key stay what they were."""
+        return {key: value for key, value in write(self).items() if key != "damping" or value}
+
+    @model_validator(mode="after")
+    def _check_names(self) -> Self:
+        """The case with those of its compositions that it uses."""
+        check_names(self)
+        used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
+        return self.model_copy(update={"compositions": used})
+
     @model_validator(mode="after")
     def _check_initial(self) -> Self:
         d, found = dimension(self.model), len(self.initial)
@@ -112,18 +164,19 @@ class BaseCase(Keys):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        for name in (*self.schemes, getattr(self, "reference_scheme", None)):
-            needs = SCHEMES[name].needs if name else None
+        for name in self.schemes_used:
+            needs = self.row(name).needs
             if needs and not needs(self.model):
                 able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
                 listed = name in self.schemes
+                able += " without damping" if self.damping else ""
                 what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
                 raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
         return self
 
     @model_validator(mode="after")
     def _check_eps(self) -> Self:
-        multiscale = [s for s in self.schemes if SCHEMES[s].multiscale]
+        multiscale = [s for s in self.schemes if self.row(s).multiscale]
         if multiscale and self.eps is None:
             raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
         if self.eps is not None:
@@ -132,7 +185,7 @@ class BaseCase(Keys):
                 raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
             check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
             for name in multiscale:
-                if SCHEMES[name].needs_eps and 0 in self.eps:
+                if self.row(name).needs_eps and 0 in self.eps:
                     raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
         return self
 
@@ -150,12 +203,14 @@ class ErrorCase(BaseCase):
     reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large")
     schemes: key_of(Schemes, "a list of schemes")
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
-    reference_scheme: key_of(Literal[tuple(SCHEMES)] | None, "scheme of the reference; default: each its own") = None
+    reference_scheme: key_of(SchemeName | None, "scheme of the reference; default: each its own") = None
 
     bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
 
-    def _schemes_used(self) -> tuple[str, ...]:
-        return self.schemes + ((self.reference_scheme,) if self.reference_scheme else ())
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
 
     @model_validator(mode="after")
     def _check_steps(self) -> Self:
@@ -164,25 +219,24 @@ class ErrorCase(BaseCase):
         steps = [self._dyadic(h) for h in self.steps]
         if len(set(steps)) < len(steps):
             raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
-        used = self._schemes_used() if self.bounded_increments else ()
-        check_schemes(self.schemes, used, max(steps), self.truncate_noise, "steps")
+        check_schemes(self, self.schemes_used if self.bounded_increments else (), max(steps), "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
     @model_validator(mode="after")
     def _check_reference_scheme(self) -> Self:
         name = self.reference_scheme
-        if name and SCHEMES[name].needs_eps and not all(eps for _, eps in self.runs):
+        if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
         return self
 
     def _dyadic(self, h: float) -> float:
         """h as exactly the reference step times a power of two that divides the final time."""
         end, reference = self.final_time, self.reference_step
-        if h > end * (1 + _ROUNDING):
+        if h > end * (1 + ROUNDING):
             raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
         doublings = math.log2(h) - math.log2(reference)
         exact = reference * 2.0 ** round(doublings)
-        if round(doublings) < 1 or abs(h - exact) > _ROUNDING * h:
+        if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
             lower = reference * 2.0 ** max(1, math.floor(doublings))
             what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
             raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
@@ -256,8 +310,9 @@ class SampledCase(FunctionsCase):
     def _check_demands(self, estimator: str, multiscale: bool) -> None:
         """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
         for name in self.schemes:
-            rows = SCHEMES[name].composition
-            if rows is None or SCHEMES[name].multiscale != multiscale:
+            row = self.row(name)
+            rows = row.composition
+            if rows is None or row.multiscale != multiscale:
                 continue
             acting, texts = compositions(rows, self.model), tuple(self.functions.values())
             need = _demands(self.model, acting, self.initial, self.final_time, self.steps, texts, self.accuracy)
@@ -267,10 +322,12 @@ class SampledCase(FunctionsCase):
 
     def _check_kolmogorov(self) -> None:
         """What the solvers without sampling can do."""
-        if not can_solve(self.model):
+        if self.damping:
+            what = "follows paths on a Casimir surface, which they leave with damping"
+        elif not can_solve(self.model):
             able = [name for name, cls in MODELS.items() if can_solve(cls)]
             what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
-        elif not any(SCHEMES[s].solvable_without_sampling for s in self.schemes):
+        elif not any(self.row(s).solvable_without_sampling for s in self.schemes):
             what = f"is for splitting schemes, which '{self.schemes[0]}' is not"
         elif self.truncate_noise:
             what = "has no truncate_noise"
@@ -298,37 +355,3 @@ def _demands(
     Typed, because models of two classes may be equal tuples.
     """
     return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)
-
-
-def check_count(end: float, step: float, key: str) -> None:
-    if end / step > _MOST_STEPS:
-        what = "gives more than 2^34 steps until final_time"
-        raise wrong(what, f"must be at least {quantity(end / _MOST_STEPS)}", key)
-
-
-def check_multiple(end: float, h: float, key: str, has: str) -> None:
-    """The final time must be a multiple of h."""
-    if h > end * (1 + _ROUNDING) or abs(round(end / h) * h - end) > _ROUNDING * end:
-        lower = max(math.floor(end / h), 1) * h
-        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
-        raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
-
-
-def check_once(listed: Sequence[Any], key: str) -> None:
-    if len(set(listed)) < len(listed):
-        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
-
-
-def check_schemes(
-    listed: tuple[str, ...], used: tuple[str, ...], largest_step: float, truncated: bool, key: str
-) -> None:
-    """No scheme twice; and what the truncation of increments asks for."""
-    check_once(listed, "schemes")
-    if truncated and largest_step >= 1:
-        has = "has" if key == "steps" else "is"
-        right = "must be below 1 with truncate_noise, whose bound is 0 there"
-        raise wrong(f"{has} {quantity(largest_step)}", right, key)
-    for name in used:
-        if SCHEMES[name].needs_truncation and not truncated:
-            key = "schemes" if name in listed else "reference_scheme"
-            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)

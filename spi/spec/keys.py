@@ -58,8 +58,8 @@ def quantity(value: float) -> str:
     return f"2^{exponent - 1}" if mantissa == 0.5 and abs(exponent - 1) > 1 else f"{value:.12g}"
 
 
-def wrong(what: str, right: str, *keys: str) -> PydanticCustomError:
-    """The error that pydantic is to report; `keys` lead from the mapping at hand to what is wrong."""
+def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
+    """The error that pydantic is to report; `keys`, and numbers of entries, lead from the mapping at hand to it."""
     return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "keys": keys})
 
 
@@ -165,14 +165,14 @@ def _complex_modes(value: Any) -> Any:
     return [repr(float(part)) for z in numbers for part in (complex(z).real, complex(z).imag)]
 
 
-_NAME = "^[A-Za-z0-9_]+$"
+NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 
 def _by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
     if isinstance(value, dict):
         for name in value:
-            if not re.match(_NAME, name):
+            if not re.match(NAME, name):
                 raise wrong("is no name of a function", "must consist of letters, digits and _", name)
     return {"phi": value} if isinstance(value, str) else value
 
@@ -195,9 +195,11 @@ Eps = Annotated[
 ]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
-Schemes = Annotated[tuple[Literal[tuple(SCHEMES)], ...], MinLen(1)]
+# A name may be that of a composition, which stands among other keys; the schema offers the others.
+SchemeName = Annotated[str, Field(json_schema_extra={"anyOf": [{"enum": list(SCHEMES)}, {"pattern": NAME}]})]
+Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
 Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
-_ByName = Annotated[dict[Annotated[str, Field(pattern=_NAME)], str], MinLen(1)]
+_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
 # What can be read only together with other layers.

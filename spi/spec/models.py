@@ -21,6 +21,7 @@ from pydantic import BeforeValidator, Field, PlainValidator, create_model
 from .. import modules
 from ..model_checks import check_once
 from ..models import MODELS, check_model_class
+from ..models.damped import undamped
 from .files import Files
 from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, wrong
 from .systems import KEYS, read_system
@@ -187,12 +188,13 @@ def is_another(above: Any, below: Any) -> bool:
 
 def name_of(model: Any) -> str:
     """What a model is called: by its name in a spec file, or by that of its class if it comes from a file."""
-    cls = type(model)
+    cls = type(undamped(model))
     return next((name for name, known in {**MODELS, **_LOADED}.items() if known is cls), cls.__name__)
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
     """Raise the error about a model that is not built in and fails the generic checks."""
+    model = undamped(model)
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         what = f"{type(model).__name__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
@@ -201,8 +203,9 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
 
 def _plain(model: Any) -> dict[str, Any]:
     """All that decides results: of a model from elsewhere its code too."""
-    code = modules.digest(type(model))
-    return {"name": name_of(model), **({"code": code} if code else {}), **model._asdict()}
+    record = undamped(model)
+    code = modules.digest(type(record))
+    return {"name": name_of(model), **({"code": code} if code else {}), **record._asdict()}
 
 
 def _read(data: Any, info: pydantic.ValidationInfo) -> Any:

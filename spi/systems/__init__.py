@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import sympy
 
 from .. import SOURCE_DIGEST, modules
+from ..models.damped import undamped
 from ..registration import vocabulary
 from .definition import KEYS, DefinitionError, define, strengths
 from .source import Generated, generate
@@ -66,7 +67,7 @@ def record(system: Made) -> Any:
 
 def report(model: Any) -> list[str]:
     """What was found when a model was generated, lines for people; none for other models."""
-    return _REPORTS.get(_key(model), [])
+    return _REPORTS.get(_key(undamped(model)), [])
 
 
 _REPORTS: dict[Any, list[str]] = {}  # of this process
@@ -103,7 +104,7 @@ def has_range(text: Any) -> bool:
 
 
 def _module(model: Any) -> Any:
-    cls = type(model)
+    cls = type(undamped(model))
     return sys.modules[cls.__module__] if modules.is_stored(cls) else None
 
 

@@ -50,7 +50,6 @@ class Defined(NamedTuple):
     """A system that has passed all checks."""
 
     system: System
-    degrees: tuple[int | None, ...]  #: of the Casimir functions; None for one that is no homogeneous polynomial
     sizes: Mapping[str, int]
     searched: int | None  #: up to this degree all Casimir functions are found; None if they were given
 
@@ -108,12 +107,12 @@ class _Reader:
         noises = self.noises(world, formulas)
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
         self.check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants)
-        casimirs, degrees, searched = self.casimirs(world, formulas)
+        casimirs, searched = self.casimirs(world, formulas)
         squares = sympy.Add(*(y**2 for y in symbols))
         first = next((n for n, c in enumerate(casimirs) if c.expression - squares == 0), None)
         if first:
             order = [first, *(n for n in range(len(casimirs)) if n != first)]
-            casimirs, degrees = tuple(casimirs[n] for n in order), tuple(degrees[n] for n in order)
+            casimirs = tuple(casimirs[n] for n in order)
         given_h = self.hamiltonian(world, formulas)
         system = System(
             world=world,
@@ -124,7 +123,7 @@ class _Reader:
             squared_length_first=first is not None,
             constants=constants.values,
         )
-        return Defined(system, degrees, self.sizes, searched)
+        return Defined(system, self.sizes, searched)
 
     # ---- names and numbers ---------------------------------------------------------------------------------------
 
@@ -338,28 +337,23 @@ class _Reader:
                             *(["parameters", name] if name in self.parameters else ["hamiltonian"]),
                         )
 
-    def casimirs(
-        self, world: Symbolics, formulas: Symbols
-    ) -> tuple[tuple[Function, ...], tuple[int | None, ...], int | None]:
-        """(functions, degrees, degree up to which all are known)."""
+    def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
+        """(functions, degree up to which all are known); None for those that were given."""
         if "casimirs" not in self.data:
             found = search(world)
-            functions = tuple(Function(world.name(f), f) for f in found.functions)
-            return functions, found.degrees, found.searched
-        functions, degrees = [], []
+            both = zip(found.functions, found.degrees, strict=True)
+            return tuple(Function(world.name(f), f, degree) for f, degree in both), found.searched
+        functions = []
         for text, keys in self.texts("casimirs"):
             for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
                 value = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
                 if not world.used(value):
                     raise DefinitionError("is constant; leave it out", *keys)
                 if not is_casimir(value, world):
-                    raise DefinitionError(
-                        f"is '{_shortened(one.strip())}', no Casimir function; its brackets must all be 0",
-                        *keys,
-                    )
-                functions.append(Function(world.name(value), value))
-                degrees.append(_degree(value, world))
-        return tuple(functions), tuple(degrees), None
+                    what = f"is '{_shortened(one.strip())}', no Casimir function"
+                    raise DefinitionError(f"{what}; its brackets must all be 0", *keys)
+                functions.append(Function(world.name(value), value, _degree(value, world)))
+        return tuple(functions), None
 
 
 def _degree(value: Any, world: Symbolics) -> int | None:

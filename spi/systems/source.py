@@ -38,10 +38,11 @@ _TAKEN = {"sigma", "constants", "count", "index", "y", "v", "u", "t", "k", "np",
 
 
 class Function(NamedTuple):
-    """A scalar function of the state, in words and as an expression."""
+    """A Casimir function."""
 
-    text: str
+    text: str  #: in the words of the user
     expression: Any
+    degree: int | None  #: of a homogeneous polynomial
 
 
 class System(NamedTuple):
@@ -197,6 +198,9 @@ class _Generator:
         lines.append(f'sigma: Annotated[{kind}, "strengths of the noises; 0 switches one off"] = {strengths}')
         lines += ["", f"dimension = {self.bracket.dimension}", f"pieces = {len(system.flows)}", f"noises = {m}"]
         lines.append(f"conserved = {len(system.casimirs)}")
+        degrees = [str(c.degree) for c in system.casimirs]
+        if degrees and "None" not in degrees:
+            lines.append(f"casimir_degrees = ({', '.join(degrees)}{',' * (len(degrees) == 1)})")
         if system.squared_length_first:
             lines.append("squared_length_is_casimir = True")
         return lines

@@ -43,7 +43,7 @@ def plan(case: Any, part: Part) -> "EnergyPlan":
 class EnergyPlan(BlocksPlan):
     def cost(self) -> Cost:
         steps = int(self.steps.sum()) * self.samples
-        return Cost(steps, steps * 1e-9 * typical_ns(self.part.scheme, self.model), 8 * self.samples)
+        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), 8 * self.samples)
 
     def empty(self, number: int) -> Energies:
         return Energies(0, 0.0, 0.0, np.zeros((len(self.steps), 0)))

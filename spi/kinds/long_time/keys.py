@@ -8,8 +8,8 @@ from pydantic import model_validator
 
 from spi.claims import AT_MOST, EQUAL, Sort
 from spi.rng import STEPS_PER_TOSS
-from spi.schemes import SCHEMES
-from spi.spec.cases import CLIP, BaseCase, check_once, check_schemes
+from spi.spec.cases import CLIP, BaseCase
+from spi.spec.checks import check_once, check_schemes
 from spi.spec.keys import Samples, Schemes, Steps, key_of, wrong
 
 #: What the figure can show.
@@ -34,6 +34,11 @@ class Case(BaseCase):
         **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
     }
 
+    @property
+    def last_time(self) -> float:
+        """Of the largest step size."""
+        return max(self.steps) * self.step_count
+
     @model_validator(mode="after")
     def _check_steps(self) -> Self:
         if self.step_count % STEPS_PER_TOSS:
@@ -41,7 +46,7 @@ class Case(BaseCase):
             nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
             raise wrong(f"is {self.step_count}", nearest, "step_count")
         check_once(self.steps, "steps")
-        check_schemes(self.schemes, self.schemes, max(self.steps), self.truncate_noise, "steps")
-        if any(SCHEMES[name].multiscale for name in self.schemes):
+        check_schemes(self, self.schemes, max(self.steps), "steps")
+        if any(self.row(name).multiscale for name in self.schemes):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})

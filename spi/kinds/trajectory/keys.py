@@ -8,7 +8,8 @@ from pydantic import model_validator
 
 from spi.claims import AT_LEAST, AT_MOST, Sort
 from spi.protocol import Positive
-from spi.spec.cases import CLIP, BaseCase, check_multiple, check_schemes
+from spi.spec.cases import CLIP, BaseCase
+from spi.spec.checks import check_multiple, check_schemes
 from spi.spec.keys import Schemes, key_of, quantity, wrong
 
 #: What the figure can show.
@@ -35,11 +36,16 @@ class Case(BaseCase):
         "lowest": Sort(AT_LEAST),
     }
 
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
+
     @model_validator(mode="after")
     def _check_step(self) -> Self:
         if self.final_time / self.step > _MOST_STORED:
             least = quantity(self.final_time / _MOST_STORED)
             raise wrong("gives more than 10^7 steps, all of which are kept", f"must be at least {least}", "step")
         check_multiple(self.final_time, self.step, "step", "is")
-        check_schemes(self.schemes, self.schemes, self.step, self.truncate_noise, "step")
+        check_schemes(self, self.schemes, self.step, "step")
         return self

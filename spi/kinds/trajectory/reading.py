@@ -23,7 +23,8 @@ class Trajectory(NamedTuple):
     y: np.ndarray  #: (N + 1, d), from where the path is lost on not finite
     hamiltonian: np.ndarray  #: (N + 1,) H(y_n)
     casimirs: np.ndarray  #: (N + 1, C)
-    casimir_drift: tuple[float, ...]  #: (C,) largest |C(y_n) - C(y_0)|
+    casimir_changes: np.ndarray  #: (N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)
+    casimir_drift: tuple[float, ...]  #: (C,) their largest modulus
     nonfinite_from: float | None  #: the first time at which y is not finite
     step: float  #: h
     path: int  #: number of the Brownian path
@@ -54,12 +55,15 @@ def read(group: Group) -> Trajectory:
     solver = None
     if "solver_failures" in a:
         solver = SolverMeans(a["solver_failures"], a["solver_iterations_mean"], a["solver_largest_residual"])
+    with np.errstate(invalid="ignore", over="ignore"):
+        change = v["casimirs"] - v["casimirs"][0]
     return Trajectory(
         about=Description.of(group),
         t=group.coordinates["t"],
         y=v["y"],
         hamiltonian=v["hamiltonian"],
         casimirs=v["casimirs"],
+        casimir_changes=v.get("casimir_changes", change),
         casimir_drift=a["casimir_drift"],
         step=a["step"],
         path=a["path"],

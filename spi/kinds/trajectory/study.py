@@ -9,9 +9,10 @@ import numpy as np
 
 from spi.dispatch import kernel, number, unrolled
 from spi.ensemble import empty_report, grid, integrate, report_columns, thread_count
+from spi.invariants import growth
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
 from spi.lanes import load_lane
-from spi.protocol import REPORT, casimir_indices, casimirs, hamiltonian
+from spi.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian
 from spi.records import Group, Part
 from spi.rng import LANES
 from spi.schemes import typical_ns
@@ -60,7 +61,7 @@ class TrajectoryPlan(PathsPlan):
     def cost(self) -> Cost:
         """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
-        seconds = steps * LANES * 1e-9 * typical_ns(self.part.scheme, self.model)
+        seconds = steps * LANES * 1e-9 * typical_ns(self.row, self.model)
         return Cost(steps * LANES, seconds, 8 * (steps + 1) * (len(self.initial) + 4))
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:
@@ -104,7 +105,8 @@ class TrajectoryPlan(PathsPlan):
         t = np.arange(n) * self.case.step
         lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
-            drift = np.abs(conserved - conserved[0]).max(axis=0)
+            change = conserved * growth(self.model, t) - conserved[0]
+            drift = np.abs(change).max(axis=0)
         return Group(
             self.case.name,
             self.part.variant,
@@ -113,6 +115,7 @@ class TrajectoryPlan(PathsPlan):
                 "y": (("t", "component"), path.y),
                 "hamiltonian": (("t",), energy),
                 "casimirs": (("t", "casimir"), conserved),
+                **({"casimir_changes": (("t", "casimir"), change)} if decay_rates(self.model) else {}),
             },
             {
                 **self.description(),

@@ -19,7 +19,7 @@ from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
-from spi.schemes import reference_record, typical_ns
+from spi.schemes import typical_ns
 from spi.tallies import Chunk, PathSet
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
@@ -107,7 +107,7 @@ class WorkPlan(PartPlan):
         measured = int(np.isfinite(state.more.times).all(axis=1).sum())
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.part.scheme, self.model) * _PATH_STEPS * len(self.case.steps)
+        seconds = 1e-9 * typical_ns(self.row, self.model) * _PATH_STEPS * len(self.case.steps)
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def group(self, state: State) -> Group:
@@ -153,13 +153,13 @@ def _job(p: WorkPlan, h: float) -> _Job:
 def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, ...]:
     """The arguments of :func:`spi.ensemble.integrate` for so many steps of size h of so many blocks."""
     case = p.case
-    reference = reference_record(case.reference_scheme, p.part.eps)
+    reference = case.reference_record(p.part.eps)
     times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, by_reference=(0,))
     observer: FinalStates | StrongSums
     if case.functions:
         observer = FinalStates(np.empty((blocks, 1, len(p.initial) * LANES)), np.array([steps]))
     else:
-        observer = sums_of(p.model, p.initial, np.array([steps]), blocks)
+        observer = sums_of(p.model, p.initial, times, blocks)
     report = empty_report(blocks, 1)
     return p.scheme, p.model, p.initial, times, brownian(case.seed), observer, report, 0, blocks, blocks * LANES
 

@@ -63,7 +63,7 @@ class LongTimePlan(SchemePlan):
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = len(self.case.steps) * self.case.step_count * self.blocks * LANES
         idle = thread_count() / min(thread_count(), self.blocks)  # a block cannot be shared by threads
-        seconds = idle * steps * 1e-9 * typical_ns(self.part.scheme, self.model)
+        seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
         of_a_block = sum(np.asarray(v).nbytes for v in paths_at_start(self, 1))
         return Cost(steps, seconds, of_a_block * self.blocks * len(self.case.steps))
 

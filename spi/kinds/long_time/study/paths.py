@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from spi.ensemble import FinalStates, add_reports, empty_report, grid, integrate
+from spi.invariants import growth
 from spi.protocol import REPORT, casimirs, memory_size
 from spi.rng import LANES, STEPS_PER_TOSS
 from spi.sphere_law import BINS, SphereLaw
@@ -106,7 +107,7 @@ def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
     known = known._replace(n=stop, y=y, report=add_reports(known.report[np.newaxis], report)[0])
     with np.errstate(all="ignore"):
         if stop in p.records:
-            known = _recorded(p, known, states)
+            known = _recorded(p, known, times.reference_step, states)
         if p.law and stop > _WARM_UP * p.case.step_count:
             known = _counted(p.law, known, states)
     if stop == p.case.step_count:
@@ -119,12 +120,13 @@ def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
     return known._replace(seconds=known.seconds + time.perf_counter() - began)
 
 
-def _recorded(p: "LongTimePlan", known: Paths, states: np.ndarray) -> Paths:
-    """With the relative errors of the Casimirs at this time."""
+def _recorded(p: "LongTimePlan", known: Paths, h: float, states: np.ndarray) -> Paths:
+    """With the relative errors of the Casimirs at this time, after steps of size h."""
     if not known.casimir.shape[1]:
         return known
     first = np.array(casimirs(p.model, p.initial))[:, None]
-    change = np.array(casimirs(p.model, tuple(states))) - first
+    grown = np.reshape(growth(p.model, known.n * h), (-1, 1))
+    change = np.array(casimirs(p.model, tuple(states))) * grown - first
     casimir = known.casimir.copy()
     casimir[np.searchsorted(p.records, known.n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
     return known._replace(casimir=casimir)

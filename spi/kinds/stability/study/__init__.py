@@ -17,7 +17,7 @@ from spi.kinds.blocks import BlocksPlan, Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.protocol import casimirs
 from spi.records import Group, Part
-from spi.schemes import SCHEMES, reference_record, typical_ns
+from spi.schemes import typical_ns
 from spi.tallies import PathSet
 
 from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
@@ -39,8 +39,8 @@ def plan(case: Any, part: Part) -> "StabilityPlan":
 
 def _point(case: Any, scheme: str) -> BlocksPlan:
     """The paths of one scheme for a case without the swept word."""
-    eps = case.eps[0] if SCHEMES[scheme].multiscale else None
-    reference = reference_record(case.reference_scheme, eps)
+    eps = case.eps[0] if case.row(scheme).multiscale else None
+    reference = case.reference_record(eps)
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
     return BlocksPlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
 
@@ -71,7 +71,7 @@ class StabilityPlan(Blockwise):
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
-        seconds = steps * 1e-9 * typical_ns(self.part.scheme, self.first.model)
+        seconds = steps * 1e-9 * typical_ns(self.first.row, self.first.model)
         if has_truth(self) and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
             seconds += TRUTH_SECONDS * len(self.points)
         of_a_path = self.levels * (len(casimirs(self.first.model, self.first.initial)) + 2 + len(self.first.initial))
@@ -122,7 +122,7 @@ class StabilityPlan(Blockwise):
     def description(self) -> dict[str, Any]:
         """The attributes that say what was integrated, whatever the value of the swept word."""
         first, *others = (point.description() for point in self.points)
-        return {name: value for name, value in first.items() if all(other[name] == value for other in others)}
+        return dict(item for item in first.items() if all(item in other.items() for other in others))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""

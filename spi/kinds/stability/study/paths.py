@@ -5,13 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import FinalStates, add_reports, empty_report, integrate, watch_casimirs
+from spi.ensemble import FinalStates, add_reports, empty_report, integrate, step_sizes_of
 from spi.estimators import stderr_of_mean
 from spi.expressions import as_numpy
 from spi.fields import dot, scaled
+from spi.invariants import watch_casimirs, watched_casimirs
 from spi.kinds.plans import PathsPlan
 from spi.lanes import load_lane
-from spi.protocol import casimirs, observe, populations
+from spi.protocol import casimirs, conserved, observe, populations
 from spi.rng import LANES
 
 
@@ -27,7 +28,7 @@ class Extremes(NamedTuple):
 
     def observe(observer, model, row, paths, level, n, y, reference):
         if level > 0:
-            watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, y)
+            watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, level, n, y)
             square, least = observer.square[row, level], observer.least[row, level]
             for lane in range(LANES):
                 state = scaled(load_lane(model, y, lane), observer.inverse)
@@ -95,13 +96,13 @@ def no_paths(point: PathsPlan) -> Paths:
 
 def extremes_of(point: PathsPlan, rows: int) -> Extremes:
     """Empty extremes for `rows` blocks of the paths of `point`."""
-    levels, known = len(point.steps), casimirs(point.model, point.initial)
+    levels = len(point.steps)
     return Extremes(
-        casimir=np.zeros((rows, levels, len(known), LANES)),
+        casimir=np.zeros((rows, levels, conserved(point.model), LANES)),
         square=np.zeros((rows, levels, LANES)),
         least=np.full((rows, levels, LANES), np.inf),
         last=FinalStates(np.empty((rows, levels, len(point.initial) * LANES)), point.steps),
-        initial_casimirs=known,
+        initial_casimirs=watched_casimirs(point.model, point.initial, step_sizes_of(point.grid)),
         inverse=1.0 / math.hypot(*point.initial),
     )
 
@@ -130,8 +131,8 @@ def added(known: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
 def summary(point: PathsPlan, functions: tuple, known: Paths) -> dict[str, np.ndarray]:
     """What all paths for one value, `point`, tell: by the name of a quantity its values (levels - 1, ...)."""
     n, size = point.samples, math.hypot(*point.initial)
-    conserved = np.abs(casimirs(point.model, point.initial))
-    scale = np.where(conserved > 0, conserved, 1.0).reshape(1, -1, 1) if len(conserved) else 1.0
+    first = np.abs(casimirs(point.model, point.initial))
+    scale = np.where(first > 0, first, 1.0).reshape(1, -1, 1) if len(first) else 1.0
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         worse = np.nan_to_num(known.casimir[1:] / scale, nan=np.inf, posinf=np.inf)
         median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)

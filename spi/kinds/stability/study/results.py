@@ -9,7 +9,6 @@ from spi.expressions import canonical
 from spi.kinds.plans import State
 from spi.protocol import REPORT, casimirs, populations
 from spi.records import Group, Variables
-from spi.schemes import SCHEMES
 
 from .law import law_variables
 from .paths import summary
@@ -67,7 +66,7 @@ def _variables(p: "StabilityPlan", state: State) -> Variables:
     found |= {name: ((*_AXES, "casimir"), told[name]) for name in ("casimir_worst", "casimir_median")}
     report = np.array([known.report[1:] for known in totals])
     found |= {name: (_AXES, values) for name, values in report_columns(report).items()}
-    if SCHEMES[p.part.scheme].composition is not None:  # its flows may rotate
+    if p.first.row.composition is not None:  # its flows may rotate
         found["largest_angle"] = _AXES, report[..., REPORT.index("largest_angle")]
     if p.functions:
         found |= law_variables(told["expectation"], told["expectation_stderr"], state.more)

@@ -18,7 +18,7 @@ from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.protocol import REPORT, casimirs
 from spi.records import Group, Part
-from spi.schemes import reference_record, typical_ns
+from spi.schemes import typical_ns
 
 from .errors import group
 from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of, sums_of
@@ -33,7 +33,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "StrongPlan":
     """The plan for one scheme of a case."""
-    reference = reference_record(case.reference_scheme, part.eps)
+    reference = case.reference_record(part.eps)
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
     return StrongPlan(case=case, part=part, grid=times, samples=case.samples)
 
@@ -59,13 +59,13 @@ class StrongPlan(BlocksPlan):
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.samples
-        seconds = steps * 1e-9 * typical_ns(self.part.scheme, self.model)
+        seconds = steps * 1e-9 * typical_ns(self.row, self.model)
         return Cost(steps, seconds, int(_BATCH_BYTES) + 8 * GROUPS * self.points)
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block, which also serves the measurement of times."""
         least = self.least
-        return [least.integration(sums_of(least.model, least.initial, least.steps, 1))]
+        return [least.integration(sums_of(least.model, least.initial, least.grid, 1))]
 
     def begin(self) -> Times:
         """No time has been measured."""

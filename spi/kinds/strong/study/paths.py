@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from spi.dispatch import tuplewise
-from spi.ensemble import add_reports, empty_report, grid, integrate, limited_threads, watch_casimirs
+from spi.ensemble import Grid, add_reports, empty_report, grid, integrate, limited_threads, step_sizes_of, steps_of
 from spi.estimators import GROUPS, PARTS
 from spi.fields import squared_distance
+from spi.invariants import watch_casimirs, watched_casimirs
 from spi.lanes import load_lane
-from spi.protocol import casimirs
+from spi.protocol import conserved
 from spi.rng import LANES
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ class StrongSums(NamedTuple):
 
     `squares[row, offsets[l] + n - 1, part]` is the sum of |y_h - y_ref|^2 at time n h over the lanes of a part, for
     step size number l > 0; `drift[row, l, c, lane]` the largest |C_c(y) - C_c(y_0)| so far (for the reference: at the
-    end); `nonfinite[row, l]` the number of paths that are not finite at the end.
+    end; with damping see ``spi.invariants``); `nonfinite[row, l]` the number of paths that are not finite at the end.
     """
 
     squares: np.ndarray
@@ -45,7 +46,7 @@ class StrongSums(NamedTuple):
                     squares[part] += square if lane < paths else 0.0
         last = n == observer.steps[level]
         if level > 0 or last:
-            watch_casimirs(model, observer.drift[row, level], observer.initial_casimirs, y)
+            watch_casimirs(model, observer.drift[row, level], observer.initial_casimirs, level, n, y)
         if last:
             for lane in range(paths):
                 observer.nonfinite[row, level] += 0 if _zero_if_finite(load_lane(model, y, lane)) == 0.0 else 1
@@ -56,16 +57,17 @@ def _zero_if_finite(a):
     """0, or NaN if a component is not finite."""
 
 
-def sums_of(model: Any, initial: tuple[float, ...], steps: np.ndarray, rows: int) -> StrongSums:
-    """Empty sums for `rows` blocks; `steps` (levels,) is how many steps each step size takes."""
-    levels, conserved = len(steps), casimirs(model, initial)
+def sums_of(model: Any, initial: tuple[float, ...], times: Grid, rows: int) -> StrongSums:
+    """Empty sums for `rows` blocks of paths on a grid."""
+    steps = steps_of(times)
+    levels = len(steps)
     return StrongSums(
         np.zeros((rows, max(int(steps[1:].sum()), 1), PARTS)),
-        np.zeros((rows, levels, len(conserved), LANES)),
+        np.zeros((rows, levels, conserved(model), LANES)),
         np.zeros((rows, levels), np.int64),
         np.concatenate(([0, 0], np.cumsum(steps[1:-1])))[:levels].astype(np.int64),
         steps,
-        conserved,
+        watched_casimirs(model, initial, step_sizes_of(times)),
     )
 
 
@@ -102,7 +104,7 @@ class Rows(NamedTuple):
 
 def rows_of(p: "StrongPlan", first: int, blocks: int, end: int) -> Rows:
     """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
-    rows = Rows(sums_of(p.model, p.initial, p.steps, blocks), empty_report(blocks, len(p.steps)))
+    rows = Rows(sums_of(p.model, p.initial, p.grid, blocks), empty_report(blocks, len(p.steps)))
     integrate(p.scheme, p.model, p.initial, p.grid, p.stream, rows.sums, rows.report, first, blocks, end)
     return rows
 
@@ -131,7 +133,7 @@ def nanoseconds_per_step(p: "StrongPlan", h: float) -> float:
     best = np.inf
     with limited_threads(1):
         for _ in range(3):
-            sums, report = sums_of(p.model, p.initial, np.array([_TIMED_STEPS]), 1), empty_report(1, 1)
+            sums, report = sums_of(p.model, p.initial, times, 1), empty_report(1, 1)
             began = time.perf_counter()
             integrate(p.scheme, p.model, p.initial, times, p.stream, sums, report, 0, 1, LANES)
             best = min(best, time.perf_counter() - began)

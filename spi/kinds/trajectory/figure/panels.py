@@ -43,9 +43,9 @@ def casimirs(paths: list[Path]) -> Iterator[Panel]:
 def casimir_errors(paths: list[Path]) -> Iterator[Panel]:
     """How each Casimir changes over time."""
     for c, name in enumerate(_casimir_names(paths)):
-        with np.errstate(invalid="ignore", over="ignore"):
-            curves = [path.reading.casimirs[:, c] - path.reading.casimirs[0, c] for path in paths]
-        label = f"${name}(y)-{name}(y_0)$"
+        curves = [path.reading.casimir_changes[:, c] for path in paths]
+        grown = r"e^{k\gamma t}" if "damping" in paths[0].reading.about.parameters else ""
+        label = f"${grown}{name}(y)-{name}(y_0)$"
         yield Panel(f"change of the Casimir ${name}$", partial(_over_time, paths, curves, label, errors=True), paths)
 
 

@@ -8,7 +8,6 @@ equation.
 from typing import Any
 
 from spi.records import Part
-from spi.schemes import SCHEMES
 
 from .kolmogorov import KolmogorovPlan
 from .multilevel import MultilevelPlan
@@ -28,7 +27,7 @@ def parts(case: Any) -> list[Part]:
         Part(scheme, estimator, eps)
         for scheme, eps in case.runs
         for estimator in case.estimators
-        if estimator != "kolmogorov" or SCHEMES[scheme].solvable_without_sampling
+        if estimator != "kolmogorov" or case.row(scheme).solvable_without_sampling
     ]
 
 

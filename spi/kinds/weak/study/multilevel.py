@@ -28,7 +28,7 @@ from spi.kolmogorov import can_solve
 from spi.protocol import noise_indices
 from spi.records import Group, Part
 from spi.rng import LANES
-from spi.schemes import scheme_row, typical_ns
+from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_reversed_twin
 from spi.tallies import Chunk, PathSet, chunk_blocks
@@ -101,7 +101,7 @@ class MultilevelPlan(Blockwise, PartPlan):
     @classmethod
     def of(cls, case: Any, part: Part) -> "MultilevelPlan":
         """The plan for one scheme of a case."""
-        record = scheme_row(part.scheme, part.eps).record
+        record = case.row(part.scheme, part.eps).record
         control = _control(case, record)
         levels = levels_of(case, has_reversed_twin(record), record._replace(eps=0.0) if control else None)
         return cls(case=case, part=part, levels=levels, control=control)
@@ -109,7 +109,7 @@ class MultilevelPlan(Blockwise, PartPlan):
     @property
     def seconds_per_block(self) -> np.ndarray:
         """(levels,) of one thread at typical speed."""
-        ns = typical_ns(self.part.scheme, self.model)
+        ns = typical_ns(self.row, self.model)
         return np.array([1e-9 * ns * level.steps * LANES for level in self.levels])
 
     @property

@@ -17,7 +17,7 @@ from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.protocol import REPORT
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
-from spi.schemes import reference_record, typical_ns
+from spi.schemes import typical_ns
 from spi.tallies import Chunk
 
 from .groups import PER_POINT, error_variables, extension, weak_group
@@ -63,7 +63,7 @@ class PlainPlan(BlocksPlan):
     @classmethod
     def of(cls, case: Any, part: Part) -> "PlainPlan":
         """The plan for one scheme of a case."""
-        reference = reference_record(case.reference_scheme, part.eps)
+        reference = case.reference_record(part.eps)
         times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
         return cls(case=case, part=part, grid=times, samples=case.samples)
 
@@ -80,7 +80,7 @@ class PlainPlan(BlocksPlan):
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.blocks * LANES
-        return Cost(steps, steps * 1e-9 * typical_ns(self.part.scheme, self.model), int(_BATCH_BYTES))
+        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
 
     def empty(self, number: int) -> Totals:
         """The totals over no paths."""

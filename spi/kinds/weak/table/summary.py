@@ -92,7 +92,7 @@ def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
             ratio = "h_ref/h" if order == 1 else f"(h_ref/h)^{fraction(order)}"
             yield f"{where} lacks {ratio} = {share:.2g} % of the finest error (order {fraction(order)}); corrected"
         else:
-            yield f"{where}: errors are corrected for what it lacks as if the scheme had its usual order"
+            yield f"{where}: errors are not corrected for what it lacks, as theory states no order"
 
 
 def agreement_line(reading: WeakErrors, readings: Sequence[WeakErrors], f: int) -> Iterator[tuple[str, bool]]:

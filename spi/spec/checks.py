@@ -1,0 +1,53 @@
+"""Conditions that several kinds of experiment have in common."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from ..schemes import SCHEMES
+from .keys import quantity, shown, suggestion, wrong
+
+ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
+_MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
+
+
+def check_count(end: float, step: float, key: str) -> None:
+    if end / step > _MOST_STEPS:
+        what = "gives more than 2^34 steps until final_time"
+        raise wrong(what, f"must be at least {quantity(end / _MOST_STEPS)}", key)
+
+
+def check_multiple(end: float, h: float, key: str, has: str) -> None:
+    """The final time must be a multiple of h."""
+    if h > end * (1 + ROUNDING) or abs(round(end / h) * h - end) > ROUNDING * end:
+        lower = max(math.floor(end / h), 1) * h
+        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
+        raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
+
+
+def check_once(listed: Sequence[Any], key: str) -> None:
+    if len(set(listed)) < len(listed):
+        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
+def check_names(case: Any) -> None:
+    """All schemes are in the table of schemes or among the compositions of the case."""
+    known = (*SCHEMES, *case.compositions)
+    for n, name in enumerate(case.schemes_used):
+        if name not in known:
+            place = ("schemes", n) if n < len(case.schemes) else ("reference_scheme",)
+            raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
+
+
+def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: str) -> None:
+    """No scheme twice; and what the truncation of increments asks for, where some of the schemes are `used`."""
+    listed, truncated = case.schemes, case.truncate_noise
+    check_once(listed, "schemes")
+    if truncated and largest_step >= 1:
+        has = "has" if key == "steps" else "is"
+        right = "must be below 1 with truncate_noise, whose bound is 0 there"
+        raise wrong(f"{has} {quantity(largest_step)}", right, key)
+    for name in used:
+        if case.row(name).needs_truncation and not truncated:
+            key = "schemes" if name in listed else "reference_scheme"
+            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)
