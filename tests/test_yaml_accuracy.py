@@ -58,7 +58,9 @@ def test_products_with_numbers_of_two_parts():
         c = mpmath.sqrt(3)
         high = float(c)
         rest = float(c - high)
-        worst = max(units(times(high, rest, x), c * x) for x in np.random.default_rng(3).uniform(1.0, 2.0, 300).tolist())
+        worst = max(
+            units(times(high, rest, x), c * x) for x in np.random.default_rng(3).uniform(1.0, 2.0, 300).tolist()
+        )
         assert worst <= 1.0
         assert max(float(abs(high * mpmath.mpf(x) - c * x) / x) for x in (1.0, 1.5)) > 1e-17
 
@@ -137,7 +139,10 @@ STEPS, H = 100_000, 1e-3
 
 #: A tilted rotation, hyperbolic rotations by small angles, and the heavy top.  More noise would drive the second to infinity.
 LONG = {
-    "tilted rotation": ("{algebra: so(3), hamiltonian: '(y1 + y2/3 + sqrt(2)*y3)^2', noises: [y1 - y3/7]}", (1, 0.3, -0.6)),
+    "tilted rotation": (
+        "{algebra: so(3), hamiltonian: '(y1 + y2/3 + sqrt(2)*y3)^2', noises: [y1 - y3/7]}",
+        (1, 0.3, -0.6),
+    ),
     "hyperbolic": ("{algebra: 'so(2,1)', hamiltonian: y1^2/2 + y3^2, noises: [y3/1000]}", (0.3, 0.2, 0.9)),
     "heavy top": (ZOO["heavy top"][0], (1.0, 0.5, 0.3, 0.6, 0.1, 0.8)),
 }
@@ -161,6 +166,6 @@ def test_casimir_functions_only_walk(name):
     text, y0 = LONG[name]
     found = changes(made(text).record, y0, np.random.default_rng(11))
     walk = math.sqrt(STEPS)
-    print(found.mean(axis=1)/walk, np.abs(found).max()/walk)
+    print(found.mean(axis=1) / walk, np.abs(found).max() / walk)
     assert np.all(np.abs(found.mean(axis=1)) < 3.0 * walk), found.mean(axis=1) / walk
     assert np.all(np.abs(found) < 12.0 * walk), np.abs(found).max() / walk
