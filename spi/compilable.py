@@ -112,7 +112,7 @@ def _globals_of(function):
 
 def explained(error, classes):
     """A CompilationError that says in one line what the compiler found wrong with some foreign classes."""
-    named = " and ".join(sorted(f"{cls.__name__} in {modules.source_name(cls)}" for cls in classes))
+    named = " and ".join(sorted(f"{cls.__qualname__} in {modules.source_name(cls)}" for cls in classes))
     return CompilationError(f"{named}{_place(error, *classes)}, cannot be compiled: {_reason(error)}")
 
 

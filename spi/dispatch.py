@@ -145,7 +145,7 @@ def _word(declaration, default=None, required=False):
     def chosen(record, *arguments):
         meaning = _meaning(name, type(record)) or default
         if meaning is None:
-            raise TypeError(f"{name} has no meaning for {type(record).__name__}")
+            raise TypeError(f"{name} has no meaning for {type(record).__qualname__}")
         return meaning(record, *arguments)
 
     @overload(chosen, jit_options=INLINED, strict=False)
@@ -202,7 +202,7 @@ def fact(of, **default):
             if inspect.isfunction(value):
                 value = value(record)
             if value is None:
-                raise TypeError(f"{name} has no meaning for {class_of(record).__name__}")
+                raise TypeError(f"{name} has no meaning for {class_of(record).__qualname__}")
             return value
 
         told.declared = Declared(*inspect.signature(declaration).parameters, 0, not default, of)

@@ -32,7 +32,7 @@ def check_class(cls, asked, name):
                 f"has '{member}', for which no {asked} is asked" + (f"; did you mean {near[0]}?" if near else "")
             )
     if wrong:
-        raise TypeError(f"{asked} '{name}' ({cls.__name__}) " + "; ".join(wrong))
+        raise TypeError(f"{asked} '{name}' ({cls.__qualname__}) " + "; ".join(wrong))
 
 
 def _members(cls):

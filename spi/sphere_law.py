@@ -27,7 +27,7 @@ _NODES = 20_000  # of the quadrature over one axis; the distribution function of
 
 def obstacle(model, initial):
     """Why the law of paths that start at `initial` is not known to tend to the uniform one; None if it does."""
-    name = type(model).__name__
+    name = type(model).__qualname__
     if not answers(axis_inertias, model):
         return f"no stationary law is known for {name}, which does not answer axis_inertias"
     noise_inertias = axis_inertias(model)[1]

@@ -132,3 +132,38 @@ def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
     second = folder()
     (tmp_path / "spi" / "rng.py").rename(tmp_path / "spi" / "rng2.py")
     assert len({first, second, folder()}) == 3
+
+
+#: Two models whose records are called alike, and a kernel that asks them.
+TWIN = """from typing import NamedTuple
+
+class Twin(NamedTuple):
+    weight: float
+
+    def hamiltonian(model, y):
+        return {}model.weight
+"""
+TWINS = f"""
+import sys
+from spi.dispatch import kernel
+from spi.modules import stored
+
+asking = "from spi.dispatch import kernel\\nfrom spi.protocol import hamiltonian\\n\\n@kernel\\ndef ask(record):\\n    return "
+ask = stored("asking", asking + "hamiltonian(record, 0.0)\\n").ask
+print(*(ask(stored("twin", {TWIN!r}.format(sign)).Twin(1.0)) for sign in sys.argv[1:]))
+"""
+
+
+@compiled_only
+def test_records_of_one_name_from_two_modules_are_not_taken_for_each_other(tmp_path):
+    """Neither if one process compiles for both, nor if it finds in the cache what two others have compiled."""
+
+    def answers(*signs, cache):
+        environment = {**os.environ, "SPI_CACHE_DIR": str(tmp_path / cache)}
+        command = [sys.executable, "-c", TWINS, *signs]
+        answer = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=300)
+        return [float(number) for number in answer.stdout.split()]
+
+    assert answers("+", "-", cache="one") == [1.0, -1.0]
+    assert [answers("+", cache="two"), answers("-", cache="two")] == [[1.0], [-1.0]]
+    assert answers("+", "-", cache="two") == [1.0, -1.0]

@@ -48,7 +48,7 @@ def _solver(model, equation=False):
         return import_module(f".{found[0].module}", __name__)
     words = " or ".join(s.word.__name__ for s in _SOLVERS if s.equation or not equation)
     what = "limit without schemes" if equation else "solver without sampling"
-    raise ValueError(f"no {what} for {class_of(model).__name__}, which does not answer {words}")
+    raise ValueError(f"no {what} for {class_of(model).__qualname__}, which does not answer {words}")
 
 
 def can_solve(model):

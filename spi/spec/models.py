@@ -42,7 +42,9 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
         default = cls._field_defaults.get(key, ...) if complete else ABSENT
         fields[key] = (key_of(hint, text), default)
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
-        return create_model(cls.__name__ + ("" if complete else "Part"), __base__=Keys, __doc__=cls.__doc__, **fields)
+        return create_model(
+            cls.__qualname__ + ("" if complete else "Part"), __base__=Keys, __doc__=cls.__doc__, **fields
+        )
 
 
 def _record(cls: Any, parameters: Keys) -> Any:
@@ -189,7 +191,7 @@ def is_another(above: Any, below: Any) -> bool:
 def name_of(model: Any) -> str:
     """What a model is called: by its name in a spec file, or by that of its class if it comes from a file."""
     cls = type(undamped(model))
-    return next((name for name, known in {**MODELS, **_LOADED}.items() if known is cls), cls.__name__)
+    return next((name for name, known in {**MODELS, **_LOADED}.items() if known is cls), cls.__qualname__)
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
@@ -197,7 +199,7 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     model = undamped(model)
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
-        what = f"{type(model).__name__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
+        what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
         raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 

@@ -253,10 +253,10 @@ class _Writer:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
         total: list[list[list[str]]] = [[[], []] for _ in u]
         power = list(u)
-        for order in range(1, len(u) + 1):
+        for order, moving in enumerate(space.sheared_rows(), 1):
             rows: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
             for n, shear in enumerate(space.shears):
-                for m, k, c in shear:
+                for m, k, c in (entry for entry in shear if entry[0] in moving):
                     for part, other, factor in self._products(c, order):
                         if power[k][other] != "0.0":
                             sign, code = self.numbers.times(factor, power[k][other], self.depends)
@@ -270,8 +270,6 @@ class _Writer:
                 )
                 for row in rows
             ]
-            if all(part == "0.0" for parts in power for part in parts):
-                break
             for sums, parts in zip(total, power, strict=True):
                 for terms, name in zip(sums, parts, strict=True):
                     if name != "0.0":

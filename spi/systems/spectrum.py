@@ -38,6 +38,24 @@ class Space(NamedTuple):
     def moves(self) -> bool:
         return any(self.rates) or any(self.phases) or any(self.shears)
 
+    def sheared_rows(self) -> list[set[int]]:
+        """For n = 1, 2, ..., as long as there are any: the rows in which some product of n of the N_j is not 0.
+
+        In the others (sum_j a_j N_j)^n is only a sum of roundings, which a large a would make visible.
+        """
+        found = []
+        products = [(0, {(m, m): mpmath.mpf(1) for m in range(len(self.left))})]
+        while True:
+            longer = [
+                (n, _multiplied(shear, product))
+                for first, product in products
+                for n, shear in enumerate(self.shears[first:], first)
+            ]
+            products = [(n, product) for n, product in longer if product]
+            if not products:
+                return found
+            found.append({row for _, product in products for row, _ in product})
+
 
 class Block(NamedTuple):
     """Components that move together."""
@@ -149,6 +167,16 @@ def _space(
         tuple(_placed(row, order, factor) for row in right),
         tuple(shears),
     )
+
+
+def _multiplied(shear: Sequence[tuple[int, int, Any]], product: Mapping[tuple[int, int], Any]) -> dict[Any, Any]:
+    """The entries, (row, column) -> number, of the product of two matrices."""
+    entries: dict[tuple[int, int], Any] = {}
+    for row, middle, c in shear:
+        for (m, column), factor in product.items():
+            if m == middle:
+                entries[row, column] = entries.get((row, column), 0) + c * factor
+    return {place: value for place, value in entries.items() if abs(value) > _TINY}
 
 
 def _row(matrix: Any, r: int) -> Row:
