@@ -20,6 +20,7 @@ from .casimirs import search
 from .keys import KEYS, MOST, DefinitionError
 from .source import Function, System
 from .splitting import Constants, Flow, NoExactFlow, merged, single, split
+from .symbolics import Symbolics
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, repeated, whole
 
 T = TypeVar("T")
