@@ -15,8 +15,9 @@ from model_cases import MODELS_UNDER_TEST, close
 
 from spi.angles import SMALL_ANGLES
 from spi.differences import along, derivative
-from spi.dispatch import INDICES, MOST, inlined, uncompiled
+from spi.dispatch import INDICES, MOST, inlined
 from spi.fields import drift_field, noise_field, unit
+from spi.inlining import uncompiled
 from spi.models import MODELS, register_model
 from spi.protocol import NonNegative, drift_flow, drift_gradient, flow_ns, hamiltonian, noise_flow
 from spi.schemes import SCHEMES, costs, typical_ns
