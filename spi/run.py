@@ -10,6 +10,7 @@ from . import engine, spec, storage, systems
 from .checkpoint import Limits, Stopped, sums_path
 from .ensemble import thread_count
 from .loading import Source, layers, load, plans
+from .models.damped import undamped
 from .schemes import typical_ns
 from .session import NOBODY, USUAL, Progress, Session, Watch, identity, results_path
 from .workers import Workers
@@ -98,7 +99,7 @@ def reports(experiment: spec.Experiment) -> dict[str, list[str]]:
     """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
     found: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
-        if lines := systems.report(case.model):
+        if lines := systems.report(undamped(case.model)):
             steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
     several = len(experiment.cases) > 1
@@ -107,7 +108,7 @@ def reports(experiment: spec.Experiment) -> dict[str, list[str]]:
 
 def sources(experiment: spec.Experiment) -> list[str]:
     """The Python modules in which the models of an experiment are defined, each once."""
-    modules = dict.fromkeys(sys.modules[type(case.model).__module__] for case in experiment.cases)
+    modules = dict.fromkeys(sys.modules[type(undamped(case.model)).__module__] for case in experiment.cases)
     return [inspect.getsource(module) for module in modules]
 
 

@@ -23,7 +23,7 @@ FLOORS = [
         "differences",
         "model_checks",
     ],
-    ["models", "schemes", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
+    ["models", "schemes", "systems", "expressions", "ensemble", "kolmogorov", "estimators", "sphere_law"],
     ["spec", "storage", "drawing", "printing", "compiling"],
     ["kinds"],
     ["loading"],
@@ -38,7 +38,7 @@ FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
 ORDERED = FLOORS[0] + FLOORS[1]
 
 # Packages that are one module in several files; the members of the others (models) are strangers.
-ONE_THING = ["expressions", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "cli"]
+ONE_THING = ["expressions", "systems", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "cli"]
 
 #: What each module of a kind of experiment may import of floor 3, and of its own kind.
 ROLES = {
@@ -61,6 +61,8 @@ ONLY_IN = {
     "yaml": ["spec"],
     "pydantic": ["spec", "keys"],
     "h5py": ["storage"],
+    "sympy": ["systems"],
+    "mpmath": ["systems"],
     "matplotlib": ["drawing", "figure"],
     "rich": ["printing", "table", "cli"],
     "dask": ["workers"],

@@ -117,7 +117,7 @@ class BaseCase(Keys):
     @property
     def variables(self) -> tuple[str, ...]:
         """What the system calls its components, () if it gives them no names."""
-        return variables(self.model)
+        return variables(undamped(self.model))
 
     @property
     def model_name(self) -> str:
@@ -263,7 +263,7 @@ class FunctionsCase(ErrorCase):
 
     @model_validator(mode="after")
     def _check_functions(self) -> Self:
-        d, names = dimension(self.model), variables(self.model)
+        d, names = dimension(self.model), self.variables
         right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
         trees = {}
         for name, text in self.functions.items():

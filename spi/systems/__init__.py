@@ -1,7 +1,8 @@
 """Lie-Poisson systems defined in YAML: checked exactly, split into exact flows, generated as Python models.
 
 ``definition`` reads texts into a :class:`~.source.System`, ``splitting`` and ``spectrum`` find flows in closed form,
-``source`` writes them as a module.
+``source`` writes them as a module.  These import sympy, which takes a third of a second, and are imported only where
+a definition is read.
 """
 
 import contextlib
@@ -13,15 +14,9 @@ import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import sympy
-
 from .. import SOURCE_DIGEST, modules
-from ..models.damped import undamped
-from ..registration import vocabulary
-from .definition import KEYS, DefinitionError, define, strengths
-from .source import Generated, generate
-from .splitting import Flow
-from .text import NumberError, Symbols, entries, expression
+from ..arithmetic import NumberError
+from .keys import KEYS, DefinitionError
 
 __all__ = [
     "KEYS",
@@ -67,7 +62,7 @@ def record(system: Made) -> Any:
 
 def report(model: Any) -> list[str]:
     """What was found when a model was generated, lines for people; none for other models."""
-    return _REPORTS.get(_key(undamped(model)), [])
+    return _REPORTS.get(_key(model), [])
 
 
 _REPORTS: dict[Any, list[str]] = {}  # of this process
@@ -75,6 +70,13 @@ _REPORTS: dict[Any, list[str]] = {}  # of this process
 
 def _key(model: Any) -> Any:
     return type(model), model._replace(sigma=())
+
+
+def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
+    """The strengths of the noises of a definition, see :func:`.definition.strengths`."""
+    from .definition import strengths
+
+    return strengths(definition, given)
 
 
 def variables(model: Any) -> tuple[str, ...]:
@@ -87,6 +89,10 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
 
     NumberError if one cannot be read.
     """
+    if not any(map(has_range, texts)):
+        return texts
+    from .text import Symbols, entries, expression
+
     symbols = Symbols(indices=getattr(_module(model), "SIZES", {}))
     found = []
     for text in texts:
@@ -104,7 +110,7 @@ def has_range(text: Any) -> bool:
 
 
 def _module(model: Any) -> Any:
-    cls = type(undamped(model))
+    cls = type(model)
     return sys.modules[cls.__module__] if modules.is_stored(cls) else None
 
 
@@ -114,46 +120,9 @@ def _made(key: str) -> Made:
     kept = modules.folder() / f"definition_{digest[:32]}.json"
     with contextlib.suppress(OSError, ValueError, TypeError):
         return Made(*json.loads(kept.read_text(encoding="utf-8")))
-    definition, name = json.loads(key)
-    defined = define(definition)
-    generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
-    values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
-    fields = [(field, values[parameter]) for parameter, field in generated.fields]
-    found = Made(generated.text, fields, list(generated.constants), _report(defined, generated))
+    from .making import make
+
+    found = Made(*make(*json.loads(key)))
     with contextlib.suppress(OSError):  # then it is made again in the next process
         modules.write(kept, json.dumps(found).encode())
-    return found
-
-
-def _report(defined: Any, generated: Generated) -> list[str]:
-    """What was found, for people."""
-    system = defined.system
-    lines = [f"{system.world.bracket.dimension} variables; the bracket is antisymmetric and fulfils Jacobi's identity"]
-    moving = zip((*system.flows, *system.noises), generated.motions, strict=True)
-    for n, (flow, motion) in enumerate(moving):
-        number = n - len(system.flows)
-        what = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
-        kinds = ", ".join(counted(motion.kinds)) or "nothing moves"
-        lines.append(f"{what}: {_terms(flow, defined)}: {kinds}")
-    searched = f", all polynomials up to degree {defined.searched}" if defined.searched else ""
-    texts = ", ".join(c.text for c in system.casimirs) or "none"
-    lines.append(f"Casimir functions{searched}: {texts}")
-    return lines
-
-
-def _terms(flow: Flow, defined: Any) -> str:
-    world = defined.system.world
-    values = {k: sympy.Float(v, 6) for k, v in defined.system.constants.items()}
-    count = len(sympy.Add.make_args(flow.expression))
-    merged = f" ({count} terms merged)" if count > 1 else ""
-    return world.name(flow.expression.xreplace(values)) + merged
-
-
-def counted(kinds: Any) -> list[str]:
-    """``["2 rotations", "a shear"]``."""
-    found = []
-    for kind in dict.fromkeys(kinds):
-        n = kinds.count(kind)
-        plural = kind.replace(" with", "s with", 1) if " with" in kind else kind + "s"
-        found.append(f"{n} {plural}" if n > 1 else f"a {kind}")
     return found

@@ -116,9 +116,9 @@ def checked(
         constants[pair] = linear
     bracket = Bracket(tuple(variables), {pair: linear for pair, linear in constants.items() if linear}, formulas)
     if violation := _violation(bracket):
-        i, j, k = (variables[n] for n in violation)
-        what = f"violates Jacobi's identity for {i}, {j}, {k}"
-        raise BracketError(f"{what}: {{{i}, {{{j}, {k}}}}} + cyclic permutations must be 0", "bracket")
+        a, b, c = (variables[n] for n in violation)
+        what = f"violates Jacobi's identity for {a}, {b}, {c}"
+        raise BracketError(f"{what}; {{{a}, {{{b}, {c}}}}} + cyclic permutations must be 0", "bracket")
     return bracket
 
 

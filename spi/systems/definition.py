@@ -10,40 +10,19 @@ All values are texts, lists and mappings of texts, as they stand in the file.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import sympy
 
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import is_casimir, search
+from .keys import KEYS, MOST, DefinitionError
 from .source import Function, System
 from .splitting import Constants, Flow, NoExactFlow, Symbolics, merged, single, split
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, repeated, whole
 
-MOST = 64  #: components, flows, noises
-KEYS = MappingProxyType(
-    {
-        "algebra": "name of a Lie algebra, such as so(3), se(3), so(2,1), so(3)^n",
-        "bracket": "brackets of the variables, as in {P1 P2: -P3}; those not given are 0",
-        "variables": "names of the components of the state",
-        "sizes": "whole numbers for ranges, as in {n: 4}",
-        "parameters": "numbers that formulas name, as in {I1: 2}",
-        "hamiltonian": "H, a formula in variables and parameters",
-        "pieces": "H as a list of pieces, in the order of their flows; found by the program if left out",
-        "noises": "a list of Hamiltonians of the noises",
-        "casimirs": "a list of Casimir functions; polynomials up to degree 4 are found if left out",
-    }
-)
-
-
-class DefinitionError(ValueError):
-    """The definition is wrong; `keys` lead to where."""
-
-    def __init__(self, message: str, *keys: Any) -> None:
-        super().__init__(message)
-        self.keys = keys
+T = TypeVar("T")
 
 
 class Defined(NamedTuple):
@@ -66,16 +45,14 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
     reader = _Reader(data)
     formulas = Symbols(parameters=reader.parameters, indices=reader.sizes)
-    count = sum(
-        len(reader.at(lambda text=text: entries(text, formulas), *keys)) for text, keys in reader.texts("noises")
-    )
+    count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
     if given is None:
         return [1.0] * count
     reader = _Reader({**data, "sigma": given})
     found = []
     for text, keys in reader.texts("sigma"):
-        for one, inner in reader.at(lambda text=text: entries(text, formulas), *keys):
-            value = reader.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+        for one, inner in reader.at(keys, entries, text, formulas):
+            value = reader.at(keys, expression, one, inner)
             if not value.is_number or not value.is_real or not 0 <= value < 1e300:
                 raise DefinitionError(f"is '{_shortened(one.strip())}'; must be a number, at least 0", *keys)
             found.append(float(value))
@@ -88,8 +65,7 @@ class _Reader:
     def __init__(self, data: Mapping[str, Any]) -> None:
         self.data = data
         self.sizes = {
-            name: self.at(lambda text=text: whole(text, Symbols()), "sizes", name)
-            for name, text in self.mapping("sizes").items()
+            name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
         self.parameters = self.numbers()
 
@@ -127,10 +103,10 @@ class _Reader:
 
     # ---- names and numbers ---------------------------------------------------------------------------------------
 
-    def at(self, read: Callable[[], Any], *keys: Any) -> Any:
-        """What `read` returns; its NumberError becomes one about the place."""
+    def at(self, keys: Sequence[Any], read: Callable[..., T], *arguments: Any) -> T:
+        """What `read` makes of the arguments; its NumberError becomes one about the place to which `keys` lead."""
         try:
-            return read()
+            return read(*arguments)
         except NumberError as error:
             cut = "not closed" in str(error) and isinstance(keys[-1], int)
             right = "put an entry with commas in quotes" if cut else "correct it here"
@@ -161,15 +137,15 @@ class _Reader:
         """The parameters, exact numbers; each may use those before it."""
         found: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
-            if not name.isidentifier() or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
+            is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
+            if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
                 raise DefinitionError(
-                    "is no name of a parameter; take letters and digits, and no function", "parameters", name
+                    "is no name of a parameter; take letters from a to z and digits, and no function",
+                    *("parameters", name),
                 )
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
-            value = self.at(
-                lambda text=text: expression(text, Symbols(parameters=found, indices=self.sizes)), "parameters", name
-            )
+            value = self.at(("parameters", name), expression, text, Symbols(parameters=found, indices=self.sizes))
             if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
                 raise DefinitionError(f"is '{_shortened(text)}'; must be a finite real number", "parameters", name)
             found[name] = value
@@ -199,18 +175,14 @@ class _Reader:
             )
             raise DefinitionError(what, *(["bracket"] if "algebra" in self.data else ["algebra"]))
         sizes = Symbols(indices=self.sizes)
-        variables = [
-            name
-            for text, keys in self.texts("variables")
-            for name in self.at(lambda text=text: names(text, sizes), *keys)
-        ]
+        variables = [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
         if "bracket" in self.data:
             if "variables" not in self.data:
                 raise DefinitionError(f"missing key 'variables'; add variables: {KEYS['variables']}", "variables")
             return variables, None
         if not isinstance(self.data["algebra"], str):
             raise DefinitionError("must be the name of an algebra such as so(3)", "algebra")
-        d, given = self.at(lambda: algebra(self.data["algebra"], sizes), "algebra")
+        d, given = self.at(("algebra",), algebra, self.data["algebra"], sizes)
         variables = variables or [f"y{n + 1}" for n in range(d)]
         if len(variables) != d:
             raise DefinitionError(f"has {len(variables)} names; {self.data['algebra']} has {d} components", "variables")
@@ -228,7 +200,7 @@ class _Reader:
         found = [
             one
             for key in self.mapping("bracket")
-            for one in self.at(lambda key=key: self.brackets_of(key, variables, formulas), "bracket", key)
+            for one in self.at(("bracket", key), self.brackets_of, key, variables, formulas)
         ]
         try:
             return checked(variables, found, values)
@@ -257,18 +229,17 @@ class _Reader:
         if "pieces" in self.data:
             found = []
             for text, keys in self.texts("pieces"):
-                for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
-                    piece = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+                for one, inner in self.at(keys, entries, text, formulas):
+                    piece = self.at(keys, expression, one, inner)
                     found.append(self.flow(piece, world, keys, "piece"))
         else:
             if "hamiltonian" not in self.data:
                 raise DefinitionError(
                     f"missing key 'hamiltonian'; add hamiltonian: {KEYS['hamiltonian']}", "hamiltonian"
                 )
-            text = self.texts("hamiltonian")
-            if len(text) != 1:
-                raise DefinitionError("must be one formula", "hamiltonian")
-            parts = self.at(lambda: addends(text[0][0], formulas), "hamiltonian")
+            if not isinstance(self.data["hamiltonian"], str):
+                raise DefinitionError("is no text; must be one formula", "hamiltonian")
+            parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
                 found = split(parts, world, constants)
             except NoExactFlow as error:
@@ -281,22 +252,22 @@ class _Reader:
     def hamiltonian(self, world: Symbolics, formulas: Symbols) -> Any:
         """H as it was given, which must be the sum of the pieces where both are."""
         pieces = [
-            self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+            self.at(keys, expression, one, inner)
             for text, keys in self.texts("pieces")
             for one, inner in entries(text, formulas)
         ]
         if "hamiltonian" not in self.data:
             return sympy.Add(*pieces)
-        total = self.at(lambda: expression(self.data["hamiltonian"], formulas), "hamiltonian")
-        if pieces and sympy.expand(total - sympy.Add(*pieces)) != 0:
+        total = self.at(("hamiltonian",), expression, self.data["hamiltonian"], formulas)
+        if "pieces" in self.data and sympy.expand(total - sympy.Add(*pieces)) != 0:
             raise DefinitionError("do not add up to the hamiltonian; correct one or leave hamiltonian out", "pieces")
         return total
 
     def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
         found = []
         for text, keys in self.texts("noises"):
-            for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
-                noise = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+            for one, inner in self.at(keys, entries, text, formulas):
+                noise = self.at(keys, expression, one, inner)
                 found.append(self.flow(noise, world, keys, "noise"))
         if len(found) > MOST:
             raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
@@ -322,8 +293,12 @@ class _Reader:
         return found[0]
 
     def check_finite(self, functions: Sequence[Any], world: Symbolics, constants: Constants) -> None:
-        """No parameter may make a Hamiltonian infinite everywhere."""
+        """No parameter may make a Hamiltonian infinite or complex everywhere."""
         for function in functions:
+            if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+                name = world.name(function)
+                what = f"has no finite real value at these parameters: '{_shortened(name)}'"
+                raise DefinitionError(f"{what}; take others", "parameters")
             for y in world.used(function):
                 derivative = sympy.diff(function, world.variables[y])
                 for factor in derivative.atoms(sympy.Pow):
@@ -345,8 +320,8 @@ class _Reader:
             return tuple(Function(world.name(f), f, degree) for f, degree in both), found.searched
         functions = []
         for text, keys in self.texts("casimirs"):
-            for one, inner in self.at(lambda text=text: entries(text, formulas), *keys):
-                value = self.at(lambda one=one, inner=inner: expression(one, inner), *keys)
+            for one, inner in self.at(keys, entries, text, formulas):
+                value = self.at(keys, expression, one, inner)
                 if not world.used(value):
                     raise DefinitionError("is constant; leave it out", *keys)
                 if not is_casimir(value, world):

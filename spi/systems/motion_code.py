@@ -270,10 +270,10 @@ class _Writer:
                 )
                 for row in rows
             ]
-            for m, parts in enumerate(power):
-                for which, part in enumerate(parts):
-                    if part != "0.0":
-                        total[m][which].append(part)
+            for sums, parts in zip(total, power, strict=True):
+                for terms, name in zip(sums, parts, strict=True):
+                    if name != "0.0":
+                        terms.append(name)
         return [
             (self.let("q", " + ".join(re)) if re else "0.0", self.let("q", " + ".join(im)) if im else "0.0")
             for re, im in total

@@ -5,19 +5,19 @@ from ..elementary import expm1
 
 
 @inlined
-def times(c, rest, x):
+def times(c: float, rest: float, x: float) -> float:
     """A number of two parts times x."""
     return c * x + rest * x
 
 
 @inlined
-def larger(a, b):
+def larger(a: float, b: float) -> float:
     """The larger of two numbers; a choice, because a maximum of floats is not vectorised."""
     return a if a > b else b
 
 
 @inlined
-def sinh_coshm1(x):
+def sinh_coshm1(x: float) -> tuple[float, float]:
     """(sinh x, cosh x - 1), to all digits also for small x."""
     e = expm1(abs(x))
     f = e / (1.0 + e)

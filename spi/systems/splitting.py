@@ -122,7 +122,8 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
 
 def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any]]:
     """(terms with exact flows, products y_i y_j of components that do not commute)."""
-    terms, crossing = [], []
+    terms: list[Term] = []
+    crossing: list[Any] = []
     for addend in addends:
         if not world.used(addend):
             continue  # a constant moves nothing
@@ -173,7 +174,7 @@ def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: 
     poly = sympy.Poly(form, *world.variables)
     with mpmath.workdps(DIGITS + 20):
         matrix = mpmath.zeros(len(order))
-        for monomial, coefficient in poly.terms():
+        for monomial, coefficient in poly.terms() if form != 0 else ():
             places = [i for i, power in enumerate(monomial) for _ in range(power)]
             if set(places) <= components:
                 i, j = (order.index(place) for place in places)

@@ -1,0 +1,54 @@
+"""From a definition to a generated model and a report for people."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import sympy
+
+from ..registration import vocabulary
+from .definition import Defined, define
+from .source import Generated, generate
+from .splitting import Flow
+
+
+def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str, float]], list[float], list[str]]:
+    """The entries of :class:`spi.systems.Made`; DefinitionError if anything is wrong with the definition."""
+    defined = define(definition)
+    generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
+    values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
+    fields = [(field, values[parameter]) for parameter, field in generated.fields]
+    return generated.text, fields, list(generated.constants), _report(defined, generated)
+
+
+def _report(defined: Defined, generated: Generated) -> list[str]:
+    """What was found, for people."""
+    system = defined.system
+    lines = [f"{system.world.bracket.dimension} variables; the bracket is antisymmetric and fulfils Jacobi's identity"]
+    moving = zip((*system.flows, *system.noises), generated.motions, strict=True)
+    for n, (flow, motion) in enumerate(moving):
+        number = n - len(system.flows)
+        what = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
+        kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
+        lines.append(f"{what}: {_terms(flow, defined)}: {kinds}")
+    searched = f", all polynomials up to degree {defined.searched}" if defined.searched else ""
+    texts = ", ".join(c.text for c in system.casimirs) or "none"
+    lines.append(f"Casimir functions{searched}: {texts}")
+    return lines
+
+
+def _terms(flow: Flow, defined: Defined) -> str:
+    world = defined.system.world
+    values = {k: sympy.Float(v, 6) for k, v in defined.system.constants.items()}
+    count = len(sympy.Add.make_args(flow.expression))
+    merged = f" ({count} terms merged)" if count > 1 else ""
+    return world.name(flow.expression.xreplace(values)) + merged
+
+
+def _counted(kinds: Sequence[str]) -> list[str]:
+    """``["2 rotations", "a shear"]``."""
+    found = []
+    for kind in dict.fromkeys(kinds):
+        n = kinds.count(kind)
+        plural = kind.replace(" with", "s with", 1) if " with" in kind else kind + "s"
+        found.append(f"{n} {plural}" if n > 1 else f"a {kind}")
+    return found
