@@ -295,10 +295,6 @@ class _Reader:
     def check_finite(self, functions: Sequence[Any], world: Symbolics, constants: Constants) -> None:
         """No parameter may make a Hamiltonian infinite or complex everywhere."""
         for function in functions:
-            if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
-                name = world.name(function)
-                what = f"has no finite real value at these parameters: '{_shortened(name)}'"
-                raise DefinitionError(f"{what}; take others", "parameters")
             for y in world.used(function):
                 derivative = sympy.diff(function, world.variables[y])
                 for factor in derivative.atoms(sympy.Pow):
@@ -311,6 +307,10 @@ class _Reader:
                             f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
                             *(["parameters", name] if name in self.parameters else ["hamiltonian"]),
                         )
+            if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+                name = world.name(function)
+                what = f"has no finite real value at these parameters: '{_shortened(name)}'"
+                raise DefinitionError(f"{what}; take others", "parameters")
 
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""
