@@ -1,4 +1,4 @@
-"""Systems written in YAML in experiments: layers, sweeps, several in one process, results, and errors with their place."""
+"""Systems written in YAML in experiments: layers, sweeps, several at once, and errors with their place."""
 
 from pathlib import Path
 
@@ -47,11 +47,21 @@ noises:
         (FILE, "so(3)", "so(99)", "3: model.system: is 'top.yaml', line 2, algebra: is 'so(99)'"),
         (FILE, "b*y2^2", "c*y2^2", "3: model.system: is 'top.yaml', line 6, hamiltonian: is 'y1^2/a + c*y2^2'"),
         (FILE, "  - y3", "  - y3*y2", "3: model.system: is 'top.yaml', line 9, noises: has no exact flow: 'y2*y3'"),
-        (FILE, "noises:", "noise:", "3: model.system: is 'top.yaml', line 7, noise: is no known key; did you mean 'noises'"),
+        (
+            FILE,
+            "noises:",
+            "noise:",
+            "3: model.system: is 'top.yaml', line 7, noise: is no known key; did you mean 'noises'",
+        ),
         (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is no mapping; give it some of algebra"),
         (FILE, "  a: 2", "  a: 2\n  a: 3", "3: model.system: is 'top.yaml', line 5"),
         (FILE, "so(3)", "so(3", "3: model.system: is 'top.yaml', line 2, algebra: "),
-        (SPEC, "{a: 3}", "{a: 0}", "4: model.parameters.a: makes the Hamiltonian infinite, 'a' is 0; take another value"),
+        (
+            SPEC,
+            "{a: 3}",
+            "{a: 0}",
+            "4: model.parameters.a: makes the Hamiltonian infinite, 'a' is 0; take another value",
+        ),
         (SPEC, "{a: 3}", "{c: y}", "4: model.parameters.c: is 'y' (unknown word 'y'"),
         (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
         (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is no known key; did you mean 'noises'?"),
@@ -71,6 +81,14 @@ def test_errors_have_file_and_line_and_nothing_is_written(spec, tmp_path, place,
     assert str(error.value).startswith(f"s.yaml:{message}")
     assert "; " in str(error.value) and "\n" not in str(error.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s.yaml", "top.yaml"]
+
+
+def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
+    """What the generic checks find is no error of a class that somebody wrote."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("  - y3", "  - log(y3)"))
+    with pytest.raises(SpecError, match=r"^s.yaml:3: model.system: .*; near the initial state the formulas must be"):
+        spec(SPEC.replace("0.2]", "-3]"))
+    assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
 
 
 @pytest.mark.parametrize("stem", ["class", "2d", "my-top", "None", "_x"])

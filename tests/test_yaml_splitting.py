@@ -17,7 +17,7 @@ def defined(text):
 
 
 def flows(system):
-    """What each flow is the flow of, in the words of the definition; "square" stands for a square of a linear function."""
+    """What each flow is the flow of, in the words of the definition; "square" if that is a principal axis."""
     texts = [system.world.name(flow.expression) for flow in system.flows]
     return ["square" if "κ" in text else text for text in texts]
 
@@ -97,7 +97,8 @@ def test_given_pieces_are_kept_in_their_order():
 
 
 def test_pieces_may_have_ranges():
-    text = "{sizes: {n: 3}, algebra: so(3)^n, variables: ['x(i), y(i), z(i) for i = 1..n'], pieces: ['z(i)^2, x(i) for i = 1..2', 'y(3)']}"
+    text = "{sizes: {n: 3}, algebra: so(3)^n, variables: ['x(i), y(i), z(i) for i = 1..n'], "
+    text += "pieces: ['z(i)^2, x(i) for i = 1..2', 'y(3)']}"
     assert flows(defined(text)) == ["z(1)^2", "x(1)", "z(2)^2", "x(2)", "y(3)"]
 
 
@@ -124,7 +125,7 @@ WRONG = [
     (
         spin("y1", more=", noises: [y3, y1^2 + y2]"),
         ("noises", 1),
-        "has no exact flow: 'y1^2 + y2' depends on y1 and y2, which do not commute; use a function of commuting variables",
+        "has no exact flow: 'y1^2 + y2' depends on y1 and y2, which do not commute; use a function of",
     ),
     (spin("y1", more=", noises: [y1 - y1]"), ("noises", 0), "is '0', which moves nothing; leave it out"),
     (spin("y1", more=", noises: ['y1 for i = 1..65']"), ("noises",), "has 65 noises; there may be 64"),

@@ -149,11 +149,13 @@ GOOD = {
         ("variables", ["x", "y", "a"], ("variables",), "has 'a', a function, parameter or size"),
         ("variables", ["x", "y", "n"], ("variables",), "has 'n', a function, parameter or size"),
         ("variables", ["x", "y", "2z"], ("variables", 2), "is '2z' ('2z' is no name); correct it here"),
-        ("variables", ["x", "y", "z(i"], ("variables", 2), "is 'z(i' (" ),
+        ("variables", ["x", "y", "z(i"], ("variables", 2), "is 'z(i' ("),
         ("variables", {"x": "y"}, ("variables",), "must be a list of texts"),
         ("sizes", ["n"], ("sizes",), "must be a mapping such as {n: 4}"),
         ("sizes", {"n": "1/2"}, ("sizes", "n"), "is '1/2' ('1/2' is no whole number)"),
         ("sizes", {"n": "m"}, ("sizes", "n"), "is 'm' (unknown word 'm')"),
+        ("sizes", {"n": "2", "pi": "3"}, ("sizes", "pi"), "is no name of a size; take letters from a to z and digits"),
+        ("sizes", {"n": "2", "1x": "3"}, ("sizes", "1x"), "is no name of a size"),
         ("parameters", {"a": "x"}, ("parameters", "a"), "is 'x' (unknown word 'x'"),
         ("parameters", {"a": "b", "b": "1"}, ("parameters", "a"), "is 'b' (unknown word 'b'"),
         ("parameters", {"a": "1/0"}, ("parameters", "a"), "is '1/0' (division by zero)"),
@@ -161,7 +163,12 @@ GOOD = {
         ("parameters", {"a": "1e999"}, ("parameters", "a"), "is '1e999' (too large)"),
         ("parameters", {"a": ["1"]}, ("parameters",), "must be a mapping such as {I1: 2}"),
         ("parameters", {"a": "1", "_b": "1"}, ("parameters", "_b"), "is no name of a parameter"),
-        ("parameters", {"a": "1", "λ": "1"}, ("parameters", "λ"), "is no name of a parameter; take letters from a to z"),
+        (
+            "parameters",
+            {"a": "1", "λ": "1"},
+            ("parameters", "λ"),
+            "is no name of a parameter; take letters from a to z",
+        ),
         ("parameters", {"a": "1", "sum": "1"}, ("parameters", "sum"), "is no name of a parameter"),
         ("parameters", {"a": "1", "n": "1"}, ("parameters", "n"), "is a size as well; take another name"),
         ("hamiltonian", "y1^2/b", ("hamiltonian",), "is 'y1^2/b' (unknown word 'b'); correct it here"),
@@ -202,8 +209,30 @@ def test_strengths(sigma, keys, message):
 
 # --- mutated definitions ---------------------------------------------------------------------------------------------
 
-SMALL = [ZOO[name][0] for name in ("rigid body", "heavy top", "e(2)", "Toda", "bracket with parameters", "ring of 4 spins")]
-PARTS = ("", "y1", "(", ")", "^", "*", "/0", "for i = 1..2", "..", ",", "sum(", "e", "-", "0", "9" * 30, "\0", "σ", "=", "so(3)")
+SMALL = [
+    ZOO[name][0] for name in ("rigid body", "heavy top", "e(2)", "Toda", "bracket with parameters", "ring of 4 spins")
+]
+PARTS = (
+    "",
+    "y1",
+    "(",
+    ")",
+    "^",
+    "*",
+    "/0",
+    "for i = 1..2",
+    "..",
+    ",",
+    "sum(",
+    "e",
+    "-",
+    "0",
+    "9" * 30,
+    "\0",
+    "σ",
+    "=",
+    "so(3)",
+)
 
 
 @given(st.randoms(use_true_random=False))

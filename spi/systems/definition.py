@@ -67,6 +67,8 @@ class _Reader:
         self.sizes = {
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
+        for name in self.sizes:
+            _check_word(name, "sizes")
         self.parameters = self.numbers()
 
     def read(self) -> Defined:
@@ -137,12 +139,7 @@ class _Reader:
         """The parameters, exact numbers; each may use those before it."""
         found: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
-            is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
-            if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
-                raise DefinitionError(
-                    "is no name of a parameter; take letters from a to z and digits, and no function",
-                    *("parameters", name),
-                )
+            _check_word(name, "parameters")
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
             value = self.at(("parameters", name), expression, text, Symbols(parameters=found, indices=self.sizes))
@@ -336,6 +333,14 @@ def _degree(value: Any, world: Symbolics) -> int | None:
     if not value.is_polynomial(*world.variables):
         return None
     return sympy.Poly(value, *world.variables).homogeneous_order()
+
+
+def _check_word(name: str, key: str) -> None:
+    """DefinitionError if formulas cannot name a parameter or a size so."""
+    is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
+    if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
+        what = "is no name of a parameter" if key == "parameters" else "is no name of a size"
+        raise DefinitionError(f"{what}; take letters from a to z and digits, and no function", key, name)
 
 
 def _linear(value: Any, formulas: Symbols) -> Linear:

@@ -43,7 +43,7 @@ class Space(NamedTuple):
 
         In the others (sum_j a_j N_j)^n is only a sum of roundings, which a large a would make visible.
         """
-        found = []
+        found: list[set[int]] = []
         products = [(0, {(m, m): mpmath.mpf(1) for m in range(len(self.left))})]
         while True:
             longer = [
