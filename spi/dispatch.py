@@ -15,7 +15,7 @@ from typing import NamedTuple
 from numba import njit, typeof, types
 from numba.extending import lower_builtin, overload, type_callable
 
-from .inlining import UNCOMPILED, InliningCompiler, KernelCompiler, keep_in_shared_cache
+from .inlining import InliningCompiler, KernelCompiler, keep_in_shared_cache, runs_uncompiled
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
 #: infinities keep their meaning.  With ``error_model="numpy"`` a division has no branch that would stop vectorisation.
@@ -55,7 +55,7 @@ def inlined(function):
 
     @functools.wraps(function)
     def called(*arguments, **named):
-        return (function if UNCOMPILED.get() else by_itself)(*arguments, **named)
+        return (function if runs_uncompiled() else by_itself)(*arguments, **named)
 
     # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
     overload(called, jit_options=INLINED, strict=False, prefer_literal=True)(lambda *arguments, **named: function)

@@ -203,6 +203,11 @@ def is_compiled(dispatcher, types):
     return isinstance(cache, SharedCache) and cache.holds(dispatcher, types)
 
 
+def runs_uncompiled():
+    """Whether :func:`uncompiled` is in force; a function, because compiled functions that name it are pickled."""
+    return UNCOMPILED.get()
+
+
 @contextlib.contextmanager
 def uncompiled():
     """Within it, what Python calls of the functions that exist to be inlined is plain Python, kernels are not."""

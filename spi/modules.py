@@ -50,6 +50,11 @@ def source_name(thing):
     return f"{name[: -len('_0123456789abcdef.py')]}.py" if is_stored(thing) else name
 
 
+def text_of(thing):
+    """The text of the stored module that a class or function is of."""
+    return Path(sys.modules[thing.__module__].__file__).read_text(encoding="utf-8")
+
+
 def is_foreign(thing):
     """Whether a class or function is defined outside the sources of this package; those of stored modules are."""
     return thing.__module__.partition(".")[0] != _ROOT or is_stored(thing)

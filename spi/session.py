@@ -11,6 +11,7 @@ from . import SOURCE_DIGEST, __version__, compiling, engine, modules, spec, stor
 from .checkpoint import Checkpoint, Limits, sums_path
 from .kinds.plans import KernelCall, Plan
 from .kinds.state import State
+from .models.damped import undamped
 from .records import Results
 from .rng import STREAM_VERSION
 
@@ -135,15 +136,23 @@ def identity(experiment: spec.Experiment) -> dict[str, Any]:
 
 
 def _code(experiment: spec.Experiment) -> str | None:
-    """What identifies the code of the models that are not built in, JSON of name and digest; None if there are none."""
-    digests = {case.model_name: modules.digest(type(case.model)) for case in experiment.cases}
-    foreign = {name: digest for name, digest in digests.items() if digest is not None}
+    """What identifies the code of the models that are not built in, JSON of case and digest; None if there are none."""
+    digests = {case.name: modules.digest(type(undamped(case.model))) for case in experiment.cases}
+    foreign = {case: digest for case, digest in digests.items() if digest is not None}
     return json.dumps(foreign) if foreign else None
+
+
+def _stored_modules(experiment: spec.Experiment) -> str | None:
+    """The texts of the stored modules of the models, JSON of name and text; None if there are none."""
+    classes = {type(undamped(case.model)) for case in experiment.cases}
+    texts = {cls.__module__: modules.text_of(cls) for cls in classes if modules.is_stored(cls)}
+    return json.dumps(texts, sort_keys=True) if texts else None
 
 
 def _attributes(experiment: spec.Experiment) -> dict[str, Any]:
     return {
         **identity(experiment),
+        "model_modules": _stored_modules(experiment),
         "kind": experiment.kind,
         "title": experiment.title,
         "figure": experiment.figure,

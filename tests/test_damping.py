@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from extending import Oscillator
 from helpers import COMPILED, INITIAL, LANES, ONE_NOISE, RIGID_BODY, SCHEMES, LinearlyDamped, final_states, take_step
-from model_cases import MODELS_UNDER_TEST, along, close, derivative
+from model_cases import MODELS_UNDER_TEST, close
 from states import finished
 
 from spi.angles import ANY_ANGLES
+from spi.differences import along, derivative
 from spi.fields import drift_field, step_field, step_field_derivative, step_gradient
 from spi.invariants import growth
 from spi.models import RigidBody

@@ -11,9 +11,10 @@ import numba
 import numpy as np
 import pytest
 from helpers import COMPILED, RIGID_BODY
-from model_cases import MODELS_UNDER_TEST, along, close, derivative
+from model_cases import MODELS_UNDER_TEST, close
 
 from spi.angles import SMALL_ANGLES
+from spi.differences import along, derivative
 from spi.dispatch import INDICES, MOST, inlined, uncompiled
 from spi.fields import drift_field, noise_field, unit
 from spi.models import MODELS, register_model

@@ -288,7 +288,7 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     attributes = storage.read(path).attributes
     assert json.loads(attributes["model_sources"]) == {"my_model.py": OSCILLATOR}
     code = experiment.effective["cases"]["main"]["model"]["code"]
-    assert json.loads(attributes["model_code"]) == {"Oscillator": code}
+    assert json.loads(attributes["model_code"]) == {"main": code}
     assert run.results_of("s.yaml", "out") == path
 
     told = []

@@ -95,6 +95,7 @@ def strong_case(name, sigma, scheme, final_time):
         title=name,
         model_name=name,
         model=type(SYSTEMS[name].model)(sigma),
+        parameters={"sigma": sigma},
         initial=SYSTEMS[name].start,
         final_time=final_time,
         steps=tuple(2.0**-n for n in range(5, 14)),

@@ -14,6 +14,9 @@ from ..dispatch import INDICES, number
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+_MOST_WHOLE = 15  # as an exponent that is taken by repeated multiplication
+
+
 class Constant(NamedTuple):
     """A number."""
 
@@ -133,9 +136,9 @@ def _power(a, exponent):
         return 1 if exponent == 0 else a
     if exponent == 0.5:
         return SquareRoot(a)
-    if exponent in range(2, len(INDICES)):
+    if exponent in range(2, _MOST_WHOLE + 1):
         return WholePower(a, INDICES[int(exponent)]())
-    if -exponent in range(1, len(INDICES)):
+    if -exponent in range(1, _MOST_WHOLE + 1):
         return Quotient(Constant(1.0), _power(a, -exponent))
     return Power(a, _tree(exponent))
 

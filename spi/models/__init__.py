@@ -19,8 +19,8 @@ def check_model_class(name, cls):
     check_class(cls, "model", name)
     sigma = get_type_hints(cls).get("sigma")
     if len(get_args(sigma)) != cls.noises:
-        who = f"model '{name}' ({cls.__qualname__})"
-        raise TypeError(f"{who} must have a field sigma, a tuple of {cls.noises} strengths")
+        right = f"must have a field sigma, a tuple of {cls.noises} strengths"
+        raise TypeError(f"model '{name}' ({cls.__qualname__}) {right}")
 
 
 def register_model(name, cls):

@@ -231,6 +231,9 @@ def typical_ns(row, model):
     if stated:
         step = stated * (len(acting) or row.work)
     else:
-        step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
+        try:
+            step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
+        except Exception:  # a word of somebody's fails; what is wrong is told where it is compiled
+            step = 0.5 * (len(acting) or row.work)
     draws = len(noise_indices(model)) * substeps(row.record)
     return row.overhead * (_DRAW_NS * draws + step)

@@ -40,7 +40,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     profiles = create_model(f"{kind}_profiles", __base__=Keys, **by_name)
     classes = zip(MODELS, COMPLETE, strict=True)
     models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
-    models += [{"required": keys} for keys in (["python", "name"], ["system"], ["algebra"], ["bracket"])]
+    models += [{"required": keys} for keys in (["system"], ["algebra"], ["bracket"], ["python", "name"])]
     models += [{"properties": {"name": NOT_BUILT_IN}, "required": ["name"]}]
     alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {

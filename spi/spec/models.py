@@ -42,9 +42,8 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
         default = cls._field_defaults.get(key, ...) if complete else ABSENT
         fields[key] = (key_of(hint, text), default)
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
-        return create_model(
-            cls.__qualname__ + ("" if complete else "Part"), __base__=Keys, __doc__=cls.__doc__, **fields
-        )
+        name = cls.__qualname__ + ("" if complete else "Part")
+        return create_model(name, __base__=Keys, __doc__=cls.__doc__, **fields)
 
 
 def _record(cls: Any, parameters: Keys) -> Any:

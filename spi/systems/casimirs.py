@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-import mpmath
 import numpy as np
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, precise
-from .splitting import Symbolics, connected
+from .brackets import Bracket, precise
+from .splitting import connected
+from .symbolics import Symbolics
 
 MOST_DEGREE = 4
 _MOST_UNKNOWNS = 1000  # monomials of a degree; the null space of so many takes seconds
@@ -23,43 +23,6 @@ class Search(NamedTuple):
     functions: tuple[Any, ...]  #: independent of each other's sums and products, of degree 1, 2, ...
     degrees: tuple[int, ...]
     searched: int  #: up to this degree all whose coefficients are rational are found
-
-
-def is_casimir(function: Any, world: Symbolics) -> bool:
-    """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
-    used = world.used(function)
-    gradient = {i: sympy.diff(function, world.variables[i]).xreplace(dict(world.parameters)) for i in used}
-    value = sympy.lambdify(world.variables, [gradient[i] for i in used], "mpmath")
-    tried = 0
-    with mpmath.workdps(DIGITS):
-        for n in range(12):
-            point = [
-                mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8
-                for j in range(len(world.variables))
-            ]
-            try:
-                at = dict(zip(used, map(mpmath.mpf, value(*point)), strict=True))
-            except (TypeError, ValueError, ZeroDivisionError):
-                continue  # not defined there
-            moved, size = _applied(world.bracket, at, point)
-            if any(abs(c) > NOTHING * (1 + size) for c in moved.values()):
-                return False
-            tried += 1
-    return tried > 0
-
-
-def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
-    """B(y) v by component, and the size of the largest of the terms that are added up there."""
-    moved: dict[int, Any] = {}
-    size = mpmath.mpf(0)
-    for (i, j), linear in bracket.constants.items():
-        entry = mpmath.fsum(precise(c) * point[k] for k, c in linear.items())
-        for row, column, sign in ((i, j, 1), (j, i, -1)):
-            if column in gradient:
-                term = sign * entry * gradient[column]
-                moved[row] = moved.get(row, mpmath.mpf(0)) + term
-                size = max(size, abs(term))
-    return moved, size
 
 
 def search(world: Symbolics) -> Search:
@@ -89,7 +52,7 @@ def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[in
         rows = [[product.get(monomial, Fraction(0)) for monomial in monomials] for product in known]
         for row in _new_rows(rows, space, len(monomials)):
             polynomial = {monomials[n]: c for n, c in enumerate(row) if c}
-            if is_casimir(_expression(polynomial, part, world), world):
+            if world.is_casimir(_expression(polynomial, part, world)):
                 found.append((degree, polynomial))
     return _expressions(found, part, world), MOST_DEGREE
 

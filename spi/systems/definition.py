@@ -16,10 +16,11 @@ import sympy
 
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
-from .casimirs import is_casimir, search
+from .casimirs import search
 from .keys import KEYS, MOST, DefinitionError
 from .source import Function, System
-from .splitting import Constants, Flow, NoExactFlow, Symbolics, merged, single, split
+from .splitting import Constants, Flow, NoExactFlow, merged, single, split
+from .symbolics import Symbolics
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, repeated, whole
 
 T = TypeVar("T")
@@ -321,7 +322,7 @@ class _Reader:
                 value = self.at(keys, expression, one, inner)
                 if not world.used(value):
                     raise DefinitionError("is constant; leave it out", *keys)
-                if not is_casimir(value, world):
+                if not world.is_casimir(value):
                     what = f"is '{_shortened(one.strip())}', no Casimir function"
                     raise DefinitionError(f"{what}; its brackets must all be 0", *keys)
                 functions.append(Function(world.name(value), value, _degree(value, world)))

@@ -12,34 +12,13 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
+from .symbolics import Symbolics
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
 
 
 class NoExactFlow(ValueError):
     """A term whose flow is not known in closed form; the message names it."""
-
-
-class Symbolics(NamedTuple):
-    """What formulas are made of."""
-
-    bracket: Bracket
-    variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
-    parameters: Mapping[sympy.Symbol, Any]  #: -> value, an exact number
-
-    def used(self, expression: Any) -> tuple[int, ...]:
-        """The components that occur in an expression."""
-        free = expression.free_symbols
-        return tuple(i for i, y in enumerate(self.variables) if y in free)
-
-    def varies(self, expression: Any) -> bool:
-        """Whether a parameter occurs in it."""
-        return any(symbol in self.parameters for symbol in expression.free_symbols)
-
-    def name(self, expression: Any) -> str:
-        """An expression in the words of the user."""
-        words = dict(zip(self.variables, map(sympy.Symbol, self.bracket.variables), strict=True))
-        return str(expression.xreplace(words)).replace("**", "^")
 
 
 class Term(NamedTuple):
@@ -132,6 +111,8 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[A
             continue
         except NoExactFlow as refused:
             reason = refused
+        if world.is_casimir(addend):
+            continue  # so does a Casimir function
         expanded = sorted(sympy.Add.make_args(sympy.expand(addend)), key=world.used)
         if len(expanded) > 1:
             more, cross = _terms(expanded, world)

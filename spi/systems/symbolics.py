@@ -1,0 +1,64 @@
+"""Formulas of a system: what occurs in them, what they are called, whether they commute with everything."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import mpmath
+import sympy
+
+from .brackets import DIGITS, NOTHING, Bracket, precise
+
+
+class Symbolics(NamedTuple):
+    """What formulas are made of."""
+
+    bracket: Bracket
+    variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
+    parameters: Mapping[sympy.Symbol, Any]  #: -> value, an exact number
+
+    def used(self, expression: Any) -> tuple[int, ...]:
+        """The components that occur in an expression."""
+        free = expression.free_symbols
+        return tuple(i for i, y in enumerate(self.variables) if y in free)
+
+    def varies(self, expression: Any) -> bool:
+        """Whether a parameter occurs in it."""
+        return any(symbol in self.parameters for symbol in expression.free_symbols)
+
+    def name(self, expression: Any) -> str:
+        """An expression in the words of the user."""
+        words = dict(zip(self.variables, map(sympy.Symbol, self.bracket.variables), strict=True))
+        return str(expression.xreplace(words)).replace("**", "^")
+
+    def is_casimir(self, function: Any) -> bool:
+        """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
+        used = self.used(function)
+        gradient = [sympy.diff(function, self.variables[i]).xreplace(dict(self.parameters)) for i in used]
+        value = sympy.lambdify(self.variables, gradient, "mpmath")
+        tried, d = 0, len(self.variables)
+        with mpmath.workdps(DIGITS):
+            for n in range(12):
+                point = [mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8 for j in range(d)]
+                try:
+                    at = dict(zip(used, map(mpmath.mpf, value(*point)), strict=True))
+                except (TypeError, ValueError, ZeroDivisionError):
+                    continue  # not defined there
+                moved, size = _applied(self.bracket, at, point)
+                if any(abs(c) > NOTHING * (1 + size) for c in moved.values()):
+                    return False
+                tried += 1
+        return tried > 0
+
+
+def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
+    """B(y) v by component, and the size of the largest of the terms that are added up there."""
+    moved: dict[int, Any] = {}
+    size = mpmath.mpf(0)
+    for (i, j), linear in bracket.constants.items():
+        entry = mpmath.fsum(precise(c) * point[k] for k, c in linear.items())
+        for row, column, sign in ((i, j, 1), (j, i, -1)):
+            if column in gradient:
+                term = sign * entry * gradient[column]
+                moved[row] = moved.get(row, mpmath.mpf(0)) + term
+                size = max(size, abs(term))
+    return moved, size
