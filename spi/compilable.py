@@ -126,7 +126,7 @@ def _place(error, *sources):
 
 def _reason(error):
     """What is most particular in a message of Numba, which begins with what is most general."""
-    text = re.sub(r"\x1b\[[0-9;]*m", "", str(error))
+    text = re.sub(r"\x1b\[[0-9;]*m|(?<=\w)_[0-9a-f]{16}\b", "", str(error))  # colours, and digits that spi.own adds
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     last = max((n + 1 for n, line in enumerate(lines[:-1]) if "Failed in nopython mode pipeline" in line), default=0)
     reason = lines[last] if lines else type(error).__name__

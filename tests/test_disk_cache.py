@@ -148,8 +148,8 @@ import sys
 from spi.dispatch import kernel
 from spi.modules import stored
 
-asking = "from spi.dispatch import kernel\\nfrom spi.protocol import hamiltonian\\n\\n@kernel\\ndef ask(record):\\n    return "
-ask = stored("asking", asking + "hamiltonian(record, 0.0)\\n").ask
+asking = "from spi.dispatch import kernel\\nfrom spi.protocol import hamiltonian\\n"
+ask = stored("asking", asking + "@kernel\\ndef ask(record):\\n    return hamiltonian(record, 0.0)\\n").ask
 print(*(ask(stored("twin", {TWIN!r}.format(sign)).Twin(1.0)) for sign in sys.argv[1:]))
 """
 

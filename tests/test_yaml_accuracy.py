@@ -137,7 +137,8 @@ def test_rotations_by_large_angles(t, tolerance):
 SPLITTING = SCHEMES["splitting"].record
 STEPS, H = 100_000, 1e-3
 
-#: A tilted rotation, hyperbolic rotations by small angles, and the heavy top.  More noise would drive the second to infinity.
+#: A tilted rotation, hyperbolic rotations by small angles, and the heavy top.
+#: More noise would drive the second to infinity.
 LONG = {
     "tilted rotation": (
         "{algebra: so(3), hamiltonian: '(y1 + y2/3 + sqrt(2)*y3)^2', noises: [y1 - y3/7]}",

@@ -47,7 +47,7 @@ def test_the_generic_checks_pass(animal, quick):
 
 @pytest.mark.parametrize("name", ["so(2,1) with cross terms", "spirals"])
 def test_the_compiler_takes_the_module(name):
-    text, c = ZOO[name]
+    text, _ = ZOO[name]
     assert model_checks.obstacle(made(text).record) is None
 
 

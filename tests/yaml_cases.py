@@ -90,7 +90,7 @@ def commutators(matrices):
     c = np.zeros((d, d, d))
     for i, j in itertools.product(range(d), repeat=2):
         product = matrices[i] @ matrices[j] - matrices[j] @ matrices[i]
-        c[i, j], rest, *_ = np.linalg.lstsq(columns, -product.ravel())
+        c[i, j], *_ = np.linalg.lstsq(columns, -product.ravel())
         assert np.allclose(columns @ c[i, j], -product.ravel(), atol=1e-12)
     return np.round(c, 12)
 
@@ -188,7 +188,8 @@ ZOO = {
         given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1}),
     ),
     "sl(2)": (
-        "{algebra: sl(2), variables: [h, e, f], hamiltonian: h^2/2 + e*f + e^2/7, noises: [e, f, h, 'e + 3*f', 'e - f']}",
+        "{algebra: sl(2), variables: [h, e, f], hamiltonian: h^2/2 + e*f + e^2/7, "
+        " noises: [e, f, h, 'e + 3*f', 'e - f']}",
         commutators([np.diag([1.0, -1.0]), unit(2, 0, 1), unit(2, 1, 0)]),
     ),
     "e(2)": (
@@ -246,7 +247,8 @@ ZOO = {
     "Toda": (
         "{sizes: {n: 4}, variables: ['a(i) for i = 1..n-1', 'b(i) for i = 1..n'],"
         " bracket: {'a(i) b(i) for i = 1..n-1': -a(i), 'a(i) b(i+1) for i = 1..n-1': a(i)},"
-        " hamiltonian: 'sum(b(i)^2 for i = 1..n)/2 + 2*sum(a(i)^2 for i = 1..n-1)', noises: [b(1), 'a(2)^2', a(1)*a(3)]}",
+        " hamiltonian: 'sum(b(i)^2 for i = 1..n)/2 + 2*sum(a(i)^2 for i = 1..n-1)',"
+        " noises: [b(1), 'a(2)^2', a(1)*a(3)]}",
         given(7, {(i, i + 3, i): -1 for i in (1, 2, 3)} | {(i, i + 4, i): 1 for i in (1, 2, 3)}),
     ),
     "sine-Euler, N = 3": (
@@ -269,7 +271,8 @@ ZOO = {
         product(commutators(rigid()), heisenberg(1)),
     ),
     "spirals": (
-        "{variables: [r, x, y, u, v], parameters: {d: 1/4}, bracket: {r x: d*x + y, r y: d*y - x, r u: u/2, r v: u + v/2},"
+        "{variables: [r, x, y, u, v], parameters: {d: 1/4}, "
+        " bracket: {r x: d*x + y, r y: d*y - x, r u: u/2, r v: u + v/2},"
         " hamiltonian: r^2/2 + x*u + cos(y), noises: [r, x^2 + y^2, r + x]}",
         given(
             5,

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 import pydantic
 from pydantic import BeforeValidator, Field, PlainValidator, create_model
 
-from .. import modules
+from .. import modules, systems
 from ..model_checks import check_once
 from ..models import MODELS, check_model_class
 from ..models.damped import undamped
@@ -199,7 +199,11 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
-        raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
+        if systems.variables(model):
+            right = "near the initial state the formulas must be finite and smooth; take others, or another state"
+        else:
+            right = "correct the class, see docs/own_models.md"
+        raise wrong(what, right, "model", *SOURCES)
 
 
 def _plain(model: Any) -> dict[str, Any]:

@@ -6,6 +6,7 @@
 What the spec says beside ``system`` overrides what the file says, parameters and sizes one by one.
 """
 
+import keyword
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -56,10 +57,19 @@ def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, 
 
 def _name(whole: Mapping[str, Any]) -> str:
     path = whole.get("system")
-    given = whole.get("name", "".join(c if c.isalnum() else "_" for c in Path(path).stem) if path else "own_system")
-    if not isinstance(given, str) or not given.isidentifier() or given.startswith("_"):
-        raise wrong(f"is {shown(given)}", "must be a word of letters, digits and _ that begins with a letter", "name")
+    given = whole.get("name")
+    if given is None:
+        stem = "".join(c if c.isalnum() else "_" for c in Path(path).stem) if path else "own_system"
+        return stem if _is_name(stem) else f"system_{stem}"
+    if not isinstance(given, str) or not _is_name(given):
+        right = "must be a word of letters, digits and _ that begins with a letter, and none of Python's"
+        raise wrong(f"is {shown(given)}", right, "name")
     return given
+
+
+def _is_name(word: str) -> bool:
+    """Whether the class that is generated can be called so."""
+    return word.isidentifier() and not word.startswith("_") and not keyword.iskeyword(word) and word != "NAME"
 
 
 def _document(path: Any, files: Files) -> Document:

@@ -119,10 +119,13 @@ def _made(key: str) -> Made:
     digest = hashlib.sha256(f"{SOURCE_DIGEST} {key}".encode()).hexdigest()
     kept = modules.folder() / f"definition_{digest[:32]}.json"
     with contextlib.suppress(OSError, ValueError, TypeError):
-        return Made(*json.loads(kept.read_text(encoding="utf-8")))
+        checksum, text = json.loads(kept.read_text(encoding="utf-8"))
+        if checksum == hashlib.sha256(text.encode()).hexdigest():
+            return Made(*json.loads(text))
     from .making import make
 
     found = Made(*make(*json.loads(key)))
+    text = json.dumps(found)
     with contextlib.suppress(OSError):  # then it is made again in the next process
-        modules.write(kept, json.dumps(found).encode())
+        modules.write(kept, json.dumps([hashlib.sha256(text.encode()).hexdigest(), text]).encode())
     return found

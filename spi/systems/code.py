@@ -73,6 +73,8 @@ class Formula:
 
     def _invariant(self, factors: Sequence[Any]) -> str:
         number = sympy.Mul(*(f for f in factors if f.is_Rational))
+        if max(abs(number.p), number.q) >= 2**53:  # not both are doubles, so that a quotient would round thrice
+            number, factors = sympy.Integer(1), [sympy.Float(number, 30), *factors]
         rest = [f for f in factors if not f.is_Rational]
         above = [self.code(f) for f in rest if not (f.is_Pow and f.exp.is_number and f.exp.is_negative)]
         below = [self.code(f.base**-f.exp) for f in rest if f.is_Pow and f.exp.is_number and f.exp.is_negative]

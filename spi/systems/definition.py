@@ -68,6 +68,8 @@ class _Reader:
         self.sizes = {
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
+        for name in self.sizes:
+            _check_word(name, "sizes")
         self.parameters = self.numbers()
 
     def read(self) -> Defined:
@@ -138,10 +140,7 @@ class _Reader:
         """The parameters, exact numbers; each may use those before it."""
         found: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
-            if not name.isidentifier() or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
-                raise DefinitionError(
-                    "is no name of a parameter; take letters and digits, and no function", "parameters", name
-                )
+            _check_word(name, "parameters")
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
             value = self.at(("parameters", name), expression, text, Symbols(parameters=found, indices=self.sizes))
@@ -258,7 +257,7 @@ class _Reader:
         if "hamiltonian" not in self.data:
             return sympy.Add(*pieces)
         total = self.at(("hamiltonian",), expression, self.data["hamiltonian"], formulas)
-        if pieces and sympy.expand(total - sympy.Add(*pieces)) != 0:
+        if "pieces" in self.data and sympy.expand(total - sympy.Add(*pieces)) != 0:
             raise DefinitionError("do not add up to the hamiltonian; correct one or leave hamiltonian out", "pieces")
         return total
 
@@ -292,7 +291,7 @@ class _Reader:
         return found[0]
 
     def check_finite(self, functions: Sequence[Any], world: Symbolics, constants: Constants) -> None:
-        """No parameter may make a Hamiltonian infinite everywhere."""
+        """No parameter may make a Hamiltonian infinite or complex everywhere."""
         for function in functions:
             for y in world.used(function):
                 derivative = sympy.diff(function, world.variables[y])
@@ -306,6 +305,10 @@ class _Reader:
                             f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
                             *(["parameters", name] if name in self.parameters else ["hamiltonian"]),
                         )
+            if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+                name = world.name(function)
+                what = f"has no finite real value at these parameters: '{_shortened(name)}'"
+                raise DefinitionError(f"{what}; take others", "parameters")
 
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""
@@ -331,6 +334,14 @@ def _degree(value: Any, world: Symbolics) -> int | None:
     if not value.is_polynomial(*world.variables):
         return None
     return sympy.Poly(value, *world.variables).homogeneous_order()
+
+
+def _check_word(name: str, key: str) -> None:
+    """DefinitionError if formulas cannot name a parameter or a size so."""
+    is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
+    if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
+        what = "is no name of a parameter" if key == "parameters" else "is no name of a size"
+        raise DefinitionError(f"{what}; take letters from a to z and digits, and no function", key, name)
 
 
 def _linear(value: Any, formulas: Symbols) -> Linear:

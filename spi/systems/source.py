@@ -135,7 +135,11 @@ class _Generator:
     def function(self, name: str, made: Motion, functionals: Sequence[Functional], uses: bool) -> list[str]:
         """A motion as a function of the angles a1, a2, ..."""
         parameters = "".join(f"a{n + 1}, " for n in range(len(functionals)))
-        text = ", ".join(form_text(f, self.bracket.variables) for f in functionals)
+        names = self.bracket.variables
+        if uses:  # without numbers, so that others make the same text
+            text = ", ".join(f"a linear function of {', '.join(names[i] for i in f)}" for f in functionals)
+        else:
+            text = ", ".join(form_text(f, names) for f in functionals)
         d = self.bracket.dimension
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"

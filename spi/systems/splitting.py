@@ -155,7 +155,7 @@ def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: 
     poly = sympy.Poly(form, *world.variables)
     with mpmath.workdps(DIGITS + 20):
         matrix = mpmath.zeros(len(order))
-        for monomial, coefficient in poly.terms():
+        for monomial, coefficient in poly.terms() if form != 0 else ():
             places = [i for i, power in enumerate(monomial) for _ in range(power)]
             if set(places) <= components:
                 i, j = (order.index(place) for place in places)

@@ -12,6 +12,7 @@ A text is parsed, never evaluated as Python.
 import difflib
 import itertools
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -24,6 +25,8 @@ FUNCTIONS = {
     "abs": sympy.Abs,
 }
 _MOST = 10_000  # entries that one range may stand for
+_LARGEST = sympy.Float(sys.float_info.max)
+_DEEPEST = 50  # functions within functions; the recursions of SymPy end somewhere above 100
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
 
@@ -108,7 +111,15 @@ def expression(text: str, algebra: Symbols) -> Any:
     found = read(text, algebra)
     if found.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
         raise NumberError("it has no finite real value")
+    if any(abs(number) > _LARGEST for number in found.atoms(sympy.Number)):
+        raise NumberError("too large")
+    if _depth(found) > _DEEPEST:
+        raise NumberError("too deeply nested")
     return found
+
+
+def _depth(found: Any) -> int:
+    return 1 + max(map(_depth, found.args), default=0)
 
 
 def addends(text: str, algebra: Symbols) -> list[Any]:

@@ -1,0 +1,255 @@
+"""Lie algebras by name, brackets that are given, and the Casimir functions that are found of them."""
+
+import itertools
+
+import numpy as np
+import pytest
+import sympy
+from yaml_cases import (
+    commutators,
+    definition,
+    given,
+    heisenberg,
+    product,
+    rigid,
+    structure,
+    turns,
+    unit,
+    with_translations,
+)
+
+from spi.models import MaxwellBloch, RigidBody
+from spi.systems.algebras import algebra
+from spi.systems.brackets import BracketError, checked
+from spi.systems.definition import DefinitionError, define
+from spi.systems.text import NumberError, Symbols
+
+
+def constants(text, **sizes):
+    """c of an algebra by name."""
+    d, brackets = algebra(text, Symbols(indices=sizes))
+    return given(d, {(i + 1, j + 1, k + 1): float(x) for i, j, linear in brackets for k, x in linear.items()})
+
+
+#: What each algebra is, by matrices.
+BY_MATRICES = {
+    "so(2)": commutators(turns(2)),
+    "so(3)": commutators(rigid()),
+    "su(2)": commutators(rigid()),
+    "so(4)": commutators(turns(4)),
+    "so(5)": commutators(turns(5)),
+    "se(2)": commutators(with_translations(turns(2))),
+    "e(2)": commutators(with_translations(turns(2))),
+    "se(3)": commutators(with_translations(rigid())),
+    "e(3)": commutators(with_translations(rigid())),
+    "se(4)": commutators(with_translations(turns(4))),
+    "so(1,1)": commutators(turns(2, [1.0, -1.0])),
+    "so(1,2)": commutators(turns(3, [1.0, -1.0, -1.0])),
+    "so(3,1)": commutators(turns(4, [1.0, 1.0, 1.0, -1.0])),
+    "so(2,2)": commutators(turns(4, [1.0, 1.0, -1.0, -1.0])),
+    "so(2,3)": commutators(turns(5, [1.0, 1.0, -1.0, -1.0, -1.0])),
+    "sl(2)": commutators([np.diag([1.0, -1.0]), unit(2, 0, 1), unit(2, 1, 0)]),
+    "gl(1)": commutators([unit(1, 0, 0)]),
+    "gl(2)": commutators([unit(2, i, j) for i in range(2) for j in range(2)]),
+    "gl(3)": commutators([unit(3, i, j) for i in range(3) for j in range(3)]),
+    "heisenberg": heisenberg(1),
+    "heisenberg(3)": heisenberg(3),
+    "so(3)^3": product(*[commutators(rigid())] * 3),
+    "so(3) * e(2)*heisenberg(2)": product(
+        commutators(rigid()), commutators(with_translations(turns(2))), heisenberg(2)
+    ),
+    "so(n)^(n-2)*sl(2)": product(
+        *[commutators(turns(4))] * 2, commutators([np.diag([1.0, -1.0]), unit(2, 0, 1), unit(2, 1, 0)])
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BY_MATRICES)
+def test_algebras_are_minus_the_commutators_of_matrices(name):
+    assert np.array_equal(constants(name, n=4), BY_MATRICES[name])
+
+
+def test_so_2_1_has_the_signs_that_its_head_says():
+    """{k1, k2} = k3, {k2, k3} = -k1, {k3, k1} = -k2: k3 turns, k1 and k2 boost; their squares add up to a Casimir."""
+    c = constants("so(2,1)")
+    assert np.array_equal(c, given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1}))
+    field = np.einsum("ijk,j->ik", c, [0.0, 0.0, 1.0])  # of k3
+    assert sorted(np.linalg.eigvals(field).imag.round(12)) == [-1.0, 0.0, 1.0]
+    assert sorted(np.linalg.eigvals(np.einsum("ijk,j->ik", c, [1.0, 0.0, 0.0])).real.round(12)) == [-1.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("name", [*BY_MATRICES, "so(2,1)", "so(6)", "gl(4)", "se(5)", "so(3,2)"])
+def test_jacobi_s_identity_holds_of_every_algebra(name):
+    d, brackets = algebra(name, Symbols(indices={"n": 4}))
+    checked([f"y{n}" for n in range(d)], [("", *one) for one in brackets])
+
+
+@pytest.mark.parametrize(
+    ("name", "model"),
+    [("so(3)", RigidBody((1.0, 1.0, 1.0), (1.0, 1.0, 1.0))), ("e(2)", MaxwellBloch())],
+)
+def test_the_brackets_of_built_in_models(name, model):
+    y = (0.3, -0.7, 1.9)
+    built_in = np.transpose([type(model).structure(model, y, tuple(e)) for e in np.eye(3).tolist()])
+    assert np.array_equal(structure(constants(name), y), built_in)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("so", "'so' is no known algebra; known are so(n)"),
+        ("sO(3)", "'sO(3)' is no algebra"),
+        ("so(3)^0", "the power of 'so(3)^0' must be at least 1"),
+        ("so(1)", "the size in 'so(1)' must be from 2 to 11"),
+        ("so(12)", "must be from 2 to 11"),
+        ("so(0,3)", "must be from 1 to 10"),
+        ("so(3)^30", "it has more than 64 components"),
+        ("so(9,9)", "it has more than 64 components"),
+        ("sl(3)", "the size in 'sl(3)' must be from 2 to 2"),
+        ("so(2,1,1)", "'so(2,1,1)' is no known algebra"),
+        ("so(3) +so(3)", "is no algebra"),
+        ("so(3)*", "'' is no algebra"),
+        ("so(m)", "unknown word 'm'"),
+        ("so(5/2)", "'5/2' is no whole number"),
+    ],
+)
+def test_what_is_no_algebra(name, message):
+    with pytest.raises(NumberError) as error:
+        constants(name)
+    assert message in str(error.value)
+
+
+# --- given brackets --------------------------------------------------------------------------------------------------
+
+
+def linear(c, i, j):
+    return {k: sympy.Rational(str(x)) for k, x in enumerate(c[i, j].tolist()) if x}
+
+
+def test_random_brackets_violate_jacobi_s_identity_and_the_three_variables_are_named():
+    """Antisymmetric ones in four variables; where NumPy finds no violation, none may be said to be there."""
+    generator, violated = np.random.default_rng(2), 0
+    for _ in range(60):
+        c = np.zeros((4, 4, 4))
+        for i, j in itertools.combinations(range(4), 2):
+            if generator.random() < 0.4:
+                c[i, j, generator.integers(4)] = generator.choice([-2.0, 1.0, 3.0])
+        full = c - c.transpose(1, 0, 2)
+        terms = np.einsum("jkm,imn->ijkn", full, full)  # {i, {j, k}}
+        cyclic = terms + terms.transpose(2, 0, 1, 3) + terms.transpose(1, 2, 0, 3)
+        wrong = {tuple(sorted(map(int, place[:3]))) for place in zip(*np.nonzero(cyclic), strict=True)}
+        pairs = [("", i, j, linear(c, i, j)) for i, j in itertools.combinations(range(4), 2)]
+        if wrong:
+            violated += 1
+            with pytest.raises(BracketError) as error:
+                checked("abcd", pairs)
+            names = str(error.value).partition("for ")[2].partition(";")[0].split(", ")
+            assert tuple("abcd".index(name) for name in names) in wrong
+        else:
+            checked("abcd", pairs)
+    assert 10 < violated < 55
+
+
+BRACKET = "{variables: [x, y, z], parameters: {a: 2}, hamiltonian: x^2, bracket: "
+
+
+@pytest.mark.parametrize(
+    ("bracket", "keys", "message"),
+    [
+        ("{x y: z, y x: z}}", ("bracket", "y x"), "is not antisymmetric: {y, x} is not the opposite of {x, y}"),
+        ("{x x: z}}", ("bracket", "x x"), "makes {x, x} other than 0; a bracket is antisymmetric"),
+        ("{x y: z, y z: y}}", ("bracket",), "violates Jacobi's identity for x, y, z; {x, {y, z}} + cyclic"),
+        ("{x y: x*y}}", ("bracket", "x y"), "a bracket must be linear in the variables; only Lie-Poisson brackets"),
+        ("{x y: 1}}", ("bracket", "x y"), "for a constant add a variable that commutes with all others"),
+        ("{x y: sin(z)}}", ("bracket", "x y"), "a bracket must be linear in the variables"),
+        ("{x: z}}", ("bracket", "x"), "'x' must be two variables, as in P1 P2"),
+        ("{x y z: z}}", ("bracket", "x y z"), "must be two variables"),
+        ("{x w: z}}", ("bracket", "x w"), "'w' is no variable"),
+        ("{x y: w}}", ("bracket", "x y"), "unknown word 'w'"),
+        ("{x y: [z]}}", ("bracket",), "must be a mapping such as {P1 P2: -P3}"),
+        ("[x, y]}", ("bracket",), "must be a mapping such as {P1 P2: -P3}"),
+        ("{x y: z}, algebra: so(3)}", ("bracket",), "has algebra and bracket; leave one out"),
+    ],
+)
+def test_wrong_brackets(bracket, keys, message):
+    with pytest.raises(DefinitionError) as error:
+        define(definition(BRACKET + bracket))
+    assert error.value.keys == keys and message in str(error.value)
+
+
+@pytest.mark.parametrize("bracket", ["{x y: z, y x: -z}}", "{x x: 0, 'x,y': a*z - 2*z}}", "{x   y: (a-1)*z}}", "{}}"])
+def test_right_brackets(bracket):
+    """The control of the refusals above."""
+    define(definition(BRACKET + bracket))
+
+
+# --- Casimir functions -----------------------------------------------------------------------------------------------
+
+
+def casimirs(text):
+    """The Casimir functions of a definition, as polynomials."""
+    system = define(definition(text)).system
+    return [sympy.Poly(one.expression, *system.world.variables) for one in system.casimirs]
+
+
+def degrees(name):
+    return [polynomial.total_degree() for polynomial in casimirs(f"{{algebra: '{name}', hamiltonian: 0}}")]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("so(3)", [2]),
+        ("so(2,1)", [2]),
+        ("sl(2)", [2]),
+        ("e(2)", [2]),
+        ("se(3)", [2, 2]),
+        ("so(4)", [2, 2]),
+        ("so(3,1)", [2, 2]),
+        ("so(5)", [2, 4]),
+        ("se(4)", [2, 4]),
+        ("gl(2)", [1, 2]),
+        ("gl(3)", [1, 2, 3]),
+        ("heisenberg(2)", [1]),
+        ("so(2)", [1]),
+        ("so(3)^3", [2, 2, 2]),
+        ("gl(2)*heisenberg*so(3)", [1, 1, 2, 2]),
+    ],
+)
+def test_degrees(name, expected):
+    """As many as there are, by the books; none is a product of others, or these would be more."""
+    assert degrees(name) == expected
+
+
+def test_those_of_a_bracket_without_an_algebra():
+    toda = "{variables: [a, b, c], bracket: {a b: -a, a c: a}, hamiltonian: b^2, "
+    (found,) = casimirs(toda + "noises: []}")
+    assert found.as_expr().free_symbols == set(found.gens[1:]) and found.total_degree() == 1
+    assert len(casimirs("{variables: [a, b, c], bracket: {}, hamiltonian: a}")) == 3
+    assert casimirs("{variables: [r, x], bracket: {r x: x}, hamiltonian: r}") == []
+
+
+def test_given_ones_are_verified():
+    text = "{algebra: se(3), hamiltonian: y1, casimirs: ["
+    system = define(definition(text + "'y1*y4 + y2*y5 + y3*y6', sqrt(y4^2 + y5^2 + y6^2)]}")).system
+    assert [one.text for one in system.casimirs] == ["y1*y4 + y2*y5 + y3*y6", "sqrt(y4^2 + y5^2 + y6^2)"]
+    for wrong in ("y1^2 + y2^2 + y3^2", "y4^2 + y5^2 + 1.000001*y6^2", "y6", "y4^2 + y5^2 + y6^2 + 1e-12*y1"):
+        with pytest.raises(DefinitionError) as error:
+            define(definition(text + f"y4^2 + y5^2 + y6^2, {wrong}]}}"))
+        assert error.value.keys == ("casimirs", 1)
+        assert str(error.value) == f"is '{wrong}', no Casimir function; its brackets must all be 0"
+    with pytest.raises(DefinitionError, match="is constant; leave it out"):
+        define(definition(text + "1]}"))
+    assert define(definition(text + "]}")).system.casimirs == ()
+
+
+def test_the_squared_length_comes_first():
+    """Because schemes that renormalise take the first; the other of so(4) has degree 2 too."""
+    for text in (
+        "{algebra: so(4), hamiltonian: y1}",
+        "{algebra: so(4), hamiltonian: y1, casimirs: [y1*y6 - y2*y5 + y3*y4, %s]}",
+    ):
+        text = text.replace("%s", " + ".join(f"y{n}^2" for n in range(1, 7)))
+        system = define(definition(text)).system
+        assert system.squared_length_first and system.casimirs[0].text.count("^2") == 6
+    assert not define(definition("{algebra: se(3), hamiltonian: y1}")).system.squared_length_first
