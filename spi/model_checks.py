@@ -93,7 +93,7 @@ def check_once(record, initial):
     passed = modules.folder() / name
     if modules.digest(cls) and passed.exists():
         return []
-    if not (found := check_model(record, states_around(initial, record))):
+    if not (found := check_model(record, states_around(initial, record, 2 if dimension(record) <= 12 else 1))):
         _PASSED.add(cls)
         if modules.digest(cls) and is_compiling():
             with contextlib.suppress(OSError):  # then it is checked again in the next process
