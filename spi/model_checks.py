@@ -7,6 +7,7 @@ rotations, exponentials and shears, with rates large or small, are all judged al
 import contextlib
 import inspect
 import math
+import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -73,9 +74,12 @@ def states_around(y, model, count=2):
         yield tuple((y * np.exp(z) if populations(model) else y + size * z).tolist())
 
 
-def check_model(record, states):
-    """What is wrong with a model at the first of some states where anything is: sentences that name word and k."""
-    if wrong := obstacle(record):
+def check_model(record, states, written=True):
+    """What is wrong with a model at the first of some states where anything is: sentences that name word and k.
+
+    `written`: whether somebody wrote its class, so that it may hold what cannot be compiled.
+    """
+    if written and (wrong := obstacle(record)):
         return [wrong]
     with uncompiled(), np.errstate(all="ignore"):
         return next(filter(None, (_complaints(record, y) for y in states)), [])
@@ -93,7 +97,9 @@ def check_once(record, initial):
     passed = modules.folder() / name
     if modules.digest(cls) and passed.exists():
         return []
-    if not (found := check_model(record, states_around(initial, record, 2 if dimension(record) <= 12 else 1))):
+    states = states_around(initial, record, 2 if dimension(record) <= 12 else 1)
+    generated = hasattr(sys.modules[cls.__module__], "VARIABLES")
+    if not (found := check_model(record, states, written=not generated)):
         _PASSED.add(cls)
         if modules.digest(cls) and is_compiling():
             with contextlib.suppress(OSError):  # then it is checked again in the next process

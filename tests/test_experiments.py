@@ -12,8 +12,8 @@ from spi.run import load, run
 
 FOLDER = Path(__file__).parent.parent / "experiments"
 FILES = sorted(FOLDER.glob("*.yaml"))
-#: Systems of the gallery whose kernels take long to compile; ``tests/repeats.py`` runs their experiments too.
-LARGE = ("manakov", "spin_ring", "sine_euler_5")
+#: Of the gallery, what takes long to compile; ``tests/repeats.py`` runs these too.
+LARGE = ("manakov", "spin_ring", "sine_euler_5", "heavy_top_weak", "heavy_top_trajectory", "toda_strong", "toda_weak")
 FIGURES = set(range(1, 18))  # of the paper
 
 

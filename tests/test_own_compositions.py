@@ -17,8 +17,8 @@ from spi.spec import SpecError
 
 TEXT = """\
 kind: strong
-model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
-initial: [cos(1.1), 0, sin(1.1)]
+model: {name: maxwell_bloch, sigma: [1, 1]}
+initial: [1, 2, 3]
 final_time: 1
 steps: 2^-1 .. 2^-3
 reference_step: 2^-4
@@ -219,7 +219,7 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path):
 
 def test_an_order_that_no_theory_states_is_measured(spec, tmp_path):
     """Without noise compositions may have any order."""
-    results = storage.read(run(spec(TEXT, "sigma: [1, 1, 1]", "sigma: [0, 0, 0]"), tmp_path))
+    results = storage.read(run(spec(TEXT, "sigma: [1, 1]", "sigma: [0, 0]"), tmp_path))
     text = io.StringIO()
     views.print_tables(results, text)
     assert re.search(r"^mine: order .*\(measured; theory states none\)", text.getvalue(), re.MULTILINE)
@@ -239,27 +239,27 @@ def test_other_processes_make_the_same_plans(spec, tmp_path):
 
 
 COMMON = f"""\
-model: {{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [s, s, s]}}
-initial: [cos(1.1), 0, sin(1.1)]
+model: {{name: maxwell_bloch, sigma: [s, s]}}
+initial: [1, 2, 3]
 compositions: {{mine: {MINE}}}
-schemes: [mine, splitting_order2]
+schemes: [mine]
 """
 UNTIL = "final_time: 1\n"
 STEPS = f"{UNTIL}steps: 2^-1 .. 2^-3\nreference_step: 2^-4\nsamples: 64\n"
 KINDS = {
     "trajectory": f"{UNTIL}step: 2^-4\npanels: [casimirs]\n",
     "work_precision": f"{STEPS}repeats: 3\n",
-    "weak": f"{STEPS}seconds: 0.01\nfunctions: y1^2\nestimators: [plain, multilevel, kolmogorov]\naccuracy: 1e-4\n",
+    "weak": f"{STEPS}seconds: 0.01\nfunctions: sin(y1)\nestimators: [plain, multilevel, kolmogorov]\naccuracy: 1e-4\n",
     "stability": f"{STEPS}sweep: {{s: [1, 2]}}\n",
-    "long_time": "steps: [2^-3]\nstep_count: 128\nsamples: 64\npanels: [growth, law]\n",
+    "long_time": "steps: [2^-3]\nstep_count: 128\nsamples: 64\npanels: [growth]\n",
 }
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_kinds_run_compositions(spec, tmp_path, kind):
-    common = COMMON if kind == "stability" else COMMON.replace("[s, s, s]", "[1, 1, 1]")
+    common = COMMON if kind == "stability" else COMMON.replace("[s, s]", "[1, 1]")
     results = storage.read(run(spec(f"kind: {kind}\n{common}{KINDS[kind]}"), tmp_path))
-    assert {group.variant for group in results.groups} == {"mine", "splitting_order2"}
+    assert {group.variant for group in results.groups} == {"mine"}
     text = io.StringIO()
     views.print_tables(results, text)
     assert "mine" in text.getvalue()
