@@ -256,7 +256,7 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
 
 def test_checks_are_made_once_for_each_text(top, monkeypatch):
     asked = []
-    monkeypatch.setattr(model_checks, "check_model", lambda model, states: asked.append(model) or [])
+    monkeypatch.setattr(model_checks, "check_model", lambda model, states, written: asked.append(model) or [])
     unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
