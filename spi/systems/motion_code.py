@@ -20,7 +20,7 @@ class Motion(NamedTuple):
     kinds: tuple[str, ...]  #: what it consists of, in words
 
 
-def motion(blocks: Sequence[Block], count: int, dimension: int, numbers: Numbers, depends: bool) -> Motion:
+def motion(blocks: Sequence[Block], count: int, numbers: Numbers, depends: bool) -> Motion:
     """The motion of some blocks with `count` parameters a; `depends`: whether the matrices depend on parameters."""
     writer = _Writer(count, numbers, depends)
     for block in blocks:

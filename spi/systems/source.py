@@ -65,7 +65,6 @@ class Generated(NamedTuple):
     fields: tuple[tuple[str, str], ...]  #: (parameter, field)
     constants: tuple[float, ...]
     motions: tuple[Motion, ...]  #: of the flows of H, then of those of the noises
-    functionals: tuple[tuple[Functional, ...], ...]  #: that these depend on
 
 
 def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, str]:
@@ -113,7 +112,6 @@ class _Generator:
             tuple(self.fields.items()),
             tuple(float(value) for value in self.numbers.constants),
             tuple(m for _, m, _, _ in used),
-            tuple(functionals for _, _, functionals, _ in used),
         )
 
     # ---- flows ---------------------------------------------------------------------------------------------------
@@ -127,7 +125,7 @@ class _Generator:
             depends = flow.varying
             before = len(self.numbers.constants)
             found = blocks([self.bracket.field(f) for f, _ in moving])
-            made = motion(found, len(moving), self.bracket.dimension, self.numbers, depends)
+            made = motion(found, len(moving), self.numbers, depends)
             uses = len(self.numbers.constants) > before
             self.motions[key] = f"_motion{len(self.motions) + 1}", made, tuple(f for f, _ in moving), uses
         return key
