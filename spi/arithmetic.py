@@ -142,7 +142,7 @@ class _Parser:
         if not (word := token["word"]):
             raise self.unexpected()
         if self.algebra.calls and self.text.startswith("(", self.position):
-            inside, end = _in_parentheses(self.text, self.position)
+            inside, end = in_parentheses(self.text, self.position)
             if (value := self.algebra.call(word, inside)) is not NotImplemented:
                 self.position = end
                 self.next()
@@ -163,7 +163,7 @@ class _Parser:
         return value
 
 
-def _in_parentheses(text: str, start: int) -> tuple[str, int]:
+def in_parentheses(text: str, start: int) -> tuple[str, int]:
     """What stands in the parentheses that open at `start`, and where they end."""
     depth = 0
     for position in range(start, len(text)):

@@ -7,7 +7,6 @@ rotations, exponentials and shears, with rates large or small, are all judged al
 import contextlib
 import inspect
 import math
-import sys
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -98,8 +97,7 @@ def check_once(record, initial):
     if modules.digest(cls) and passed.exists():
         return []
     states = states_around(initial, record, 2 if dimension(record) <= 12 else 1)
-    generated = hasattr(sys.modules[cls.__module__], "VARIABLES")
-    if not (found := check_model(record, states, written=not generated)):
+    if not (found := check_model(record, states, written=modules.system_of(cls) is None)):
         _PASSED.add(cls)
         if modules.digest(cls) and is_compiling():
             with contextlib.suppress(OSError):  # then it is checked again in the next process

@@ -5,7 +5,12 @@ an edit of this file empties the cache of the tests (see conftest.py).
 """
 
 import io
+import json
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
 import numba
@@ -291,6 +296,18 @@ BY_HAND = {
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def without_the_compiler(program):
+    """What a program prints as JSON that runs in a process without the compiler, and may import what tests do."""
+    tests = Path(__file__).parent
+    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    answer = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False, timeout=300
+    )
+    assert answer.returncode == 0, answer.stderr
+    return json.loads(answer.stdout)
 
 
 def printed(results):

@@ -1,5 +1,6 @@
 """Damping: one more exact flow, Casimir functions that decay as they should, and what specs may ask for."""
 
+import long_time_cases
 import mpmath
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from spi.protocol import (
     piece_indices,
     pieces,
 )
-from spi.run import load, plans
+from spi.run import plans
 from spi.schemes.rows import compositions
 from spi.spec import SpecError
 
@@ -201,14 +202,7 @@ WEAK = HEAD + (
 )
 
 
-@pytest.fixture
-def load_text(tmp_path):
-    def load_text(text, *overrides):
-        path = tmp_path / "s.yaml"
-        path.write_text(text, encoding="utf-8")
-        return load(path, overrides=overrides)
-
-    return load_text
+load_text = long_time_cases.load_text
 
 
 @compiled_only

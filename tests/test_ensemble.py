@@ -1,16 +1,23 @@
 """The loop over time: on what its results may not depend, its slow twin, its memory and its reports."""
 
-import json
-import os
-import subprocess
 import sys
-from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 from ensemble_cases import TWO_NOISES, coins_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, Coins, Increments, simulate, take_steps
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    RIGID_BODY,
+    SCHEMES,
+    Coins,
+    Increments,
+    simulate,
+    take_steps,
+    without_the_compiler,
+)
 
 from spi.ensemble import add_reports, report_columns
 from spi.protocol import REPORT
@@ -120,14 +127,7 @@ json.dump(results, sys.stdout)
 @compiled_only
 def test_compiled_equals_uncompiled():
     """The same Python code without the compiler is the oracle of the kernels; fused operations round differently."""
-    tests = Path(__file__).parent
-    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
-    answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=False, timeout=300
-    )
-    assert answer.returncode == 0, answer.stderr
-    slow = json.loads(answer.stdout)
+    slow = without_the_compiler(PROGRAM)
     for name, row in SCHEMES.items():
         fast, report = simulate(row.record, **TWIN)
         slow_states, slow_report = (np.array(part) for part in slow[name])

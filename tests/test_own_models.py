@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import COMPILED
-from own_models import OSCILLATOR
+from own_models import OSCILLATOR, check_other_processes
 
 import spi
-from spi import loading, model_checks, run, slices, storage, verification
+from spi import model_checks, run, slices, storage, verification
 from spi.compilable import CompilationError
 from spi.models import MODELS
 from spi.session import Watch
 from spi.spec import SpecError, models
-from spi.workers import compute
 
 TOP = Path(__file__).with_name("heavy_top.py").read_text(encoding="utf-8")
 
@@ -316,17 +315,15 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
 
 def test_other_processes_have_the_text(oscillator):
     """As a worker on another machine: without the file, and without what this process knows of it."""
-    experiment = oscillator()
-    source = loading.Source.of(experiment)
-    Path("my_model.py").unlink()
-    loading.plans_of.cache_clear()
-    (plan,) = loading.plans_of(source)
-    assert type(plan.case.model) is type(experiment.cases[0].model)
-    (chunk,) = plan.path_sets(plan.begin())[0].chunks(0)
-    assert compute(source, 0, chunk, 1).paths == chunk.paths
-    loading.plans_of.cache_clear()
-    with pytest.raises(SpecError, match=r"means something else to a worker on .*; install the same versions"):
-        loading.plans_of(source._replace(files=(("my_model.py", OSCILLATOR + "#\n"),)))
+    check_other_processes(oscillator(), Path("my_model.py"), OSCILLATOR + "#\n")
+
+
+def test_names_that_generated_modules_have_spare_a_file_no_check(oscillator):
+    """What somebody wrote is looked at for what cannot be compiled, whatever it defines."""
+    source = OSCILLATOR.replace("return v[1], -v[0]", "return turned(v)")
+    helper = "VARIABLES = ('q', 'p')\n\n\ndef turned(v):\n    return v[1], -v[0]\n\n\nclass Oscillator"
+    with pytest.raises(SpecError, match="calls turned, which is not compiled into it; add @inlined"):
+        oscillator(source=source.replace("class Oscillator", helper))
 
 
 def command(*arguments):

@@ -1,11 +1,6 @@
 """Increments over sub-steps: one Brownian path with those over whole steps, whatever the step size."""
 
 import itertools
-import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -21,6 +16,7 @@ from helpers import (
     random_states,
     simulate,
     take_step,
+    without_the_compiler,
 )
 
 from spi.dispatch import kernel
@@ -279,12 +275,5 @@ json.dump([helpers.simulate(scheme, **t.TWIN)[0].tolist() for scheme in (t.HALVE
 
 @compiled_only
 def test_compiled_equals_uncompiled():
-    tests = Path(__file__).parent
-    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
-    answer = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=False, timeout=300
-    )
-    assert answer.returncode == 0, answer.stderr
-    for scheme, slow in zip((HALVES, PALINDROME), json.loads(answer.stdout), strict=True):
+    for scheme, slow in zip((HALVES, PALINDROME), without_the_compiler(PROGRAM), strict=True):
         np.testing.assert_allclose(simulate(scheme, **TWIN)[0], slow, rtol=0, atol=1e-13)

@@ -1,18 +1,20 @@
 """Systems written in YAML in experiments: layers, sweeps, several at once, and errors with their place."""
 
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from damage import call
 from helpers import COMPILED, LANES, SCHEMES, take_steps
+from own_models import check_other_processes
 
-from spi import loading, run
+from spi import run, systems
 from spi.angles import ANY_ANGLES
 from spi.inlining import uncompiled
 from spi.protocol import drift_flow, noise_flow
 from spi.spec import SpecError
-from spi.workers import compute
 
 # --- in a spec, and in a file that it names --------------------------------------------------------------------------
 
@@ -84,8 +86,8 @@ def test_errors_have_file_and_line_and_nothing_is_written(spec, tmp_path, place,
 
 
 def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
-    """What the generic checks find is no error of a class that somebody wrote."""
-    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", "b*sqrt(y3)"))
+    """What the generic checks find is no error of a class that somebody wrote; the text is one that never passed."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", f"b*sqrt(y3) + y1/{time.time_ns()}"))
     with pytest.raises(SpecError, match=r"^s.yaml:3: model.system: .*; near the initial state the formulas must be"):
         spec(SPEC.replace("0.2]", "-3]"))
     assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
@@ -177,17 +179,8 @@ def test_two_systems_of_one_name_and_the_same_fields_in_one_process(spec):
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_workers_on_other_machines_know_the_system(top):
     """Without the file, and without what this process knows of it."""
-    experiment = top("[splitting]", "[euler_maruyama]")
-    source = loading.Source.of(experiment)
-    Path("top.yaml").unlink()
-    loading.plans_of.cache_clear()
-    (plan,) = loading.plans_of(source)
-    assert type(plan.case.model) is type(experiment.cases[0].model)
-    (chunk,) = plan.path_sets(plan.begin())[0].chunks(0)
-    assert compute(source, 0, chunk, 1).paths == chunk.paths
-    loading.plans_of.cache_clear()
-    with pytest.raises(SpecError, match=r"means something else to a worker on .*; install the same versions"):
-        loading.plans_of(source._replace(files=(("top.yaml", FILE.replace("b*y2", "2*b*y2")),)))
+    edited = FILE.replace("b*y2", "2*b*y2")
+    check_other_processes(top("[splitting]", "[euler_maruyama]"), Path("top.yaml"), edited)
 
 
 def test_a_wrong_system_ends_in_one_line_and_writes_nothing(tmp_path, monkeypatch):
@@ -198,3 +191,12 @@ def test_a_wrong_system_ends_in_one_line_and_writes_nothing(tmp_path, monkeypatc
         assert (code, out) == (2, "") and err.count("\n") == 1 and "Traceback" not in err
         assert err.startswith("spi: s.yaml:8: cases.model.hamiltonian: has no exact flow: 'y1*y2*y3'"), err
     assert [path.name for path in tmp_path.iterdir()] == ["s.yaml"]
+
+
+def test_a_system_is_not_called_like_what_its_module_uses(top):
+    """So named, its class would take the place of a function in its own flows."""
+    cls = type(top().cases[0].model)
+    used = {name for name in vars(sys.modules[cls.__module__]) if not name.startswith("_")} - {cls.__qualname__}
+    assert used == set(systems.USED)
+    with pytest.raises(SpecError, match=r"model\.name: is 'exp'; must be a word of letters"):
+        top("{a: 3}", "{a: 3}\n  name: exp")

@@ -229,7 +229,7 @@ NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
 
 
 class _FromElsewhere(Keys):
-    """A model that is not built in: by its name, or by its class in a Python file."""
+    """A model that is not built in: by its name, by its class in a Python file, or a system."""
 
     model_config = pydantic.ConfigDict(
         extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": NOT_BUILT_IN}}]}

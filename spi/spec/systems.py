@@ -62,14 +62,14 @@ def _name(whole: Mapping[str, Any]) -> str:
         stem = "".join(c if c.isalnum() else "_" for c in Path(path).stem) if path else "own_system"
         return stem if _is_name(stem) else f"system_{stem}"
     if not isinstance(given, str) or not _is_name(given):
-        right = "must be a word of letters, digits and _ that begins with a letter, and none of Python's"
+        right = "must be a word of letters, digits and _ that begins with a letter, and no name that Python or we use"
         raise wrong(f"is {shown(given)}", right, "name")
     return given
 
 
 def _is_name(word: str) -> bool:
     """Whether the class that is generated can be called so."""
-    return word.isidentifier() and not word.startswith("_") and not keyword.iskeyword(word) and word != "NAME"
+    return word.isidentifier() and not word.startswith("_") and not keyword.iskeyword(word) and word not in systems.USED
 
 
 def _document(path: Any, files: Files) -> Document:

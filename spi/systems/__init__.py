@@ -10,16 +10,16 @@ import functools
 import hashlib
 import json
 import re
-import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from .. import SOURCE_DIGEST, modules
 from ..arithmetic import NumberError
-from .keys import KEYS, DefinitionError
+from .keys import KEYS, USED, DefinitionError
 
 __all__ = [
     "KEYS",
+    "USED",
     "DefinitionError",
     "Made",
     "NumberError",
@@ -53,7 +53,7 @@ def made(definition: Mapping[str, Any], name: str) -> Made:
 def record(system: Made) -> Any:
     """The record of a generated model, all noises being on with strength 1; OSError if its module cannot be stored."""
     module = modules.stored("system", system.text)
-    cls = getattr(module, module.NAME)
+    cls = getattr(module, module.__system__["name"])
     values = dict(system.fields) | ({"constants": tuple(system.constants)} if system.constants else {})
     found = cls(**values)
     _REPORTS[_key(found)] = system.report
@@ -81,7 +81,7 @@ def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
 
 def variables(model: Any) -> tuple[str, ...]:
     """The names of the components of a generated model; none for other models."""
-    return getattr(_module(model), "VARIABLES", ())
+    return _said(model).get("variables", ())
 
 
 def expanded(texts: list[Any], model: Any) -> list[Any]:
@@ -93,7 +93,7 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
         return texts
     from .text import Symbols, entries, expression
 
-    symbols = Symbols(indices=getattr(_module(model), "SIZES", {}))
+    symbols = Symbols(indices=_said(model).get("sizes", {}))
     found = []
     for text in texts:
         if has_range(text):
@@ -109,9 +109,9 @@ def has_range(text: Any) -> bool:
     return isinstance(text, str) and re.search(r"\bfor\b", text) is not None
 
 
-def _module(model: Any) -> Any:
-    cls = type(model)
-    return sys.modules[cls.__module__] if modules.is_stored(cls) else None
+def _said(model: Any) -> dict[str, Any]:
+    """What the module of a generated model says of its system; nothing of other models."""
+    return modules.system_of(type(model)) or {}
 
 
 @functools.lru_cache(maxsize=256)

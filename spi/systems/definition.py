@@ -9,7 +9,7 @@
 All values are texts, lists and mappings of texts, as they stand in the file.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import sympy
@@ -21,7 +21,7 @@ from .keys import KEYS, MOST, DefinitionError
 from .source import Function, System
 from .splitting import Constants, Flow, NoExactFlow, merged, single, split
 from .symbolics import Symbolics
-from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, repeated, whole
+from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 T = TypeVar("T")
 
@@ -44,19 +44,16 @@ def define(data: Mapping[str, Any]) -> Defined:
 
 def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
-    reader = _Reader(data)
+    reader = _Reader(data if given is None else {**data, "sigma": given})
     formulas = Symbols(parameters=reader.parameters, indices=reader.sizes)
     count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
     if given is None:
         return [1.0] * count
-    reader = _Reader({**data, "sigma": given})
     found = []
-    for text, keys in reader.texts("sigma"):
-        for one, inner in reader.at(keys, entries, text, formulas):
-            value = reader.at(keys, expression, one, inner)
-            if not value.is_number or not value.is_real or not 0 <= value < 1e300:
-                raise DefinitionError(f"is '{_shortened(one.strip())}'; must be a number, at least 0", *keys)
-            found.append(float(value))
+    for keys, text, value in reader.expressions("sigma", formulas):
+        if not value.is_number or not value.is_real or not 0 <= value < 1e300:
+            raise DefinitionError(f"is '{_shortened(text)}'; must be a number, at least 0", *keys)
+        found.append(float(value))
     if len(found) != count:
         raise DefinitionError(f"has {len(found)} entries; must have {count}, one for each noise", "sigma")
     return found
@@ -136,6 +133,12 @@ class _Reader:
             raise DefinitionError("must be a list of texts", key)
         return [(text, (key, n)) for n, text in enumerate(found)]
 
+    def expressions(self, key: str, formulas: Symbols) -> Iterator[tuple[tuple[Any, ...], str, Any]]:
+        """(place, text, expression) of each formula of a list, ranges written out."""
+        for text, keys in self.texts(key):
+            for one, inner in self.at(keys, entries, text, formulas):
+                yield keys, one.strip(), self.at(keys, expression, one, inner)
+
     def numbers(self) -> dict[str, Any]:
         """The parameters, exact numbers; each may use those before it."""
         found: dict[str, Any] = {}
@@ -209,7 +212,7 @@ class _Reader:
         """The brackets that an entry ``x(i) y(i) for i = 1..n: z(i)`` gives."""
         found = []
         for body, inner in repeated(key, formulas):
-            pair = [name for part in _pair(body) for name in names(part, inner)]
+            pair = [name for part in parts(body, " ,\t") if part for name in names(part, inner)]
             if len(pair) != 2:
                 raise NumberError(f"'{body.strip()}' must be two variables, as in P1 P2")
             for name in pair:
@@ -225,11 +228,7 @@ class _Reader:
     def flows(self, world: Symbolics, formulas: Symbols, constants: Constants) -> list[Flow]:
         """The flows of H: those of the given pieces, or the ones that the splitting finds."""
         if "pieces" in self.data:
-            found = []
-            for text, keys in self.texts("pieces"):
-                for one, inner in self.at(keys, entries, text, formulas):
-                    piece = self.at(keys, expression, one, inner)
-                    found.append(self.flow(piece, world, keys, "piece"))
+            found = [self.flow(piece, world, keys, "piece") for keys, _, piece in self.expressions("pieces", formulas)]
         else:
             if "hamiltonian" not in self.data:
                 raise DefinitionError(
@@ -249,11 +248,7 @@ class _Reader:
 
     def hamiltonian(self, world: Symbolics, formulas: Symbols) -> Any:
         """H as it was given, which must be the sum of the pieces where both are."""
-        pieces = [
-            self.at(keys, expression, one, inner)
-            for text, keys in self.texts("pieces")
-            for one, inner in entries(text, formulas)
-        ]
+        pieces = [piece for _, _, piece in self.expressions("pieces", formulas)]
         if "hamiltonian" not in self.data:
             return sympy.Add(*pieces)
         total = self.at(("hamiltonian",), expression, self.data["hamiltonian"], formulas)
@@ -262,11 +257,7 @@ class _Reader:
         return total
 
     def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
-        found = []
-        for text, keys in self.texts("noises"):
-            for one, inner in self.at(keys, entries, text, formulas):
-                noise = self.at(keys, expression, one, inner)
-                found.append(self.flow(noise, world, keys, "noise"))
+        found = [self.flow(noise, world, keys, "noise") for keys, _, noise in self.expressions("noises", formulas)]
         if len(found) > MOST:
             raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
         return found
@@ -317,15 +308,13 @@ class _Reader:
             both = zip(found.functions, found.degrees, strict=True)
             return tuple(Function(world.name(f), f, degree) for f, degree in both), found.searched
         functions = []
-        for text, keys in self.texts("casimirs"):
-            for one, inner in self.at(keys, entries, text, formulas):
-                value = self.at(keys, expression, one, inner)
-                if not world.used(value):
-                    raise DefinitionError("is constant; leave it out", *keys)
-                if not world.is_casimir(value):
-                    what = f"is '{_shortened(one.strip())}', no Casimir function"
-                    raise DefinitionError(f"{what}; its brackets must all be 0", *keys)
-                functions.append(Function(world.name(value), value, _degree(value, world)))
+        for keys, text, value in self.expressions("casimirs", formulas):
+            if not world.used(value):
+                raise DefinitionError("is constant; leave it out", *keys)
+            if not world.is_casimir(value):
+                what = f"is '{_shortened(text)}', no Casimir function"
+                raise DefinitionError(f"{what}; its brackets must all be 0", *keys)
+            functions.append(Function(world.name(value), value, _degree(value, world)))
         return tuple(functions), None
 
 
@@ -364,18 +353,6 @@ def _linear(value: Any, formulas: Symbols) -> Linear:
             raise NumberError(f"a bracket must be linear in the variables; {right}")
         found[monomial.index(1)] = c
     return found
-
-
-def _pair(body: str) -> list[str]:
-    """The two names of a bracket, which blanks or a comma that stand in no parentheses part."""
-    parts, depth = [""], 0
-    for c in body.strip():
-        depth += {"(": 1, ")": -1}.get(c, 0)
-        if depth == 0 and c in " ,\t":
-            parts.append("")
-        else:
-            parts[-1] += c
-    return [part for part in parts if part]
 
 
 def _shortened(text: Any) -> str:

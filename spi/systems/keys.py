@@ -3,6 +3,11 @@
 from types import MappingProxyType
 from typing import Any
 
+#: Names that generated modules give other meanings than their class.
+USED = (
+    *("Annotated", "NamedTuple", "NonNegative", "exp", "expm1", "inlined", "larger", "log", "np", "sin_versine"),
+    *("sinh_coshm1", "times"),
+)
 MOST = 64  #: components, flows, noises
 KEYS = MappingProxyType(
     {

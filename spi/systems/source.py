@@ -31,9 +31,7 @@ from spi.elementary import exp, expm1, log
 from spi.protocol import NonNegative
 from spi.systems.motions import larger, sinh_coshm1, times
 
-NAME = "{name}"
-VARIABLES = {names!r}
-SIZES = {sizes!r}
+__system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}}}
 '''
 _TAKEN = {"sigma", "constants", "count", "index", "y", "v", "u", "t", "k", "np", "model", "angles"}
 

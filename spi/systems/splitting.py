@@ -77,7 +77,7 @@ def single(expression: Any, world: Symbolics) -> Term:
 def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> list[Flow]:
     """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none."""
     terms, crossing = _terms(addends, world)
-    for component in _connected(crossing, world):
+    for component in connected(map(world.used, crossing)):
         inside = [term for term in terms if _is_square_within(term.expression, component, world)]
         terms = [term for term in terms if term not in inside]
         form = sympy.Add(*crossing, *(term.expression for term in inside))
@@ -124,11 +124,6 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[A
                 f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
             )
     return terms, crossing
-
-
-def _connected(products: Sequence[Any], world: Symbolics) -> list[set[int]]:
-    """The components that occur in products, those that stand in one product, or in a chain of them, together."""
-    return connected(world.used(product) for product in products)
 
 
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:

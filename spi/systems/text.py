@@ -18,7 +18,7 @@ from typing import Any
 
 import sympy
 
-from ..arithmetic import NumberError, read
+from ..arithmetic import NumberError, in_parentheses, read
 
 FUNCTIONS = {
     **{name: getattr(sympy, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")},
@@ -89,7 +89,7 @@ class Symbols:
         if word == "sum":
             return sympy.Add(*(read(body, algebra) for body, algebra in repeated(inside, self)))
         if word == "mod":
-            arguments = [whole(part, self) for part in _parts(inside)]
+            arguments = [whole(part, self) for part in parts(inside)]
             if len(arguments) != 2 or arguments[1] <= 0:
                 raise NumberError("mod needs two whole numbers, as in mod(i, n)")
             return sympy.Integer(arguments[0] % arguments[1])
@@ -103,7 +103,7 @@ class Symbols:
 
 def indexed(word: str, inside: str, algebra: Symbols) -> str:
     """The name of a variable with indices: x(i, 2) with i = 1 is "x(1,2)"."""
-    return f"{word}({','.join(str(whole(part, algebra)) for part in _parts(inside))})"
+    return f"{word}({','.join(str(whole(part, algebra)) for part in parts(inside))})"
 
 
 def expression(text: str, algebra: Symbols) -> Any:
@@ -126,9 +126,10 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
     """The expressions whose sum a text is, in the order of the text, those of a ``sum(...)`` one after the other."""
     found = []
     for sign, part in _signed(text):
-        word, _, rest = part.partition("(")
-        if word.strip() == "sum" and _closes_at_end(rest):
-            inner = [x for body, bound in repeated(rest.rstrip()[:-1], algebra) for x in addends(body, bound)]
+        start = part.find("(")
+        inside, end = in_parentheses(part, start) if part[: max(start, 0)].strip() == "sum" else ("", 0)
+        if inside and not part[end:].strip():
+            inner = [x for body, bound in repeated(inside, algebra) for x in addends(body, bound)]
         else:
             inner = [expression(part, algebra)]
         found += [-x for x in inner] if sign == "-" else inner
@@ -137,28 +138,18 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
 
 def _signed(text: str) -> list[tuple[str, str]]:
     """The parts of a sum, each with its sign; that of a factor or of a literal such as 1e-3 is none of a sum."""
-    parts, depth = [["+", ""]], 0
+    found, depth = [["+", ""]], 0
     for n, c in enumerate(text):
         depth += {"(": 1, ")": -1}.get(c, 0)
         before = text[:n].rstrip()
         if c in "+-" and depth == 0 and before[-1:] not in ("^", "*", "/") and not re.search(r"[\d.][eE]$", text[:n]):
-            if not parts[-1][1].strip():
-                parts[-1][0] = "-" if (parts[-1][0] == "-") != (c == "-") else "+"
+            if not found[-1][1].strip():
+                found[-1][0] = "-" if (found[-1][0] == "-") != (c == "-") else "+"
             else:
-                parts.append([c, ""])
+                found.append([c, ""])
         else:
-            parts[-1][1] += c
-    return [(sign, part) for sign, part in parts]
-
-
-def _closes_at_end(rest: str) -> bool:
-    """Whether the parenthesis that opens before `rest` closes at its end."""
-    depth = 1
-    for n, c in enumerate(rest):
-        depth += {"(": 1, ")": -1}.get(c, 0)
-        if depth == 0:
-            return not rest[n + 1 :].strip()
-    return False
+            found[-1][1] += c
+    return [(sign, part) for sign, part in found]
 
 
 def whole(text: str, algebra: Symbols) -> int:
@@ -173,7 +164,7 @@ def names(text: str, algebra: Symbols) -> list[str]:
     """The names in an entry such as ``P1`` or ``x(i), y(i) for i = 1..n``."""
     found = []
     for body, inner in repeated(text, algebra):
-        for part in _parts(body):
+        for part in parts(body):
             word, parenthesis, rest = part.strip().partition("(")
             if not _NAME.fullmatch(word.strip()) or (parenthesis and not rest.endswith(")")):
                 raise NumberError(f"'{part.strip()}' is no name")
@@ -183,7 +174,7 @@ def names(text: str, algebra: Symbols) -> list[str]:
 
 def entries(text: str, algebra: Symbols) -> list[tuple[str, Symbols]]:
     """The texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with what its indices are."""
-    return [(part, inner) for body, inner in repeated(text, algebra) for part in _parts(body)]
+    return [(part, inner) for body, inner in repeated(text, algebra) for part in parts(body)]
 
 
 def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
@@ -193,7 +184,7 @@ def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
         yield text, algebra
         return
     bound = [algebra]
-    for part in _parts(ranges):
+    for part in parts(ranges):
         if not (match := _RANGE.match(part)):
             raise NumberError(f"'{part.strip()}' is no range such as i = 1..n")
         name, low, high = match.groups()
@@ -220,16 +211,19 @@ def _split_for(text: str) -> tuple[str, str, str]:
     return text, "", ""
 
 
-def _parts(text: str) -> list[str]:
-    """The parts of a text between commas that stand in no parentheses."""
-    parts, depth = [""], 0
+def parts(text: str, separators: str = ",") -> list[str]:
+    """The parts of a text between separators that stand in no parentheses."""
+    found, depth = [""], 0
     for c in text:
         depth += {"(": 1, ")": -1}.get(c, 0)
-        if c == "," and depth == 0:
-            parts.append("")
+        if c in separators and depth == 0:
+            found.append("")
         else:
-            parts[-1] += c
-    return parts
+            found[-1] += c
+    return found
 
 
-__all__ = ["FUNCTIONS", "NumberError", "Symbols", "addends", "entries", "expression", "names", "repeated", "whole"]
+__all__ = [
+    *("FUNCTIONS", "NumberError", "Symbols", "addends", "entries", "expression"),
+    *("names", "parts", "repeated", "whole"),
+]
