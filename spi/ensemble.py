@@ -4,6 +4,7 @@ The same Brownian path drives all step sizes: increments are drawn once, at the 
 over 2^s h_ref is the sum of its two halves, in this order, first half plus second half.  So every increment is defined
 to the last bit by (seed, stream, path, h_ref), whatever else is computed.  Where a scheme needs increments
 over sub-steps, those of h_ref are Brownian bridges of the same path, and those of coarser steps are finer increments.
+Where one needs Lévy areas, those of coarser steps are made from finer increments and areas as well.
 """
 
 import contextlib
@@ -19,7 +20,7 @@ from .increments import copy, draw_steps, flip, join, keep, reversed_row, row_le
 from .lanes import store_lane
 from .protocol import REPORT, SUMMED, dimension, observe
 from .rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
-from .steppers import advance_path, largest_sizes, most_substeps, tosses_any
+from .steppers import advance_path, kept_of_steps, largest_sizes, tosses_any
 
 #: How often a study that runs in batches can report, and be interrupted.
 BATCH_SECONDS = 0.5
@@ -43,6 +44,7 @@ class Grid(NamedTuple):
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
+    area_terms: int = 0  #: terms of the Fourier series of Lévy areas at the reference step, see ``areas.py``
     first_step: int = 0  #: number of the first reference step; a multiple of STEPS_PER_TOSS and of the largest step
 
 
@@ -54,6 +56,7 @@ def grid(
     reversals=None,
     reference_scheme=None,
     by_reference=None,
+    area_terms=0,
     first_step=0,
 ):
     """A :class:`Grid`, by default with one step size, and path number 0 made by the reference scheme."""
@@ -61,14 +64,14 @@ def grid(
     count = len(doublings)
     reversals = np.array([AS_TOSSED] * count if reversals is None else reversals, np.int64)
     by_reference = np.array([1] + [0] * (count - 1) if by_reference is None else by_reference, np.int64)
-    return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme, first_step)
+    return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme, area_terms, first_step)
 
 
-def nested_grid(final_time, reference_step, steps, truncate, reference_scheme):
+def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, area_terms=0):
     """The grid of a study of errors until `final_time`: the reference and `steps`, which go from large to small."""
     doublings = [0, *(round(np.log2(h / reference_step)) for h in reversed(steps))]
     total = round(final_time / reference_step)
-    return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme)
+    return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
 
 
 def steps_of(times):
@@ -134,21 +137,21 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
     for level in range(levels):
         begin(model, initial, row, y[level])
     first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
-    finest = most_substeps(grid.reference_scheme, scheme)
+    kept = kept_of_steps(grid.reference_scheme, scheme, model)
     words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
     # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
     first, changed = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
-    dW = np.empty((changed + 1, row_length(finest, model)))
+    dW = np.empty((changed + 1, row_length(kept, model)))
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
     coins = np.empty((flipped + 1, LANES))
     work = np.empty(scratch)
-    scale = np.sqrt(grid.reference_step)
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
-            draw_steps(finest, model, dW, noise, np.uint64(n // STEPS_PER_DRAW), np.uint64(block), scale, words)
-        if tosses_any(grid.reference_scheme, scheme):
+            draw = np.uint64(n // STEPS_PER_DRAW)
+            draw_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
+        if tosses_any(grid.reference_scheme, scheme, model):
             if n % STEPS_PER_TOSS == 0:
                 toss(
                     noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), np.uint64(block), bits
@@ -169,9 +172,9 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                     if reversal != AS_TOSSED:
                         flip(coins, side, flipped)
                         side = flipped
-                        increments = reversed_row(finest, model, dW, increments, changed)
+                        increments = reversed_row(kept, model, dW, increments, changed)
                     if grid.truncate:
-                        truncate(finest, model, dW[increments], dW[changed], h)
+                        truncate(kept, model, dW[increments], dW[changed], h)
                         increments = changed
                     advance_path(
                         grid.reference_scheme,
@@ -188,13 +191,13 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                 observe(observer, model, row, paths, level, (n + 1) >> s, y[level], y[0])
             if s == last or not second_half:
                 break
-            join(finest, model, dW[drawn], dW[first + s])
-            if tosses_any(grid.reference_scheme, scheme):
+            join(kept, model, dW[drawn], dW[first + s])
+            if tosses_any(grid.reference_scheme, scheme, model):
                 copy(coins, s, here)  # the coin of a step is that of its first half
             s += 1
         if s < last:
-            keep(finest, model, dW[drawn], dW[first + s])
-            if tosses_any(grid.reference_scheme, scheme):
+            keep(kept, model, dW[drawn], dW[first + s])
+            if tosses_any(grid.reference_scheme, scheme, model):
                 copy(coins, here, s)
 
 

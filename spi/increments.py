@@ -1,15 +1,17 @@
 """Random numbers of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
 
 A row of increments has those over a whole step, and behind them, where a scheme asks for sub-steps, those over its
-halves, quarters, ..., see :func:`first_lane`.
+halves, quarters, ..., see :func:`first_lane`, and last, where a scheme asks for them, Lévy areas, see ``areas.py``.
 """
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 from numba.extending import overload
 
-from .dispatch import INDICES, INLINED, class_of, inlined, number, unrolled
+from .areas import areas_length, copy_areas, draw_areas, join_areas
+from .dispatch import INDICES, INLINED, class_of, field_type, inlined, number, unrolled
 from .protocol import noise_indices, noises
 from .rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
 
@@ -138,86 +140,100 @@ def clip_substeps(index, model, dW, clipped, h, finest):
     return dW
 
 
-# What the loop over time does with rows of increments; `finest` is one of INDICES, and where it stands for 1, which is
-# so for nearly all schemes, there are no sub-steps and kernels contain nothing about them.
+# What the loop over time does with rows of increments.  Where no scheme asks for sub-steps, which is so for nearly all,
+# kernels contain nothing about them; likewise for areas.
+
+
+class Kept(NamedTuple):
+    """What is known of a step besides its increments, as the compiler knows it by its type."""
+
+    substeps: NamedTuple  #: one of INDICES: into how many sub-steps it is resolved
+    areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
 
 
 @inlined
-def row_length(finest, model):
-    """How many floats the increments of a block over a step and its sub-steps are."""
-    return (2 * number(finest) - 1) * noises(model) * LANES
+def row_length(kept, model):
+    """How many floats the increments of a block over a step and its sub-steps are, with its areas."""
+    return (2 * number(kept.substeps) - 1) * noises(model) * LANES + areas_length(kept.areas, model)
 
 
 def _unless_one(plain):
-    """Decorator: `plain` takes the place of ``body(finest, ...)`` where `finest` stands for 1, without a branch."""
+    """Decorator: `plain` takes the place of ``body(kept, ...)`` where there are no sub-steps, without a branch."""
 
     def decorate(body):
         @functools.wraps(body)
-        def f(finest, *arguments):
-            return (plain if number(finest) == 1 else body)(finest, *arguments)
+        def f(kept, *arguments):
+            return (plain if number(kept.substeps) == 1 else body)(kept, *arguments)
 
         @overload(f, jit_options=INLINED, strict=False)
-        def f_while_compiling(finest, *types_of_arguments):
-            return plain if INDICES.index(class_of(finest)) == 1 else body
+        def f_while_compiling(kept, *types_of_arguments):
+            return plain if INDICES.index(class_of(field_type(kept, "substeps"))) == 1 else body
 
         return f
 
     return decorate
 
 
-def _draw_steps(finest, model, increments, noise, draw, block, scale, words):
-    draw_channels(model, increments, noise, draw, block, scale, words, row_length(finest, model))
+def _draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
+    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
+    draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
 
 
 @_unless_one(_draw_steps)
-def draw_steps(finest, model, increments, noise, draw, block, scale, words):
-    """Increments of the next STEPS_PER_DRAW steps and of their sub-steps, of which there are `finest` at last."""
-    draw_channels(model, increments, noise, draw, block, scale, words, row_length(finest, model))
+def draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
+    """Increments of the next STEPS_PER_DRAW steps of size h, of their sub-steps, and areas from so many terms."""
+    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
+    draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
     normals = np.empty(STEPS_PER_DRAW * LANES)
-    draw_bridges(model, increments, noise, draw, block, scale, words, normals, number(finest))
+    draw_bridges(model, increments, noise, draw, block, np.sqrt(h), words, normals, number(kept.substeps))
 
 
-def _keep(finest, model, dW, first):
+def _keep(kept, model, dW, first):
     keep_first_half(model, dW, first)
+    copy_areas(kept.areas, model, dW, first)
 
 
 @_unless_one(_keep)
-def keep(finest, model, dW, first):
+def keep(kept, model, dW, first):
     """Keep a step as the first half of a larger one."""
     first[:] = dW
 
 
-def _join(finest, model, dW, first):
+def _join(kept, model, dW, first):
+    join_areas(kept.areas, model, dW, first)
     add_first_half(model, dW, first)
 
 
 @_unless_one(_join)
-def join(finest, model, dW, first):
+def join(kept, model, dW, first):
     """The step of which `dW` holds the second half and `first` the first, in `dW`."""
-    join_halves(model, dW, first, number(finest))
+    join_areas(kept.areas, model, dW, first)
+    join_halves(model, dW, first, number(kept.substeps))
     add_first_half(model, dW, first)
 
 
-def _same_row(finest, model, dW, row, turned):
+def _same_row(kept, model, dW, row, turned):
     return row
 
 
 @_unless_one(_same_row)
-def reversed_row(finest, model, dW, row, turned):
+def reversed_row(kept, model, dW, row, turned):
     """The number of the row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
-    turn_around(model, dW[row], dW[turned], number(finest))
+    turn_around(model, dW[row], dW[turned], number(kept.substeps))
     return turned
 
 
-def _truncate(finest, model, dW, clipped, h):
+def _truncate(kept, model, dW, clipped, h):
     clip(model, dW, clipped, truncation_bound(h))
+    copy_areas(kept.areas, model, dW, clipped)
 
 
 @_unless_one(_truncate)
-def truncate(finest, model, dW, clipped, h):
-    """The increments of a step of size h with their bounds, in `clipped`, which may be `dW`."""
+def truncate(kept, model, dW, clipped, h):
+    """The increments of a step of size h with their bounds, in `clipped`, which may be `dW`; areas stay as they are."""
     clip(model, dW, clipped, truncation_bound(h))
-    clip_substeps(model, dW, clipped, h, number(finest))
+    copy_areas(kept.areas, model, dW, clipped)
+    clip_substeps(model, dW, clipped, h, number(kept.substeps))
 
 
 @inlined

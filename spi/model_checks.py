@@ -6,6 +6,7 @@ rotations, exponentials and shears, with rates large or small, are all judged al
 
 import contextlib
 import inspect
+import itertools
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,6 +19,7 @@ from .differences import derivative, derivative_along, differ, size_of
 from .inlining import is_compiling, uncompiled
 from .protocol import (
     casimirs,
+    commuting_noises,
     conserved,
     dimension,
     drift_angle,
@@ -108,7 +110,7 @@ def check_once(record, initial):
 
 def _complaints(model, y):
     """All that is wrong at one state; nothing that depends on what is wrong already."""
-    for checks in (_shapes, _structure, _gradients, _flows):
+    for checks in (_shapes, _structure, _gradients, _flows, _commuting):
         try:
             found = list(checks(model, y))
         except Exception as error:
@@ -252,6 +254,23 @@ def _flows(model, y):
         if differ(_velocity(flow, y, rate), field, _DIFFERENCES, 1e-6 * size_of(y) * rate):
             yield f"{flow} does not solve its equation: its derivative at t = 0 is not structure(noise_gradient)"
         yield from _one_flow(model, flow, y, rate)
+
+
+def _commuting(model, y):
+    """That the noises which are said to commute do."""
+    flows = list(_flows_of(model, "noise", noises(model), noise_flow, noise_angle))
+    for pair in commuting_noises(model):
+        if pair not in itertools.combinations(range(len(flows)), 2):
+            yield f"commuting_noises has {pair}, which is no pair (k, l) of noises with 0 <= k < l < {len(flows)}"
+            continue
+        first, second = (flows[k] for k in pair)
+        s, t = (
+            time / flow.rate(y, structure(model, y, noise_gradient(model, flow.k, y)))
+            for time, flow in zip(_TIMES, (first, second), strict=True)
+        )
+        there, back = first.act(s, second.act(t, y)), second.act(t, first.act(s, y))
+        if differ(there, back, _EXACT, y):
+            yield f"commuting_noises has {pair}, but their flows do not commute"
 
 
 def _velocity(flow, y, rate):

@@ -19,6 +19,7 @@ A state y is a tuple of d floats.  In kernels LANES paths travel together: their
 floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
 """
 
+import itertools
 from typing import Annotated
 
 import annotated_types
@@ -84,6 +85,11 @@ def flow_ns(model):
     """
 
 
+@fact(tuple, default=())
+def commuting_noises(model):
+    """Pairs (k, l), k < l, of noises whose flows are known to commute; schemes need no Lévy areas of theirs."""
+
+
 def piece_indices(model):
     """(0, ..., p-1)."""
     return tuple(range(pieces(model)))
@@ -107,6 +113,12 @@ def noise_indices(model):
     else:
         off = [s is None for s in model.sigma]
     return tuple(k for k, is_off in enumerate(off) if not is_off)
+
+
+def area_pairs(model):
+    """((k, l), ...), k < l: the pairs of noises that are on and do not commute, whose Lévy areas schemes may need."""
+    commuting = commuting_noises(model)
+    return tuple(pair for pair in itertools.combinations(noise_indices(model), 2) if pair not in commuting)
 
 
 def strengths(model):
@@ -252,6 +264,7 @@ def advance(scheme, model, h, dW, coins, y, work, report):
 
     `dW` holds the increments, channel k of lane l at [k * LANES + l]; channels that are off are not to be read.
     For a scheme with :func:`substeps` those over sub-steps follow, as ``increments.first_lane`` says.
+    For one that :func:`needs_areas` the Lévy areas of :func:`area_pairs` are the last floats in `dW`, see ``areas.py``.
     `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
     ``work_size(scheme, model)`` floats; the scheme adds to `report` what :data:`REPORT` says.
     """
@@ -265,6 +278,11 @@ def tosses(scheme):
 @fact(int, default=1)
 def substeps(scheme):
     """Into how many equal sub-steps, a power of two, the increments of a step must be resolved."""
+
+
+@fact(bool, default=False)
+def needs_areas(scheme):
+    """Whether a step needs the Lévy areas of noises that do not commute, and then coins as well."""
 
 
 @word_with_default

@@ -3,8 +3,10 @@
 from numba import types
 from numba.extending import overload
 
+from .areas import Areas, NoAreas
 from .dispatch import INDICES, INLINED
-from .protocol import advance, memory_size, substeps, tosses, work_size
+from .increments import Kept
+from .protocol import advance, area_pairs, memory_size, needs_areas, substeps, tosses, work_size
 
 
 def largest_sizes(reference_scheme, scheme, model):
@@ -23,26 +25,39 @@ def _(reference_scheme, scheme, model):
     )
 
 
-def tosses_any(reference_scheme, scheme):
+def tosses_any(reference_scheme, scheme, model):
     """Whether either scheme needs coins."""
-    return any(tosses(s) for s in (reference_scheme, scheme) if s is not None)
+    return any(_tosses(s, model) for s in (reference_scheme, scheme) if s is not None)
 
 
 @overload(tosses_any, jit_options=INLINED)
-def _(reference_scheme, scheme):
-    either = tosses(scheme) or (reference_scheme != types.none and tosses(reference_scheme))
-    return lambda reference_scheme, scheme: either
+def _(reference_scheme, scheme, model):
+    either = _tosses(scheme, model) or (reference_scheme != types.none and _tosses(reference_scheme, model))
+    return lambda reference_scheme, scheme, model: either
 
 
-def most_substeps(reference_scheme, scheme):
-    """Into how many sub-steps the increments of a step must be resolved for either scheme, as one of INDICES."""
-    return INDICES[max(substeps(s) for s in (reference_scheme, scheme) if s is not None)]()
+def _tosses(scheme, model):
+    return tosses(scheme) or _keeps_areas(scheme, model)
 
 
-@overload(most_substeps, jit_options=INLINED)
-def _(reference_scheme, scheme):
-    most = INDICES[max(substeps(s) for s in (reference_scheme, scheme) if s != types.none)]()
-    return lambda reference_scheme, scheme: most
+def _keeps_areas(scheme, model):
+    return needs_areas(scheme) and bool(area_pairs(model))
+
+
+def kept_of_steps(reference_scheme, scheme, model):
+    """What either scheme must know of a step besides its increments: :class:`~spi.increments.Kept`."""
+    return _kept([s for s in (reference_scheme, scheme) if s is not None], model)
+
+
+@overload(kept_of_steps, jit_options=INLINED)
+def _(reference_scheme, scheme, model):
+    kept = _kept([s for s in (reference_scheme, scheme) if s != types.none], model)
+    return lambda reference_scheme, scheme, model: kept
+
+
+def _kept(schemes, model):
+    areas = any(_keeps_areas(s, model) for s in schemes)
+    return Kept(INDICES[max(substeps(s) for s in schemes)](), Areas() if areas else NoAreas())
 
 
 def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):

@@ -18,6 +18,7 @@ import numpy as np
 
 from spi import views
 from spi.angles import ANY_ANGLES
+from spi.areas import area_count
 from spi.dispatch import kernel, number, unrolled
 from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
 from spi.fields import add_noise_fields, add_scaled, drift_field
@@ -28,11 +29,14 @@ from spi.models.damped import Damped
 from spi.protocol import (
     REPORT,
     advance,
+    area_pairs,
     dimension,
     drift_flow,
     memory_size,
+    needs_areas,
     noise_flow,
     noise_indices,
+    noises,
     pieces,
     work_size,
 )
@@ -113,6 +117,16 @@ class SubIncrements(NamedTuple):
         put_increments(model, y, dW[first_lane(model, 0, scheme.n, scheme.part) :])
 
 
+class StepAreas(NamedTuple):
+    """No scheme either: the first components of the new state are the Lévy areas of the step."""
+
+    needs_areas = True
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for i in range(area_count(model) * LANES):
+            y[i] = dW[len(dW) - area_count(model) * LANES + i]
+
+
 class Coins(NamedTuple):
     """No scheme either: the first component of the new state is the coin."""
 
@@ -146,6 +160,7 @@ def simulate(
     samples=None,
     truncate=False,
     reversals=None,
+    area_terms=0,
     seed=1,
     initial=INITIAL,
 ):
@@ -160,7 +175,7 @@ def simulate(
     paths = {"blocks": blocks, "first_block": first_block, "seed": seed, "initial": initial}
     if snapshots and samples is None:
         ends = [steps * n // snapshots for n in range(1, snapshots + 1)]
-        times = [grid(h, end, doublings, truncate, reversals) for end in ends]
+        times = [grid(h, end, doublings, truncate, reversals, area_terms=area_terms) for end in ends]
         states, reports = zip(*(_until_the_end(scheme, model, until, **paths) for until in times), strict=True)
         return np.stack(states, axis=1), reports[-1]
     d, levels = type(model).dimension, len(doublings)
@@ -168,7 +183,8 @@ def simulate(
     assert all(count << s == steps for count, s in zip(counts, doublings, strict=True))
     strides = counts // snapshots if snapshots else np.ones(levels, np.int64)
     observer = Snapshots(strides, np.full((blocks, levels, snapshots or steps, d * LANES), np.nan))
-    report = _run(scheme, model, grid(h, steps, doublings, truncate, reversals), observer, samples=samples, **paths)
+    times = grid(h, steps, doublings, truncate, reversals, area_terms=area_terms)
+    report = _run(scheme, model, times, observer, samples=samples, **paths)
     states = observer.states.reshape(blocks, levels, -1, d, LANES).transpose(1, 2, 3, 0, 4)
     states = states.reshape(levels, -1, d, blocks * LANES)
     return (states if snapshots else [states[level, :count] for level, count in enumerate(counts)]), report
@@ -209,12 +225,16 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
 def take_steps(scheme, model, h, dW, y, coins=None):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
-    For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  `coins` [step, lane] are all 1
+    For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  One that needs Lévy areas has
+    them behind the noises, dW [step, noise or pair, lane]; without them they are 0.  `coins` [step, lane] are all 1
     unless given.
     """
     y = np.array(y, float)
     block, report = np.concatenate([y.ravel(), np.zeros(memory_size(scheme, model))]), np.zeros(len(REPORT))
-    dW = np.ascontiguousarray(dW, float).reshape(len(dW), -1)
+    dW = np.ascontiguousarray(dW, float)
+    if needs_areas(scheme) and dW.shape[1] == noises(model):
+        dW = np.concatenate([dW, np.zeros((len(dW), len(area_pairs(model)), LANES))], axis=1)
+    dW = dW.reshape(len(dW), -1)
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report

@@ -5,7 +5,7 @@ import sys
 import numba
 import numpy as np
 import pytest
-from ensemble_cases import TWO_NOISES, coins_of, increments_of
+from ensemble_cases import TWO_NOISES, areas_of, coins_of, increments_of
 from helpers import (
     COMPILED,
     INITIAL,
@@ -20,7 +20,7 @@ from helpers import (
 )
 
 from spi.ensemble import add_reports, report_columns
-from spi.protocol import REPORT
+from spi.protocol import REPORT, needs_areas
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
@@ -39,7 +39,11 @@ def test_states_follow_from_the_increments(name):
     states, report = simulate(scheme, doublings=DOUBLINGS, **SMALL)
     initial = np.repeat(np.reshape(INITIAL, (3, 1)), LANES, axis=1)
     coins = coins_of(doublings=DOUBLINGS, **SMALL)
-    for level, dW in enumerate(increments_of(doublings=DOUBLINGS, **SMALL)):
+    given = increments_of(doublings=DOUBLINGS, **SMALL)
+    if needs_areas(scheme):
+        pairs = zip(given, areas_of(doublings=DOUBLINGS, **SMALL), strict=True)
+        given = [np.concatenate(both, axis=1) for both in pairs]
+    for level, dW in enumerate(given):
         h = SMALL["h"] * 2 ** DOUBLINGS[level]
         expected, expected_report = take_steps(scheme, RIGID_BODY, h, dW, initial, coins[level])
         np.testing.assert_allclose(states[level, 0], expected, rtol=0, atol=1e-14)

@@ -132,10 +132,13 @@ def test_compositions_in_cases_profiles_and_overrides(spec):
     assert same(experiment.cases[0].reference_record(None).rows, (flows("drift"), flows("noise")))
 
 
+RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
+
+
 @pytest.mark.parametrize(
     ("rows", "complaint"),
     [
-        ("[nois 1/2, drift 1]", "entry 1 is 'nois 1/2'; must be like noise 1/2, drift 1 symmetric or noise 1 coin"),
+        ("[nois 1/2, drift 1]", f"entry 1 is 'nois 1/2'; {RIGHT}"),
         ("[noise 1, drift]", "entry 2 is 'drift'; must be like .*"),
         ("[noise 1, ' ']", "entry 2 is ' '; must be like .*"),
         ("[noise 1, null]", "entry 2 is empty; must be like .*"),

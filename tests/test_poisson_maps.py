@@ -6,6 +6,7 @@ import scheme_cases
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, simulate, take_step, take_steps
 from scheme_cases import FAILURES, RENORMALISED, SPLITTINGS, increments, on_the_sphere, relative, tosses
 
+from spi.protocol import area_pairs, needs_areas
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2
 
 # fixtures
@@ -30,12 +31,14 @@ def poisson_defect(scheme, model, h, generator):
     All states that belong to one point are lanes of one block with the same increments and coin.
     """
     worst = 0.0
-    y, dW, coins = np.ones((3, LANES)), np.zeros((3, LANES)), np.ones(LANES)
+    pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
+    y, dW, coins = np.ones((3, LANES)), np.zeros((3 + pairs, LANES)), np.ones(LANES)
     offsets = [np.zeros(3)] + [j * DELTA * e for e in np.eye(3) for j in (-2, -1, 1, 2)]
     for point in range(POINTS):
         lanes = slice(point * len(offsets), (point + 1) * len(offsets))
         y[:, lanes] = (generator.standard_normal(3) + np.array(offsets)).T
-        dW[:, lanes] = increments(generator, h)[:, :1]
+        dW[:3, lanes] = increments(generator, h)[:, :1]
+        dW[3:, lanes] = 0.5 * h * generator.standard_normal((pairs, 1))
         coins[lanes] = (-1) ** point
     new, _ = take_step(scheme, model, h, dW, y, coins)
     for point in range(POINTS):
@@ -54,11 +57,15 @@ def poisson_defect(scheme, model, h, generator):
 @pytest.mark.parametrize("name", [name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves])
 def test_poisson_maps(name, model, h, generator):
     for _ in range(5 if COMPILED else 1):
-        assert poisson_defect(SCHEMES[name].record, model, h, generator) < 1e-8
+        bound = 1e-8 if name in SPLITTINGS else 1e-6  # differences of 18 flows instead of 6
+        assert poisson_defect(SCHEMES[name].record, model, h, generator) < bound
 
 
 def test_all_splittings_claim_to_be_poisson_maps_and_no_others():
-    assert {name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves} == set(SPLITTINGS)
+    assert {name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves} == {
+        *SPLITTINGS,
+        "splitting_areas",
+    }
 
 
 @pytest.mark.parametrize("name", ["euler_maruyama", "midpoint"])

@@ -57,7 +57,7 @@ def test_rows_say_where_schemes_come_from_and_how_they_look():
 
 def test_questions_to_rows_follow_from_their_records():
     compositions_of_flows = {name for name, row in ALL_SCHEMES.items() if row.composition is not None}
-    assert compositions_of_flows == {*SPLITTINGS, "ap_splitting", "ap_splitting_midpoint"}
+    assert compositions_of_flows == {*SPLITTINGS, "splitting_areas", "ap_splitting", "ap_splitting_midpoint"}
     assert {name for name, row in ALL_SCHEMES.items() if row.solvable_without_sampling} == set(SPLITTINGS)
     shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
     assert {name for name, row in ALL_SCHEMES.items() if not has_theory(row, shared)} == compositions_of_flows

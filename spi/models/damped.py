@@ -14,6 +14,7 @@ from ..fields import add_scaled
 from ..protocol import (
     casimir_degrees,
     casimirs,
+    commuting_noises,
     conserved,
     dimension,
     drift_angle,
@@ -63,6 +64,9 @@ class Damped(NamedTuple):
 
     def casimir_degrees(model):
         return casimir_degrees(_inner(model))
+
+    def commuting_noises(model):
+        return commuting_noises(_inner(model))
 
     def exact_flows(model):
         return exact_flows(_inner(model))

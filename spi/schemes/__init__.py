@@ -4,14 +4,22 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir, substeps
+from ..protocol import (
+    area_pairs,
+    exact_flows,
+    flow_ns,
+    needs_areas,
+    noise_indices,
+    squared_length_is_casimir,
+    substeps,
+)
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .costs import euler_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
-from .rows import sweeps
-from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
+from .rows import has_loops, sweeps
+from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
 
 
 class Scheme(NamedTuple):
@@ -45,7 +53,7 @@ class Scheme(NamedTuple):
     @property
     def solvable_without_sampling(self):
         """Whether ``spi.kolmogorov`` can do it: a composition, its noise flows with increments of Wiener processes."""
-        return self.composition is not None and not self.multiscale
+        return self.composition is not None and not self.multiscale and not has_loops(self.composition)
 
 
 SCHEMES: dict[str, Scheme] = {}
@@ -80,6 +88,19 @@ register_scheme(
     look=("s", "#CC79A7"),
     weak_order=1.0,
     **_POISSON,
+)
+register_scheme(
+    "splitting_areas",
+    record=LIE_TROTTER_AREAS,
+    label="splitting with Lévy areas",
+    formula=f"z = {_DRIFT} L {_NOISE} y, L a loop exp(-b Y_l) exp(-a Y_k) exp(b Y_l) exp(a Y_k) for each pair k < l, "
+    "a b = -sigma_k sigma_l J_lk",
+    reference="ours; areas as in doi:10.1214/aoap/1015345301",
+    look=("*", "#0072B2"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves=_POISSON["preserves"],
 )
 register_scheme(
     "splitting_order2",
@@ -197,9 +218,10 @@ def composed(name, rows, weak_order):
     """What is known of a composition of flows that has no row in the table; NaN for the order if theory states none.
 
     Its strong orders are those of all compositions that are whole steps: what they do not share with the equation at
-    first order are brackets of a noise with the drift, of mean 0, and of noises with one another.
+    first order are brackets of a noise with the drift, of mean 0, and, without loops, of noises with one another.
     """
     known = not math.isnan(weak_order)
+    orders = {"strong_order": 1.0 if has_loops(rows) else 0.5, "strong_order_commuting": 1.0}
     return Scheme(
         record=splitting(*rows),
         label=name,
@@ -207,7 +229,7 @@ def composed(name, rows, weak_order):
         reference="the experiment",
         look=("", ""),
         weak_order=weak_order,
-        **(_POISSON if known else _POISSON | {"strong_order": math.nan, "strong_order_commuting": math.nan}),
+        **(_POISSON | (orders if known else dict.fromkeys(orders, math.nan))),
     )
 
 
@@ -222,6 +244,7 @@ def scheme_row(name, eps=None):
 
 
 _DRAW_NS = 0.85  # an increment
+_TYPICAL_TERMS = 8  # of the Fourier series of areas
 
 
 def typical_ns(row, model):
@@ -236,4 +259,6 @@ def typical_ns(row, model):
         except Exception:  # a word of somebody's fails; what is wrong is told where it is compiled
             step = 0.5 * (len(acting) or row.work)
     draws = len(noise_indices(model)) * substeps(row.record)
+    if needs_areas(row.record) and area_pairs(model):
+        draws *= 1 + 2 * _TYPICAL_TERMS
     return row.overhead * (_DRAW_NS * draws + step)

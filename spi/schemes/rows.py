@@ -1,4 +1,4 @@
-"""Compositions of flows as data: rows of flows, each row all pieces of H, or all noises, in some order.
+"""Compositions of flows as data: rows of flows, each row all pieces of H, or all noises, in some order, or loops.
 
 Everything that is known of a splitting scheme derives from its rows by :func:`flows_in_order`: its kernel, the backward
 operators of ``spi.kolmogorov``, whether it needs coins, whether it has a reversed twin, and what a step costs.
@@ -8,6 +8,12 @@ flows have increments of their own over the time fraction * h, independent of th
 step: the flows of one Wiener process use up its increments over consecutive parts of the step, in the order in which
 they act.  Paths resolve a step into at most :data:`FINEST` equal sub-steps, so that each such part is a multiple of
 h / FINEST.
+
+A row of **loops** supplies what the noise flows lack at order h.  Where Y_k acts before Y_l for k < l, that is, as an
+operator, -sigma_k sigma_l J_lk [Y_k, Y_l], with the iterated integral J_lk = dW_k dW_l / 2 - A_kl of dW_l, then dW_k.
+The loop exp(a Y_k), exp(b Y_l), exp(-a Y_k), exp(-b Y_l), acting in this order, is 1 + a b [Y_k, Y_l] + ..., hence
+a b = -sigma_k sigma_l J_lk with |a| = |b|; a coin decides the sign of both, so that the terms of order h^(3/2), odd in
+(a, b), have the mean 0.  Noises that commute need no loops.
 """
 
 import math
@@ -17,7 +23,7 @@ from typing import NamedTuple
 from numba import types
 
 from ..dispatch import INDICES, class_of, field_type, word
-from ..protocol import drift_angle, drift_flow, noise_angle, noise_flow, noise_indices, piece_indices
+from ..protocol import area_pairs, drift_angle, drift_flow, noise_angle, noise_flow, noise_indices, piece_indices
 
 # The parts and orders of rows are records, so that the compiler knows them by their types.
 
@@ -52,6 +58,10 @@ class Noise(NamedTuple):
         return noise_angle(model, k, t, y)
 
 
+class Loops(NamedTuple):
+    """The loops of flows of pairs of noises that do not commute, see the head of this file."""
+
+
 class Forwards(NamedTuple):
     """1, ..., n."""
 
@@ -82,7 +92,7 @@ class Coin(NamedTuple):
 #: The most sub-steps for which a step can have increments of their own; a power of two.
 FINEST = 8
 
-PARTS = {"drift": Drift(), "noise": Noise()}
+PARTS = {"drift": Drift(), "noise": Noise(), "loops": Loops()}
 ORDERS = {"forwards": Forwards(), "backwards": Backwards(), "symmetric": Symmetric()}
 _NAMES = {type(part): name for name, part in PARTS.items()}
 
@@ -100,15 +110,18 @@ class Flows(NamedTuple):
 def flows(part, order="forwards", fraction=1.0, coin=False):
     """A row of a composition.
 
-    `part` is "drift" or "noise", `order` one of :data:`ORDERS`, `fraction` the share of the step, and `coin` says
-    whether the order is reversed for the paths whose coin is -1.  ValueError for words that are not known, for a coin
-    where it would change nothing, and for noise over a part of the step that no sub-steps make up.
+    `part` is "drift", "noise" or "loops", `order` one of :data:`ORDERS`, `fraction` the share of the step, and `coin`
+    says whether the order is reversed for the paths whose coin is -1.  ValueError for words that are not known, for a
+    coin where it would change nothing, for noise over a part of the step that no sub-steps make up, and for loops that
+    are given anything besides.
     """
     for what, name, known in (("part", part, PARTS), ("order", order, ORDERS)):
         if name not in known:
             raise ValueError(f"a row of flows has the {what} {name!r}, which is none of {', '.join(known)}")
     if coin and order == "symmetric":
         raise ValueError("a symmetric row of flows is its own reverse and has no use for a coin")
+    if part == "loops" and (order, fraction, coin) != ("forwards", 1.0, False):
+        raise ValueError("loops have neither a fraction nor an order nor a word; each has one coin already")
     length = _sub_steps(order, fraction) if part == "noise" else 0
     return Flows(PARTS[part], ORDERS[order], float(fraction), Coin() if coin else None, INDICES[length]())
 
@@ -145,13 +158,14 @@ def _rows(rows):
 
 
 def _indices(model):
-    return {"drift": piece_indices(model), "noise": noise_indices(model)}
+    return {"drift": piece_indices(model), "noise": noise_indices(model), "loops": area_pairs(model)}
 
 
 def flows_in_order(rows, indices, coin=1):
     """((row, part, k, share of the row's fraction), ...) of a path with this coin, the first flow to act first.
 
-    `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on}.
+    `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "loops": pairs of noises},
+    and k is one of them.
     """
     found = []
     for i, row in enumerate(_rows(rows)):
@@ -165,7 +179,10 @@ def compositions(rows, model):
     """A step as data: ((probability, flows), ...), where flows are ("drift" or "noise", k, share of the step), ...
 
     The flows stand in the order in which they act.  One composition, or two of probability 1/2 where coins are tossed.
+    ValueError for rows with loops, whose times are no shares of the step.
     """
+    if has_loops(rows):
+        raise ValueError("the flows of loops have no shares of the step")
     coins = (1, -1) if needs_coins(rows) else (1,)
     return tuple(
         (
@@ -183,8 +200,15 @@ def needs_coins(rows):
     return any(row.coin for row in _rows(rows))
 
 
+def has_loops(rows):
+    """Whether a step has loops."""
+    return any(row.part == "loops" for row in _rows(rows))
+
+
 def is_reversed_by_coin(rows):
     """Whether all flows of a step act in reversed order where the coin is turned, whatever the model."""
+    if has_loops(rows):
+        return False
     indices = {"drift": (0, 1, 2), "noise": (0, 1, 2)}
     heads, tails = (
         [(part, k, share * rows[i].fraction) for i, part, k, share in flows_in_order(rows, indices, coin)]
@@ -221,11 +245,22 @@ def _fewest(first, end):
     return first // common, end // common, FINEST // common
 
 
-def sweeps(rows, model):
-    """((row, part, k, share of the row's fraction, coin, span), ...): flows on the lanes with that coin, or on all (0).
+class LoopTime(NamedTuple):
+    """The time of a flow of a loop."""
 
-    The span is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
+    noises: tuple[int, int]  #: (k, l), k < l
+    pair: int  #: the number of the pair among those of which there are areas
+    pairs: int  #: how many there are
+    sign: int  #: 1 where the noise flows act in the order k, l, and -1 where they act in the order l, k
+    place: int  #: of the flow in the loop, from 0
+
+
+def sweeps(rows, model):
+    """((row, part, k, share of the row's fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
+
+    The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
     before `end` where a step has n of them.  It does not depend on the coin, which moves flows of different processes.
+    The flows of loops are noise flows with a :class:`LoopTime`.
 
     Where the order of a row differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.
@@ -233,6 +268,9 @@ def sweeps(rows, model):
     found, every = [], _with_spans(flows_in_order(rows, _indices(model)), rows)
     for i, row in enumerate(_rows(rows)):
         acting = [flow for flow in every if flow[0] == i]
+        if row.part == "loops":
+            found += _loops(i, rows, [pair for _, _, pair, *_ in acting])
+            continue
         if row.coin:
             first, last = acting[:-1], acting[-1:]
             placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
@@ -240,3 +278,13 @@ def sweeps(rows, model):
             placed = [(f, 0) for f in acting]
         found += [(*flow, coin, span) for (*flow, span), coin in placed]
     return tuple(found)
+
+
+def _loops(i, rows, pairs):
+    """The flows of all loops, of row i."""
+    sign = -1 if Backwards in [row.order for row in _rows(rows) if row.part == "noise"] else 1
+    return [
+        (i, "noise", k, 1.0, 0, LoopTime(pair, p, len(pairs), sign, place))
+        for p, pair in enumerate(pairs)
+        for place, k in enumerate(2 * pair)
+    ]

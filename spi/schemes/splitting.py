@@ -17,7 +17,19 @@ from ..elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..lanes import load_lane, store_lane
 from ..protocol import REPORT, noises, strengths
 from ..rng import LANES
-from .rows import PARTS, angle, flow, flows, is_reversed_by_coin, needs_coins, substeps, sweeps
+from .rows import (
+    PARTS,
+    LoopTime,
+    Symmetric,
+    angle,
+    flow,
+    flows,
+    has_loops,
+    is_reversed_by_coin,
+    needs_coins,
+    substeps,
+    sweeps,
+)
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
@@ -37,8 +49,11 @@ class Splitting(NamedTuple):
     def substeps(scheme):
         return substeps(_rows_of(scheme))
 
+    def needs_areas(scheme):
+        return has_loops(_rows_of(scheme))
+
     def work_size(scheme, model):
-        return LANES
+        return 3 * LANES  # the times of a sweep, and a and b of a loop
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         run_rows(scheme.rows, model, h, dW, coins, y, work, report)
@@ -47,12 +62,20 @@ class Splitting(NamedTuple):
 def splitting(*rows):
     """The scheme with these rows of :func:`~.rows.flows`.
 
-    ValueError unless drift and noise get the whole step.
+    ValueError unless drift and noise get the whole step, and for loops where they are not known to supply what the
+    noise lacks.
     """
-    for part, record in PARTS.items():  # records without fields are equal, so their types are compared
-        total = sum(row.fraction for row in rows if type(row.part) is type(record))
+    of = {part: [row for row in rows if type(row.part) is type(record)] for part, record in PARTS.items()}
+    for part in ("drift", "noise"):
+        total = sum(row.fraction for row in of[part])
         if abs(total - 1.0) > 1e-12:
             raise ValueError(f"the fractions of the {part} add up to {total:g} and not to 1")
+    if of["loops"]:
+        if len(of["loops"]) > 1:
+            raise ValueError("the loops stand there twice; they supply all that is lacking at once")
+        noise = of["noise"][0]
+        if len(of["noise"]) > 1 or noise.coin is not None or type(noise.order) is Symmetric:
+            raise ValueError("loops need the noise in one row, noise 1 or noise 1 backwards, without a coin")
     return Splitting(rows)
 
 
@@ -60,6 +83,8 @@ def splitting(*rows):
 LIE_TROTTER = splitting(flows("noise"), flows("drift"))
 #: Its remark rem-xchange: the deterministic part acts first.
 LIE_TROTTER_EXCHANGED = splitting(flows("drift"), flows("noise"))
+#: With the Lévy areas: of strong order 1 whether or not the noises commute.
+LIE_TROTTER_AREAS = splitting(flows("noise"), flows("loops"), flows("drift"))
 #: Its eq. order2, of weak order 2.
 ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True), flows("drift", "symmetric", 1 / 2))
 
@@ -84,7 +109,7 @@ def has_reversed_twin(scheme):
 
 
 def run_rows(rows, model, h, dW, coins, y, work, report):
-    """Apply the rows in order to the states `y` of a block, in place; `work` has LANES floats."""
+    """Apply the rows in order to the states `y` of a block, in place; `work` has 3 LANES floats."""
     _step(sweeps(rows, model))(rows, model, h, dW, coins, y, work, report)
 
 
@@ -109,13 +134,24 @@ def _step(sweeps):
     """
     lines = ["def step(rows, model, h, dW, coins, y, work, report):", "largest = 0"]
     for row, part, k, share, coin, span in sweeps:
-        time = _TIMES[part].format(row=row, k=k, share=share, increment=span and _increment(k, *span))
-        if part == "noise" or coin:  # one time per lane
-            lines += ["for lane in range(LANES):", "    work[lane] = " + _OF_LANES[coin].format(time)]
+        if isinstance(span, LoopTime):
+            lines += _loop_time(span)
             time = "work"
+        else:
+            time = _TIMES[part].format(row=row, k=k, share=share, increment=span and _increment(k, *span))
+            if part == "noise" or coin:  # one time per lane
+                lines += ["for lane in range(LANES):", "    work[lane] = " + _OF_LANES[coin].format(time)]
+                time = "work"
         lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
     lines.append("report_angle(largest, report)")
-    names = {"LANES": LANES, "strengths": strengths, "noises": noises, "sweep": sweep, "report_angle": report_angle}
+    names = {
+        "LANES": LANES,
+        "np": np,
+        "strengths": strengths,
+        "noises": noises,
+        "sweep": sweep,
+        "report_angle": report_angle,
+    }
     names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
     exec("\n    ".join(lines), names)
@@ -128,6 +164,22 @@ def _increment(k, first, end, n):
         return f"dW[{k} * LANES + lane]"
     terms = [f"dW[({n - 1 + part} * noises(model) + {k}) * LANES + lane]" for part in range(first, end)]
     return f"({' + '.join(terms)})"
+
+
+def _loop_time(of):
+    """Lines that put the time of a flow of a loop into `work`, and before the first one a and b behind it."""
+    lines = ["for lane in range(LANES):"]
+    if of.place == 0:
+        (k, j), (sign, other) = of.noises, ("-", "-") if of.sign == 1 else ("", "+")
+        area = f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
+        half = f"0.5 * dW[{k} * LANES + lane] * dW[{j} * LANES + lane]"
+        lines += [
+            f"    product = {sign}strengths(model)[{k}] * strengths(model)[{j}] * ({half} {other} {area})",
+            "    root = coins[lane] * np.sqrt(abs(product))",
+            "    work[LANES + lane], work[2 * LANES + lane] = root, root if product > 0.0 else -root",
+        ]
+    time = ("work[LANES + lane]", "work[2 * LANES + lane]", "-work[LANES + lane]", "-work[2 * LANES + lane]")[of.place]
+    return [*lines, f"    work[lane] = {time}"]
 
 
 @inlined

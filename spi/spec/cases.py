@@ -16,7 +16,7 @@ from ..models import MODELS
 from ..models.damped import undamped
 from ..protocol import NonNegative, Positive, dimension
 from ..schemes import SCHEMES, Scheme, composed, with_eps
-from ..schemes.rows import compositions
+from ..schemes.rows import compositions, has_loops
 from ..systems import expanded, has_range, variables
 from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
@@ -312,7 +312,7 @@ class SampledCase(FunctionsCase):
         for name in self.schemes:
             row = self.row(name)
             rows = row.composition
-            if rows is None or row.multiscale != multiscale:
+            if rows is None or row.multiscale != multiscale or has_loops(rows):
                 continue
             acting, texts = compositions(rows, self.model), tuple(self.functions.values())
             need = _demands(self.model, acting, self.initial, self.final_time, self.steps, texts, self.accuracy)

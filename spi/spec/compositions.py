@@ -3,9 +3,11 @@
     compositions:
       strang: [noise 1/2, drift 1, noise 1/2]
       palindrome: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]
+      with_areas: [drift 1/2, noise 1, loops, drift 1/2 backwards]
 
 A row is the part that acts, its share of the step and, where that is not forwards, the order of its flows; the word
-``coin`` has the order reversed for the paths whose coin is -1.  The first row acts first.
+``coin`` has the order reversed for the paths whose coin is -1.  The row ``loops`` supplies the Lévy areas of noises
+that do not commute.  The first row acts first.
 """
 
 import functools
@@ -19,7 +21,7 @@ from ..arithmetic import NumberError, parse
 from ..kolmogorov import backward
 from ..protocol import noise_indices
 from ..schemes import SCHEMES
-from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows
+from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows, has_loops
 from ..schemes.splitting import splitting
 from .keys import NAME, entries_in, shown, suggestion, wrong
 
@@ -28,14 +30,17 @@ Rows = tuple[Flows, ...]
 _MOST_ROWS = 16  # each becomes compiled code of its own
 _COIN = "coin"
 _WORDS = (*ORDERS, _COIN)
-_RIGHT = "must be like noise 1/2, drift 1 symmetric or noise 1 coin"
+_LOOPS = "loops"
+_RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
 
 
 def _row(text: Any, *keys: str | int) -> Flows:
     """The row that a text stands for; `keys` lead to it."""
     part, *words = (text.split() if isinstance(text, str) else []) or [""]
-    if part not in PARTS or not words:
+    if part == _LOOPS and not words:
+        return flows(_LOOPS)
+    if part not in PARTS or part == _LOOPS or not words:
         raise wrong(f"is {shown(text)}", _RIGHT, *keys)
     last = len(words)
     while last > 1 and words[last - 1].isalpha():
@@ -87,8 +92,11 @@ def weak_order(rows: Rows, model: Any) -> float:
     """What theory says of rows: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
-    negative fractions.  NaN without noise, where it can.
+    negative fractions.  NaN without noise, where it can.  With loops it is 1: the
+    mean of noise flows and loops together is that of the noise of the equation up to terms of order h^2 only.
     """
+    if has_loops(rows):
+        return 1.0
     return _weak_order(compositions(rows, model)) if noise_indices(model) else math.nan
 
 
@@ -101,7 +109,9 @@ def _weak_order(acting: Any) -> float:
 def _texts(rows: Rows) -> list[str]:
     """The rows in one text each, whatever the texts that they were read from."""
     return [
-        " ".join(
+        _LOOPS
+        if _NAMES[type(row.part)] == _LOOPS
+        else " ".join(
             [_NAMES[type(row.part)], repr(row.fraction), _NAMES[type(row.order)], *[_COIN] * (row.coin is not None)]
         )
         for row in rows

@@ -85,13 +85,18 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> lis
     return merged(terms, world.bracket)
 
 
+def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
+    """Whether all linear functions that some terms depend on commute with those of others."""
+    first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
+    return all(bracket.commuting(f, g) for f, g in itertools.product(first, second))
+
+
 def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     """Each term in the first flow with which it commutes, or in one of its own."""
     flows: list[list[Term]] = []
     for term in terms:
         for flow in flows:
-            others = (f for other in flow for f in other.functionals)
-            if all(bracket.commuting(f, g) for f, g in itertools.product(term.functionals, others)):
+            if commute([term], flow, bracket):
                 flow.append(term)
                 break
         else:

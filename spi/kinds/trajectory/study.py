@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.dispatch import kernel, number, unrolled
 from spi.ensemble import empty_report, grid, integrate, report_columns, thread_count
 from spi.invariants import growth
@@ -50,7 +51,8 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "TrajectoryPlan":
     """The plan for one scheme of a case."""
-    times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise)
+    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], case.step)
+    times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise, area_terms=terms)
     return TrajectoryPlan(case=case, part=part, grid=times, samples=1)
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
@@ -154,7 +155,10 @@ def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, .
     """The arguments of :func:`spi.ensemble.integrate` for so many steps of size h of so many blocks."""
     case = p.case
     reference = case.reference_record(p.part.eps)
-    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, by_reference=(0,))
+    terms = fourier_terms(p.model, [p.scheme], h)
+    times = grid(
+        h, steps, truncate=case.truncate_noise, reference_scheme=reference, by_reference=(0,), area_terms=terms
+    )
     observer: FinalStates | StrongSums
     if case.functions:
         observer = FinalStates(np.empty((blocks, 1, len(p.initial) * LANES)), np.array([steps]))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.ensemble import FinalStates, add_reports, empty_report, grid, integrate
 from spi.invariants import growth
 from spi.protocol import REPORT, casimirs, memory_size
@@ -98,7 +99,9 @@ def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
     """The paths of a chunk at the next snapshot."""
     began = time.perf_counter()
     stop = next_stop(p, known.n)
-    times = grid(p.case.steps[chunk.path_set], stop - known.n, truncate=p.case.truncate_noise, first_step=known.n)
+    h = p.case.steps[chunk.path_set]
+    terms = fourier_terms(p.model, [p.scheme], h)
+    times = grid(h, stop - known.n, truncate=p.case.truncate_noise, area_terms=terms, first_step=known.n)
     arguments = integration(p, times, known.y, chunk.first, chunk.end)
     integrate(*arguments)
     *_, last, report, _, _, _ = arguments

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.ensemble import nested_grid
 from spi.kinds.blocks import BlocksPlan, Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
@@ -41,7 +42,9 @@ def _point(case: Any, scheme: str) -> BlocksPlan:
     """The paths of one scheme for a case without the swept word."""
     eps = case.eps[0] if case.row(scheme).multiscale else None
     reference = case.reference_record(eps)
-    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
+    schemes = [case.row(scheme, eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+    times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
     return BlocksPlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.dispatch import tuplewise
 from spi.ensemble import Grid, add_reports, empty_report, grid, integrate, limited_threads, step_sizes_of, steps_of
 from spi.estimators import GROUPS, PARTS
@@ -129,7 +130,14 @@ def added(p: "StrongPlan", known: Totals, rows: Rows, at: slice, first: int, end
 
 def nanoseconds_per_step(p: "StrongPlan", h: float) -> float:
     """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
-    times = grid(h, _TIMED_STEPS, truncate=p.grid.truncate, reference_scheme=p.grid.reference_scheme, by_reference=(0,))
+    times = grid(
+        h,
+        _TIMED_STEPS,
+        truncate=p.grid.truncate,
+        reference_scheme=p.grid.reference_scheme,
+        by_reference=(0,),
+        area_terms=fourier_terms(p.model, [p.scheme], h),
+    )
     best = np.inf
     with limited_threads(1):
         for _ in range(3):

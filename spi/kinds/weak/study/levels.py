@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.ensemble import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
 from spi.rng import LEVELS
 
@@ -25,15 +26,15 @@ class Level(NamedTuple):
     steps: int  #: of all paths of a sample
 
 
-def levels_of(case: Any, twins: bool, limit: tuple | None) -> tuple[Level, ...]:
+def levels_of(case: Any, scheme: Any, twins: bool, limit: tuple | None) -> tuple[Level, ...]:
     """Level j compares the steps 2^(j+1) h_ref and 2^j h_ref, the last one has the largest step alone.
 
-    `twins` says whether each path has a reversed twin; `limit` is the record of the scheme that is the control, None
-    without control.
+    `scheme` is the record of the scheme, `twins` says whether each path has a reversed twin, and `limit` is the record
+    of the scheme that is the control, None without control.
     """
     count = round(np.log2(max(case.steps) / case.reference_step))
-    differences = [_level(case, j, limit, *_two_steps(twins, limit)) for j in range(count)]
-    return *differences, _level(case, count, limit, *_one_step(twins, limit))
+    differences = [_level(case, scheme, j, limit, *_two_steps(twins, limit)) for j in range(count)]
+    return *differences, _level(case, scheme, count, limit, *_one_step(twins, limit))
 
 
 def _two_steps(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
@@ -56,9 +57,12 @@ def _one_step(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[li
     return {"doublings": (0,)}, [[1.0], [1.0]]
 
 
-def _level(case: Any, j: int, limit: tuple | None, shape: dict[str, Any], weights: list[list[float]]) -> Level:
+def _level(
+    case: Any, scheme: Any, j: int, limit: tuple | None, shape: dict[str, Any], weights: list[list[float]]
+) -> Level:
     h = case.reference_step * 2.0**j
     steps = round(case.final_time / h)
-    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=limit, **shape)
+    terms = fourier_terms(case.model, [scheme], h)
+    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=limit, area_terms=terms, **shape)
     stream = RandomStream(np.uint64(case.seed), np.uint64(LEVELS + 2 * j))
     return Level(times, stream, np.array(weights), int((steps >> times.doublings).sum()))

@@ -103,7 +103,7 @@ class MultilevelPlan(Blockwise, PartPlan):
         """The plan for one scheme of a case."""
         record = case.row(part.scheme, part.eps).record
         control = _control(case, record)
-        levels = levels_of(case, has_reversed_twin(record), record._replace(eps=0.0) if control else None)
+        levels = levels_of(case, record, has_reversed_twin(record), record._replace(eps=0.0) if control else None)
         return cls(case=case, part=part, levels=levels, control=control)
 
     @property

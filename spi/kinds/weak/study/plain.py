@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.areas import fourier_terms
 from spi.ensemble import add_reports, nested_grid
 from spi.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.kinds.blocks import BlocksPlan
@@ -64,7 +65,9 @@ class PlainPlan(BlocksPlan):
     def of(cls, case: Any, part: Part) -> "PlainPlan":
         """The plan for one scheme of a case."""
         reference = case.reference_record(part.eps)
-        times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
+        schemes = [case.row(part.scheme, part.eps).record, reference]
+        terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+        times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
         return cls(case=case, part=part, grid=times, samples=case.samples)
 
     @property
