@@ -13,7 +13,7 @@ from spi.run import load, run
 FOLDER = Path(__file__).parent.parent / "experiments"
 FILES = sorted(FOLDER.glob("*.yaml"))
 #: Of the gallery, what takes long to compile; ``tests/repeats.py`` runs these too.
-LARGE = ("manakov", "spin_ring", "sine_euler_5", "heavy_top", "toda_strong", "toda_weak")
+LARGE = ("areas_strong", "manakov", "spin_ring", "sine_euler_5", "heavy_top", "toda_strong", "toda_weak")
 FIGURES = set(range(1, 18))  # of the paper
 
 
