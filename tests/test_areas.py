@@ -8,6 +8,7 @@ import pytest
 from ensemble_cases import areas_of, increments_of
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, simulate, take_step, turned
 from scheme_cases import relative
+from weak_cases import case_of, results_of
 
 from spi.areas import TOLERANCE, fourier_terms
 from spi.inlining import uncompiled
@@ -305,3 +306,16 @@ def test_built_in_noises_do_not_commute_by_name():
         record = cls(*([(1.0,) * 3] * 2 if name == "rigid_body" else []))
         on = noise_indices(record)
         assert area_pairs(record) == tuple(itertools.combinations(on, 2))
+
+
+# --- studies ---------------------------------------------------------------------------------------------------------
+
+
+@compiled_only
+def test_variances_of_multilevel_differences_fall_like_the_square_of_the_step():
+    """Without reversed twins, and with areas drawn for each level by itself."""
+    case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "schemes=[splitting, splitting_areas]", "seconds=0.5")
+    variables, _ = results_of(case, "splitting_areas", "multilevel")
+    coarse, variance = 2.0 ** np.arange(-6, -1), variables["level_variance"][0]
+    assert 1.85 < _slope(coarse, variance) < 2.15
+    assert variables["level_consistency"].max() < 1.0
