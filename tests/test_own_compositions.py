@@ -241,10 +241,10 @@ def test_other_processes_make_the_same_plans(spec, tmp_path):
         assert np.array_equal(one.arrays["error"], other.arrays["error"])
 
 
-COMMON = f"""\
-model: {{name: maxwell_bloch, sigma: [s, s]}}
-initial: [1, 2, 3]
-compositions: {{mine: {MINE}}}
+COMMON = """\
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [s, s, s]}
+initial: [cos(1.1), 0, sin(1.1)]
+compositions: {mine: [noise 1, drift 1]}
 schemes: [mine]
 """
 UNTIL = "final_time: 1\n"
@@ -260,7 +260,10 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_kinds_run_compositions(spec, tmp_path, kind):
-    common = COMMON if kind == "stability" else COMMON.replace("[s, s]", "[1, 1]")
+    """One of the same kernels as a scheme of the program, except for weak errors."""
+    common = COMMON if kind == "stability" else COMMON.replace("[s, s, s]", "[1, 1, 1]")
+    if kind == "weak":
+        common = common.replace("[noise 1, drift 1]", MINE)
     results = storage.read(run(spec(f"kind: {kind}\n{common}{KINDS[kind]}"), tmp_path))
     assert {group.variant for group in results.groups} == {"mine"}
     text = io.StringIO()
