@@ -17,6 +17,7 @@ from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
+from spi.kinds.weak.study.groups import extrapolation
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import typical_ns
@@ -115,9 +116,10 @@ class WorkPlan(PartPlan):
         case, found = self.case, self.errors.group(self._of_errors(state))
         variables = _errors_of_one(found)
         axes = {axis for axes, _ in variables.values() for axis in axes}
-        low, median, high = np.quantile(state.more.times, (0.25, 0.5, 0.75), axis=0)
+        together, steps = extrapolation(self).places, case.final_time / np.array(case.steps)  # of an extrapolated path
+        low, median, high = np.quantile(state.more.times[:, together].sum(axis=-1), (0.25, 0.5, 0.75), axis=0)
         times = {"seconds_per_path": median, "seconds_per_path_low": low, "seconds_per_path_high": high}
-        times["ns_per_step"] = 1e9 * median * np.array(case.steps) / case.final_time
+        times["ns_per_step"] = 1e9 * median / steps[together].sum(axis=-1)
         return Group(
             case.name,
             self.part.variant,
