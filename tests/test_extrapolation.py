@@ -288,7 +288,7 @@ def test_sampling_agrees_with_expectations_without_sampling():
 # --- work and precision ----------------------------------------------------------------------------------------------
 
 
-def test_an_extrapolated_path_takes_the_time_of_all_its_steps():
+def test_an_extrapolated_path_is_timed_at_all_its_steps():
     text = re.sub(r"functions:\n( .*\n)*", "functions: y1^2\n", SPEC.read_text()).replace("weak", "work_precision")
     keys = [*SYMMETRIC_CASE, *COARSE, "estimators=[kolmogorov]", "accuracy=1e-6", "repeats=3"]
     case = load(SPEC, overrides=[*keys, "extrapolate=[0, 2]"], text=text).cases[0]
@@ -296,20 +296,22 @@ def test_an_extrapolated_path_takes_the_time_of_all_its_steps():
     with pytest.raises(SpecError, match="extrapolate: is for weak errors; leave it out, or give functions"):
         load(SPEC, overrides=["extrapolate=1"], text=strong)
     assert [part.extrapolate for part in work_precision.parts(case)] == [0, 2]
-    for levels, together in ((0, [[0], [1], [2], [3]]), (2, [[2, 1, 0], [3, 2, 1]])):
+    for levels, steps in ((0, case.steps), (2, case.steps[2:])):
         p = work_precision.plan(case, Part("splitting_symmetric", "kolmogorov", extrapolate=levels))
         state = State(p)
         for chunk in state.missing():
             for added in p.advance([chunk], None):
                 state.put(*added[0])
-        times = np.array([[1.0, 10.0, 100.0, 1000.0]] * 3) * np.array([[1.0], [2.0], [3.0]])
+        times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
+        assert state.more.times.shape == times.shape
         state.more = state.more._replace(times=times)
         found = p.group(state)
-        assert found.coordinates["h"].tolist() == [case.steps[row[0]] for row in together]
-        expected = [2 * sum(10.0**i for i in row) for row in together]
-        np.testing.assert_allclose(found.arrays["seconds_per_path"], expected)
-        steps = [sum(1 / case.steps[i] for i in row) for row in together]
-        np.testing.assert_allclose(found.arrays["ns_per_step"], 1e9 * np.array(expected) / steps)
+        assert found.coordinates["h"].tolist() == list(steps)
+        np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])
+        counts = [sum(1 / h / 2**i for i in range(levels + 1)) for h in steps]
+        np.testing.assert_allclose(found.arrays["ns_per_step"], 1e9 * times[1] / counts)
+        _, _, _, timed, _, last, *_ = p.kernel_calls()[-1].arguments
+        assert timed.doublings.tolist() == list(range(levels + 1)) and last.steps.tolist() == [4, 2, 1][-levels - 1 :]
 
 
 # --- keys ------------------------------------------------------------------------------------------------------------

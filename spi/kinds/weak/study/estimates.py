@@ -10,7 +10,7 @@ from spi.rng import LANES
 from spi.schemes.splitting import has_reversed_twin
 
 from .extrapolated import errors_at_steps, shares_above
-from .groups import PER_POINT, error_variables, extension, order_variables, steps_of, weak_group
+from .groups import PER_POINT, error_variables, extension, order_variables, result_steps, weak_group
 from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
 from .sums import mean_over_paths, standard_deviation
 
@@ -77,7 +77,7 @@ def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
     found = errors(p, levels)
     allocations = np.arange(1, len(levels.more.history_cpu_seconds) + 1)
     variables = {
-        **error_variables(steps_of(p), *found),
+        **error_variables(result_steps(p), *found),
         **_expectations(p, levels, found.error),
         **_of_levels(p, levels, per_sample),
         "history_error": (("allocation", *PER_POINT), levels.more.history_error),

@@ -17,12 +17,12 @@ PER_POINT = ("function", "h")  #: the axes of an array (F, S)
 
 
 def extrapolation(p: PartPlan) -> Extrapolation:
-    """How the values at the steps of the case make those of the results, whose steps are :func:`steps_of`."""
+    """How the values at the steps of the case make those of the results, whose steps are :func:`result_steps`."""
     exponents = weak_exponents(p.row, p.model, p.part.extrapolate) or ()
     return Extrapolation.of(p.case.steps, exponents)
 
 
-def steps_of(p: PartPlan) -> np.ndarray:
+def result_steps(p: PartPlan) -> np.ndarray:
     """(S,) the steps h of the results, from large to small; of extrapolated ones 2h, ... are steps of the case, too."""
     return np.array(p.case.steps)[extrapolation(p).chosen]
 
@@ -41,7 +41,7 @@ def extension(p: PartPlan) -> np.ndarray:
     With extrapolation both are extrapolated, and p is the order that they have then.  1 where the reference is another
     scheme, whose own error is not of this form, or where theory knows no order p.
     """
-    h, order = steps_of(p), None if p.case.reference_scheme else expected_order(p)
+    h, order = result_steps(p), None if p.case.reference_scheme else expected_order(p)
     return 1.0 / (1.0 - (p.case.reference_step / h) ** order) if order else np.ones_like(h)
 
 
@@ -72,7 +72,7 @@ def weak_group(
 ) -> Group:
     """The results of a plan: what the estimator found, and what all estimators say of a case."""
     case = p.case
-    axes = {"h": steps_of(p), **coordinates, "function": np.array(list(case.functions))}
+    axes = {"h": result_steps(p), **coordinates, "function": np.array(list(case.functions))}
     if "error_without" in variables:
         axes["left_out"] = np.arange(len(variables["error_without"][1]))
     return Group(

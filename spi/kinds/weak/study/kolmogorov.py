@@ -18,7 +18,7 @@ from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
 from spi.tallies import Chunk, PathSet
 
-from .groups import PER_POINT, extrapolation, order_variables, steps_of, weak_group
+from .groups import PER_POINT, extrapolation, order_variables, result_steps, weak_group
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
@@ -105,7 +105,7 @@ class KolmogorovPlan(PartPlan):
         """The results of one scheme of a case, from its final state."""
         found, combine = state.total(), extrapolation(self)
         error, bound = combine.combined(found.error), combine.combined_bounds(found.error_bound)
-        h, resolved = steps_of(self), np.abs(error) >= _CLEAR * bound
+        h, resolved = result_steps(self), np.abs(error) >= _CLEAR * bound
         each = zip(error, bound, resolved, strict=True)
         orders = [_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each]
         variables = {

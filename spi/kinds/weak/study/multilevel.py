@@ -38,7 +38,7 @@ from spi.tallies import Chunk, PathSet, chunk_blocks
 
 from .estimates import errors, group, moments
 from .extrapolated import shares
-from .groups import steps_of
+from .groups import result_steps
 from .kolmogorov import solution
 from .levels import Level, levels_of
 from .sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
@@ -120,7 +120,7 @@ class MultilevelPlan(Blockwise, PartPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(F, S): test functions and step sizes."""
-        return len(self.case.functions), len(steps_of(self))
+        return len(self.case.functions), len(result_steps(self))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed (NaN if there is no budget), and bytes of memory."""

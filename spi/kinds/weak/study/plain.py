@@ -21,7 +21,7 @@ from spi.rng import LANES
 from spi.schemes import typical_ns
 from spi.tallies import Chunk
 
-from .groups import PER_POINT, error_variables, extension, extrapolation, steps_of, weak_group
+from .groups import PER_POINT, error_variables, extension, extrapolation, result_steps, weak_group
 from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_deviation, values_of_blocks, with_powers
 
 _BATCH_BYTES = 64e6
@@ -79,7 +79,7 @@ class PlainPlan(BlocksPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(L, F): step sizes of the results, the reference included, and test functions."""
-        return 1 + len(steps_of(self)), len(self.case.functions)
+        return 1 + len(result_steps(self)), len(self.case.functions)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
@@ -183,7 +183,7 @@ def _extrapolated(p: PlainPlan, values: np.ndarray) -> np.ndarray:
     if len(weights) == 1:
         return values
     sizes = (p.case.reference_step * 2.0**p.grid.doublings).tolist()
-    wanted = [p.case.reference_step, *reversed(steps_of(p).tolist())]
+    wanted = [p.case.reference_step, *reversed(result_steps(p).tolist())]
     with np.errstate(invalid="ignore", over="ignore"):
         each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights.tolist()))
         return np.sum(list(each), axis=0)
@@ -201,7 +201,7 @@ def _of_all_paths(p: PlainPlan, totals: Totals) -> Variables:
     expectation = _by_step(mean)
     error, error_without = errors(p, totals.differences, counts)
     coarsest = totals.values[:, -1].sum(axis=-1) / p.samples
-    return error_variables(steps_of(p), error, error_without, counts) | {
+    return error_variables(result_steps(p), error, error_without, counts) | {
         "expectation": (PER_POINT, expectation),
         "expectation_stderr": (PER_POINT, jackknife_stderr(expectation, _by_step(without), counts)),
         "reference": (("function",), mean[0]),
