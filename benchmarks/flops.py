@@ -134,13 +134,13 @@ def with_other_numbers(parameter):
 
 def of_step(scheme, model, initial, h):
     """Operations of one step and path, without its random numbers."""
-    from spi.protocol import REPORT, advance, memory_size, noises, work_size
+    from spi.protocol import REPORT, advance, memory_size, noises, substeps, work_size
     from spi.rng import LANES
 
     generator = np.random.default_rng(1)
     model = type(model)(*map(with_other_numbers, model))
     y = memory(np.concatenate([np.repeat(initial, LANES), np.zeros(memory_size(scheme, model))]))
-    dW = memory(np.sqrt(h) * generator.standard_normal(noises(model) * LANES))
+    dW = memory(np.sqrt(h) * generator.standard_normal((2 * substeps(scheme) - 1) * noises(model) * LANES))
     coins, work = np.where(np.arange(LANES) % 2, 1.0, -1.0), memory(np.zeros(work_size(scheme, model)))
     return counted(lambda: advance(scheme, model, h, dW, coins, y, work, np.zeros(len(REPORT))), LANES)
 

@@ -21,7 +21,7 @@ from spi.fields import (
     squared_distance,
     step_field,
 )
-from spi.protocol import drift_flow, noise_flow, noise_indices
+from spi.protocol import drift_flow, noise_flow, noise_indices, substeps
 from spi.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
 from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
@@ -54,8 +54,11 @@ def loop(step, noises, coins):
 def twin(scheme, model):
     """``step(scheme, model, h, y, dW, z, heads)`` for one path, or None for a scheme that is not known here.
 
-    `z` are the processes of the multiscale system, which it moves; `heads` is the coin.
+    `z` are the processes of the multiscale system, which it moves; `heads` is the coin.  There is none of a scheme with
+    sub-steps, whose increments would be another array.
     """
+    if isinstance(scheme, Splitting) and substeps(scheme) > 1:
+        return None
     if isinstance(scheme, Splitting):
         return njit(flows_in_turn(scheme, model))
     if isinstance(scheme, AsymptoticPreserving):

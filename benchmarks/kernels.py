@@ -30,7 +30,7 @@ from examples import example, why_not
 from machine import arithmetic_peak, ns_per_normal
 
 from spi.models import MODELS
-from spi.protocol import noise_indices
+from spi.protocol import noise_indices, substeps
 from spi.schemes import SCHEMES
 
 ENOUGH = 10  # times as fast as the naive twin
@@ -70,7 +70,8 @@ class Machine:
 
     def step(self, model, scheme):
         """(flops of a step, ns of its random numbers alone, ns of the rest at the peak)."""
-        normals, rest = len(noise_indices(example(model)[0])), sum(self.flops[f"{model} {scheme}"].values())
+        normals = len(noise_indices(example(model)[0])) * substeps(SCHEMES[scheme].record)
+        rest = sum(self.flops[f"{model} {scheme}"].values())
         return normals * self.flops_per_normal + rest, normals * self.ns_per_normal, rest / self.peak
 
     def describe(self):

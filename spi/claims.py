@@ -52,7 +52,7 @@ class Claim(NamedTuple):
     number: float
     tolerance: float  #: to both sides of the number; 0 but for EQUAL
     stated: str  #: the number, its tolerance and the limits as they stand in the spec
-    scopes: tuple[str, ...] = ()  #: the estimator and the test function for which it is claimed; () for all
+    scopes: tuple[str, ...] = ()  #: the estimator, test function and extrapolation of which it is claimed; () for all
     limits: tuple[tuple[str, float], ...] = ()  #: up to which h, eps or swept value it is claimed; () for all
 
     @property
@@ -73,7 +73,8 @@ class Claim(NamedTuple):
         about = one.about
         same = (about.case, about.scheme, one.name) == (self.case, self.scheme, self.quantity)
         small = (one.places.get(name, math.inf) <= limit + _ROUNDING * abs(limit) for name, limit in self.limits)
-        return same and all(small) and {about.estimator, one.function}.issuperset(self.scopes)
+        scopes = {about.estimator, one.function, f"extrapolate {about.extrapolate}"}
+        return same and all(small) and scopes.issuperset(self.scopes)
 
 
 class Quantity(NamedTuple):

@@ -16,11 +16,13 @@ class Part(NamedTuple):
     scheme: str  #: its name in ``spi.schemes.SCHEMES``
     estimator: str = ""
     eps: float | None = None  #: of a scheme for the multiscale system
+    extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
 
     @property
     def variant(self) -> str:
-        """What the scheme, at this eps if it has one, is called in a file."""
-        return self.scheme if self.eps is None else f"{self.scheme}_eps_{self.eps:g}"
+        """What the scheme, at this eps if it has one and extrapolated so often, is called in a file."""
+        name = self.scheme if self.eps is None else f"{self.scheme}_eps_{self.eps:g}"
+        return f"{name}_extrapolated_{self.extrapolate}" if self.extrapolate else name
 
     @property
     def name(self) -> str:
@@ -106,7 +108,7 @@ class Description(NamedTuple):
 
     case: str
     case_title: str
-    variant: str  #: the scheme, at one eps if it has one: unique within a case
+    variant: str  #: the scheme, at one eps if it has one, extrapolated so often: unique within a case
     scheme: str  #: its name in ``spi.schemes.SCHEMES``
     scheme_label: str  #: what the scheme is called in print, whatever its eps
     eps: float | None
@@ -118,11 +120,19 @@ class Description(NamedTuple):
     initial: tuple[float, ...] | None
     final_time: float | None
     truncate_noise: bool
+    extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
 
     @property
     def label(self) -> str:
-        """What the scheme is called in print, with its eps if it has one."""
-        return self.scheme_label if self.eps is None else f"{self.scheme_label}, eps = {self.eps:g}"
+        """What the scheme is called in print, with its eps if it has one and with its extrapolation."""
+        text = self.scheme_label if self.eps is None else f"{self.scheme_label}, eps = {self.eps:g}"
+        return ", ".join([text, *[self.extrapolation] * (self.extrapolate > 0)])
+
+    @property
+    def extrapolation(self) -> str:
+        """``extrapolated twice``; empty if it is not."""
+        times = {0: "", 1: "extrapolated", 2: "extrapolated twice"}
+        return times.get(self.extrapolate, f"extrapolated {self.extrapolate} times")
 
     @classmethod
     def of(cls, group: Group) -> "Description":
@@ -143,6 +153,7 @@ class Description(NamedTuple):
             initial=a.get("initial"),
             final_time=a.get("final_time"),
             truncate_noise=bool(a.get("truncate_noise")),
+            extrapolate=int(a.get("extrapolate") or 0),
         )
 
 
@@ -155,6 +166,7 @@ def describe(case: Any, row: Any, part: Part) -> dict[str, Any]:
         "scheme": part.scheme,
         "scheme_label": row.label,
         "eps": part.eps,
+        "extrapolate": part.extrapolate or None,
         "case_title": case.title,
         "seed": case.seed,
         "final_time": getattr(case, "final_time", None),

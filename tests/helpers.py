@@ -38,6 +38,7 @@ from spi.protocol import (
     noise_indices,
     noises,
     pieces,
+    substeps,
     work_size,
 )
 from spi.rng import BROWNIAN, LANES
@@ -47,6 +48,8 @@ COMPILED = not numba.config.DISABLE_JIT
 
 #: The schemes of the equation itself; those of the multiscale system have a test file of their own.
 SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
+#: Those whose step takes one increment of each noise; what has sub-steps is tested in tests/test_substeps.py.
+WITHOUT_SUBSTEPS = {name: row for name, row in SCHEMES.items() if substeps(row.record) == 1}
 
 #: The example of the paper's section 4.2.
 RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))

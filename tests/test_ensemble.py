@@ -11,13 +11,13 @@ from helpers import (
     INITIAL,
     LANES,
     RIGID_BODY,
-    SCHEMES,
     Coins,
     Increments,
     simulate,
     take_steps,
     without_the_compiler,
 )
+from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
 from spi.ensemble import add_reports, report_columns
 from spi.protocol import REPORT, needs_areas

@@ -9,7 +9,19 @@ PACKAGE = Path(__file__).parent.parent / "spi"
 
 # On floors 0 and 1 a later module may import an earlier one; higher up no module imports another of its floor.
 FLOORS = [
-    ["own", "modules", "inlining", "dispatch", "elementary", "rng", "arithmetic", "records", "tallies", "claims"],
+    [
+        "own",
+        "modules",
+        "inlining",
+        "dispatch",
+        "elementary",
+        "rng",
+        "arithmetic",
+        "records",
+        "tallies",
+        "claims",
+        "richardson",
+    ],
     [
         "angles",
         "protocol",

@@ -120,7 +120,10 @@ def test_sweeps_of_a_coin_apply_each_flow_once_to_each_lane():
 
 def test_reversed_twins():
     """Only what equals itself reversed with the coin turned has one."""
-    assert [name for name, row in SCHEMES.items() if has_reversed_twin(row.record)] == ["splitting_order2"]
+    assert [name for name, row in SCHEMES.items() if has_reversed_twin(row.record)] == [
+        "splitting_order2",
+        "splitting_symmetric",
+    ]
     half = flows("drift", "symmetric", 1 / 2)
     assert has_reversed_twin(splitting(half, flows("noise", "backwards", coin=True), half))
     assert not has_reversed_twin(splitting(half, NOISE, half))

@@ -12,7 +12,7 @@ from matplotlib.markers import MarkerStyle
 from scheme_cases import FAILURES, ITERATIONS, RENORMALISED, SPLITTINGS, field, increments, relative, tosses
 
 from spi.models import RigidBodySharedNoise
-from spi.protocol import strengths
+from spi.protocol import strengths, substeps
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import has_theory
 
@@ -20,7 +20,7 @@ from spi.schemes import has_theory
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
-IMPLICIT = "midpoint"
+IMPLICIT, SYMMETRIC = "midpoint", "splitting_symmetric"
 
 
 # --- the equation, by hand -------------------------------------------------------------------------------------------
@@ -57,8 +57,9 @@ def test_rows_say_where_schemes_come_from_and_how_they_look():
 
 def test_questions_to_rows_follow_from_their_records():
     compositions_of_flows = {name for name, row in ALL_SCHEMES.items() if row.composition is not None}
-    assert compositions_of_flows == {*SPLITTINGS, "splitting_areas", "ap_splitting", "ap_splitting_midpoint"}
-    assert {name for name, row in ALL_SCHEMES.items() if row.solvable_without_sampling} == set(SPLITTINGS)
+    others = {SYMMETRIC, "splitting_areas", "ap_splitting", "ap_splitting_midpoint"}
+    assert compositions_of_flows == {*SPLITTINGS, *others}
+    assert {name for name, row in ALL_SCHEMES.items() if row.solvable_without_sampling} == {*SPLITTINGS, SYMMETRIC}
     shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
     assert {name for name, row in ALL_SCHEMES.items() if not has_theory(row, shared)} == compositions_of_flows
     assert all(has_theory(row, RIGID_BODY) for row in ALL_SCHEMES.values())
@@ -90,11 +91,18 @@ def test_renormalised_euler_maruyama_is_a_step_put_back_on_the_sphere(model, h, 
 # --- lanes are independent -------------------------------------------------------------------------------------------
 
 
+def steps_of(name, model, h, dW, y, coins):
+    """The same as take_steps for a scheme by its name; one with sub-steps gets unequal halves of the increments."""
+    record = SCHEMES[name].record
+    halves = [0.3 * dW, 0.7 * dW] if substeps(record) == 2 else []
+    return take_steps(record, model, h, np.concatenate([dW, *halves], axis=1), y, coins)
+
+
 @pytest.mark.parametrize("name", SCHEMES)
 def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
     y, dW, h = random_states(generator), increments(generator, 0.1, steps=5), 0.05
-    scheme, coins = SCHEMES[name].record, tosses(generator, steps=5)
-    clean, clean_report = take_steps(scheme, RIGID_BODY, h, dW, y, coins)
+    coins = tosses(generator, steps=5)
+    clean, clean_report = steps_of(name, RIGID_BODY, h, dW, y, coins)
     spoilt = np.array([3, 4, 30, 31, 63])
     y[:, 3] = np.nan
     y[1, 4] = np.nan
@@ -102,7 +110,7 @@ def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
     y[0, 31] = -np.inf
     dW[2, 0, 63] = np.nan
     with np.errstate(all="ignore"):
-        new, report = take_steps(scheme, RIGID_BODY, h, dW, y, coins)
+        new, report = steps_of(name, RIGID_BODY, h, dW, y, coins)
     others = np.delete(np.arange(LANES), spoilt)
     assert np.all(np.isnan(new[:, spoilt]).any(axis=0))
     # A sweep may take another road to the same sine, an iteration may end a turn later: the last digits may differ.
@@ -117,21 +125,22 @@ def test_a_lane_does_not_depend_on_its_place(name, generator):
     """Lanes in another order give the same bits in another order."""
     y, dW, order = random_states(generator), increments(generator, 0.1, steps=3), generator.permutation(LANES)
     coins = tosses(generator, steps=3)
-    new, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW, y, coins)
-    permuted, _ = take_steps(SCHEMES[name].record, RIGID_BODY, 0.1, dW[:, :, order], y[:, order], coins[:, order])
+    new, _ = steps_of(name, RIGID_BODY, 0.1, dW, y, coins)
+    permuted, _ = steps_of(name, RIGID_BODY, 0.1, dW[:, :, order], y[:, order], coins[:, order])
     assert np.array_equal(permuted, new[:, order])
 
 
 @pytest.mark.parametrize("name", SCHEMES)
 def test_a_noise_that_is_off_has_no_effect(name, generator):
     """None and 0 mean the same; and increments of a noise that is off are not read."""
-    y, dW, h, coins = random_states(generator), increments(generator, 0.1), 0.1, tosses(generator)
-    zero, _ = take_step(SCHEMES[name].record, RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0)), h, dW, y, coins)
-    dW[1:] = np.nan
-    off, _ = take_step(SCHEMES[name].record, ONE_NOISE, h, dW, y, coins)
+    y, dW, h = random_states(generator), increments(generator, 0.1)[np.newaxis], 0.1
+    coins = tosses(generator)[np.newaxis]
+    zero, _ = steps_of(name, RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0)), h, dW, y, coins)
+    dW[:, 1:] = np.nan
+    off, _ = steps_of(name, ONE_NOISE, h, dW, y, coins)
     if name in SPLITTINGS:
         assert np.array_equal(off, zero)  # a flow through the angle 0 is left out
     else:
         assert relative(off, zero) < 1e-15  # one rounding more or less where 0 is not added
-    on, _ = take_step(SCHEMES[name].record, RIGID_BODY, h, increments(generator, 0.1), y)
+    on, _ = steps_of(name, RIGID_BODY, h, increments(generator, 0.1)[np.newaxis], y, np.ones((1, LANES)))
     assert relative(on, zero) > 1e-2

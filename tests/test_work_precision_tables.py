@@ -23,8 +23,8 @@ def test_rows():
     records = views.rows(work_results())
     assert len(records) == 3 * 5 * 9
     first, weak = records[0], records[-1]
-    assert list(first) == [name for name in COLUMNS if name not in ("error_bound", "eps")]
-    missing = {"eps", "error_stderr", "casimir_drift", "samples"}
+    assert list(first) == [name for name in COLUMNS if name not in ("error_bound", "eps", "extrapolate")]
+    missing = {"eps", "extrapolate", "error_stderr", "casimir_drift", "samples"}
     assert list(weak) == [name for name in COLUMNS if name not in missing]
     group = work_group("one", "euler_maruyama")
     values = {name: values for name, (_, values) in group.variables.items()}

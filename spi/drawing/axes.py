@@ -54,17 +54,20 @@ def _power_ticks(ax: Axes, h: np.ndarray) -> None:
     ax.xaxis.set_minor_formatter(FuncFormatter(lambda *_: ""))
 
 
-def slopes(ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, str, bool]]) -> None:
+def slopes(
+    ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, str, bool]], ends: tuple[float, float] | None = None
+) -> None:
     """Reference lines that touch the cloud of points from above or below, at a distance, so that they cover none.
 
-    ``orders``: (order, line style, whether the line lies above the points or below) of each.
+    ``orders``: (order, line style, whether the line lies above the points or below) of each; ``ends``: from which step
+    size to which, by default from one side of the panel to the other.
     """
-    ends = np.array(ax.get_xlim())
+    between = np.array(ends or ax.get_xlim())
     for order, line, above in orders:
         ratio = points[:, 1] / points[:, 0] ** order
         factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
         label = f"slope {Fraction(order)}"
-        ax.plot(ends, factor * ends**order, line, color=SLOPE, linewidth=1, zorder=1, label=label)
+        ax.plot(between, factor * between**order, line, color=SLOPE, linewidth=1, zorder=1, label=label)
 
 
 def limits(values: np.ndarray) -> tuple[float, float]:

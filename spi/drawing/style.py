@@ -68,11 +68,12 @@ def applied() -> Iterator[None]:
 def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
     """Marker and colour of every variant in the readings of all cases, the same in all panels.
 
-    Of a scheme at several eps each variant has its own, in an order; at one eps it looks like the scheme.
+    Of a scheme at several eps, or extrapolated in several ways, each variant has its own, in an order; a single variant
+    looks like the scheme.
     """
-    members: dict[str, dict[str, float | None]] = {}
+    members: dict[str, dict[str, tuple[float, int]]] = {}
     for about in (reading.about for readings in cases for reading in readings):
-        members.setdefault(about.scheme, {})[about.variant] = about.eps
+        members.setdefault(about.scheme, {})[about.variant] = (-(about.eps or 0.0), about.extrapolate)
     unknown = [name for name in members if name not in SCHEMES]
     found: Looks = {name: row.look for name, row in SCHEMES.items()}
     found |= {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
@@ -83,7 +84,7 @@ def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
             continue
         ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
         ramps += 1
-        for i, variant in enumerate(sorted(variants, key=lambda variant: -(variants[variant] or 0.0))):
+        for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
             found[variant] = SEQUENCE[i % len(SEQUENCE)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
     return found
 
@@ -91,7 +92,9 @@ def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
 def label(about: Description, with_eps: bool = True) -> str:
     """What the scheme of a reading is called, in mathtext; `about` is its description."""
     text = plain(about.scheme_label)
-    return rf"{text}, $\varepsilon={power(about.eps)}$" if with_eps and about.eps is not None else text
+    if with_eps and about.eps is not None:
+        text = rf"{text}, $\varepsilon={power(about.eps)}$"
+    return ", ".join([text, *[about.extrapolation] * (about.extrapolate > 0)])
 
 
 def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:

@@ -75,5 +75,7 @@ def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
     about = found.about
     if (record.get("case"), record.get("scheme")) != (about.case, about.scheme):
         return False
+    if (record.get("extrapolate") or 0) != about.extrapolate:
+        return False
     own = {"eps": about.eps, "estimator": about.estimator, "function": found.function}
     return all(record.get(key) in (value, None) for key, value in own.items() if value not in (None, ""))

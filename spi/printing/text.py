@@ -69,8 +69,10 @@ def lost_paths(count: int | None) -> "Text":
 
 
 def lines_of(about: Description) -> str:
-    """The label of a scheme as it stands in a table, its eps in a line of its own if there is no room."""
-    return about.label if len(about.label) <= LABEL else about.label.replace(", eps = ", ",\neps = ")
+    """The label of a scheme as it stands in a table, its eps and extrapolation in a line each if there is no room."""
+    if len(about.label) <= LABEL:
+        return about.label
+    return about.label.replace(", eps = ", ",\neps = ").replace(", extrapolated", ",\nextrapolated")
 
 
 def in_order(record: dict[str, Any], columns: Iterable[str]) -> dict[str, Any]:
@@ -89,6 +91,7 @@ def records_of_steps(
         "case": reading.about.case,
         "scheme": reading.about.scheme,
         "eps": reading.about.eps,
+        "extrapolate": reading.about.extrapolate or None,
         "samples": reading.samples,
         "order": reading.order.order,
         "order_low": reading.order.low,

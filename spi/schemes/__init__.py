@@ -18,8 +18,8 @@ from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, Impl
 from .costs import euler_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .midpoint import Midpoint
-from .rows import has_loops, sweeps
-from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
+from .rows import has_loops, is_own_reverse, sweeps
+from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC, splitting
 
 
 class Scheme(NamedTuple):
@@ -109,6 +109,16 @@ register_scheme(
     formula="z = S(h/2) N S(h/2) y, S the symmetric composition of the drift flows, N the noise flows in random order",
     reference="eq. order2",
     look=("^", "#E69F00"),
+    weak_order=2.0,
+    **_POISSON,
+)
+register_scheme(
+    "splitting_symmetric",
+    record=SYMMETRIC,
+    label="splitting, symmetric",
+    formula="z = D* N D y, D the drift flows over h/2, N the symmetric composition of the noise flows, D* = D reversed",
+    reference="docs/extrapolation.md",
+    look=(">", "#000000"),
     weak_order=2.0,
     **_POISSON,
 )
@@ -212,6 +222,18 @@ register_scheme(
 def has_theory(row, model):
     """Whether a row has orders that hold for a model; not those of a splitting that is not made of exact flows."""
     return not math.isnan(row.weak_order) and (exact_flows(model) or row.composition is None)
+
+
+def weak_exponents(row, model, count):
+    """The first powers of h in the weak error of a scheme at smooth functions, `count` of them; None if none are known.
+
+    p, p + 1, ... (Talay and Tubaro, Stochastic Analysis and Applications 8, 1990), and p, p + 2, ... of a composition
+    that equals itself reversed.  Those of a scheme for the multiscale system would not be uniform in eps.
+    """
+    if row.multiscale or not has_theory(row, model):
+        return None
+    apart = 2 if row.composition is not None and is_own_reverse(row.composition, model) else 1
+    return tuple(row.weak_order + apart * i for i in range(count))
 
 
 def composed(name, rows, weak_order):

@@ -217,6 +217,18 @@ def is_reversed_by_coin(rows):
     return heads == tails[::-1]
 
 
+def is_own_reverse(rows, model):
+    """Whether a step on a model, coins included, is the same flows when these act in reversed order.
+
+    Its backward operator P_h is then symmetric, P_(-h) P_h = 1 as formal series, so that the weak error has an
+    expansion in every other power of h.
+    """
+    if has_loops(rows):
+        return False
+    words = {flows for _, flows in compositions(rows, model)}
+    return len(words) == 1 and all(flows == flows[::-1] for flows in words)
+
+
 def substeps(rows):
     """Into how many sub-steps, 1, 2, 4 or 8, a step must be resolved so that each noise flow has some of them."""
     noise = [row for row in _rows(rows) if row.part == "noise"]

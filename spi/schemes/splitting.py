@@ -87,6 +87,8 @@ LIE_TROTTER_EXCHANGED = splitting(flows("drift"), flows("noise"))
 LIE_TROTTER_AREAS = splitting(flows("noise"), flows("loops"), flows("drift"))
 #: Its eq. order2, of weak order 2.
 ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True), flows("drift", "symmetric", 1 / 2))
+#: A palindrome: a step is its own reverse in law, since the half increments of a noise are independent.
+SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"), flows("drift", "backwards", 1 / 2))
 
 
 def rows_toss(scheme):

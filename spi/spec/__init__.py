@@ -209,8 +209,8 @@ def _overridden(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         if not is_another(new, old):
             result["model"] = overridden(old, new)
     if "expect" in below:
-        gone = {n for key in expect.NAMING if key in above for n in expect.names_in(below.get(key))}
-        gone -= {n for key in expect.NAMING for n in expect.names_in(above.get(key))}
+        gone = {n for key in expect.NAMING if key in above for n in expect.names_in(key, below.get(key))}
+        gone -= {n for key in expect.NAMING for n in expect.names_in(key, above.get(key))}
         result["expect"] = expect.without(below["expect"], gone)
         if "expect" in above:
             result["expect"] = expect.merged(result["expect"], above["expect"])

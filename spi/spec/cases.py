@@ -18,7 +18,7 @@ from ..protocol import NonNegative, Positive, dimension
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
 from ..systems import expanded, has_range, variables
-from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
+from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
 from .damping import damped_model
 from .expect import Expect, claims
@@ -28,6 +28,7 @@ from .keys import (
     Estimators,
     Functions,
     Keys,
+    Levels,
     Samples,
     SchemeName,
     Schemes,
@@ -140,8 +141,9 @@ class BaseCase(Keys):
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """No damping of 0, which is none: specs of which it is no key stay what they were."""
-        return {key: value for key, value in write(self).items() if key != "damping" or value}
+        """Nothing of what is 0, damping and extrapolation: specs of which these are no keys stay what they were."""
+        said = {"damping": bool, "extrapolate": any}
+        return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @model_validator(mode="after")
     def _check_names(self) -> Self:
@@ -288,6 +290,13 @@ class SampledCase(FunctionsCase):
     accuracy: key_of(Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs") = (
         None
     )
+
+    extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
+
+    @model_validator(mode="after")
+    def _check_extrapolate(self) -> Self:
+        check_extrapolate(self)
+        return self
 
     @model_validator(mode="after")
     def _check_estimators(self) -> Self:

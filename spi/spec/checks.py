@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..schemes import SCHEMES
+from ..richardson import places
+from ..schemes import SCHEMES, weak_exponents
 from .keys import quantity, shown, suggestion, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
@@ -51,3 +52,20 @@ def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: st
         if case.row(name).needs_truncation and not truncated:
             key = "schemes" if name in listed else "reference_scheme"
             raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)
+
+
+def check_extrapolate(case: Any) -> None:
+    """What the key `extrapolate` needs: schemes whose weak error is a series in known powers of h, and steps."""
+    check_once(case.extrapolate, "extrapolate")
+    if not (most := max(case.extrapolate)):
+        return
+    for key, why in (("reference_scheme", "measures each scheme with itself"), ("truncate_noise", "needs powers of h")):
+        if getattr(case, key):
+            raise wrong(f"has {most}, which {why}", f"leave out {key}", "extrapolate")
+    for name in case.schemes:
+        if weak_exponents(case.row(name), case.model, most) is None:
+            what = f"has {most}, but theory knows no powers of h in the weak error of '{name}'"
+            raise wrong(what, "leave out the scheme or extrapolate", "extrapolate")
+    if not len(places(case.steps, most)):
+        needed = ", ".join(["h", *(f"{2**i}h" for i in range(1, most + 1))])
+        raise wrong(f"has {most}, which combines the steps {needed}", "add them to steps", "extrapolate")

@@ -28,6 +28,7 @@ from .keys import NAME, entries_in, shown, suggestion, wrong
 Rows = tuple[Flows, ...]
 
 _MOST_ROWS = 16  # each becomes compiled code of its own
+_OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
 _COIN = "coin"
 _WORDS = (*ORDERS, _COIN)
 _LOOPS = "loops"
@@ -74,7 +75,7 @@ def _read(value: dict[str, Any]) -> dict[str, Rows]:
 def _rows(name: str, texts: Any) -> Rows:
     if not re.match(NAME, name):
         raise wrong("is no name of a composition", "must consist of letters, digits and _", name)
-    if name in SCHEMES or any(name.startswith(f"{scheme}_eps_") for scheme in SCHEMES):
+    if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
         raise wrong("is the name of a scheme", "give the composition another name", name)
     if not isinstance(texts, list):
         raise wrong(f"is {shown(texts)}", "must be a list of rows, as in [noise 1/2, drift 1, noise 1/2]", name)

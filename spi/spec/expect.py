@@ -5,7 +5,8 @@
       euler_maruyama: {order: 1/2 +- 0.05, casimir_drift: at least 0.1}
 
 Under a scheme stand quantities, and mappings of quantities that hold for one estimator or test function, by its name,
-or up to a step size (``up to 2^-3``), an eps (``eps up to 0.01``) or a value of the swept word.  Layers override it
+for so many levels of extrapolation (``extrapolate 1``), or up to a step size (``up to 2^-3``), an eps (``eps up to
+0.01``) or a value of the swept word.  Layers override it
 claim by claim: a claim that is empty (``order: null``) is dropped, and a layer that names fewer schemes, estimators or
 test functions drops the claims about the others.
 """
@@ -22,7 +23,7 @@ from ..claims import EQUAL, Claim
 from .keys import shown, suggestion, wrong
 
 #: The keys of a spec whose entries claims may be about.
-NAMING = ("schemes", "estimators", "functions")
+NAMING = ("schemes", "estimators", "functions", "extrapolate")
 
 _LEAF = re.compile(r"(at most|at least)?\s*(.*?)\s*(?:(?:\+-|±)\s*(.*))?")
 _UP_TO = re.compile(r"(?:(\w+) )?up to (.*)")
@@ -85,8 +86,10 @@ def without(expect: Any, names: Iterable[str]) -> Any:
     return {key: without(value, names) for key, value in expect.items() if key not in names}
 
 
-def names_in(listed: Any) -> set[str]:
-    """The names in what a spec has under one of the keys :data:`NAMING`."""
+def names_in(key: str, listed: Any) -> set[str]:
+    """The names, as claims have them, in what a spec has under one of the keys :data:`NAMING`."""
+    if key == "extrapolate":
+        return {f"{key} {levels}" for levels in ([listed] if isinstance(listed, str) else listed or ())}
     return {"phi"} if isinstance(listed, str) else set(listed or ())
 
 
@@ -116,6 +119,7 @@ def claims(case: Any) -> Iterator[Claim]:
 
 def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> Iterator[Claim]:
     scopes = [name for key in case.scoping for name in getattr(case, key)]
+    scopes += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
     for key, value in stated.items():
         path = (*place.path, key)
         if key in case.quantities:

@@ -193,6 +193,13 @@ Eps = Annotated[
         lambda value: value if isinstance(value, list) else [value], json_schema_input_type=_read(_Eps) | float | str
     ),
 ]
+_Levels = Annotated[tuple[Annotated[int, Ge(0), Le(3)], ...], MinLen(1)]
+Levels = Annotated[
+    _Levels,
+    BeforeValidator(
+        lambda value: value if isinstance(value, list) else [value], json_schema_input_type=_read(_Levels) | int | str
+    ),
+]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.

@@ -27,8 +27,9 @@ class Case(SampledCase):
     @model_validator(mode="after")
     def _check_measure(self) -> Self:
         if not self.functions:
-            if self.estimators:
-                raise wrong("is for weak errors", "leave it out, or give functions", "estimators")
+            for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):
+                if given:
+                    raise wrong("is for weak errors", "leave it out, or give functions", key)
             if self.samples is None:
                 add = f"add samples: {type(self).model_fields['samples'].description}"
                 raise wrong("missing key 'samples'", add, "samples")

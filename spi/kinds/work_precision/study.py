@@ -1,8 +1,9 @@
 """Work and precision: the errors of schemes against the processor time that one path takes.
 
 Errors are those of an experiment of kind strong or, where there is a test function, weak.  The time is measured for
-each step size alone, on one thread, after everything is compiled.  It is the median of several repeats, in each of
-which all step sizes take their turn, so that a machine that is slow for a while is so for all of them.
+each step size alone, on one thread, after everything is compiled; with extrapolation for the step sizes that are
+combined, on common paths.  It is the median of several repeats, in each of which all step sizes take their turn, so
+that a machine that is slow for a while is so for all of them.
 """
 
 import time
@@ -13,11 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.areas import fourier_terms
-from spi.ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads
+from spi.ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads, steps_of
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
+from spi.kinds.weak.study.groups import result_steps
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import typical_ns
@@ -68,7 +70,7 @@ class WorkPlan(PartPlan):
 
     def begin(self) -> Times:
         """No time has been measured."""
-        times = np.full((self.case.repeats, len(self.case.steps)), np.nan)
+        times = np.full((self.case.repeats, len(result_steps(self))), np.nan)
         return Times(of_errors=self.errors.begin(), times=times, timing_seconds=0.0)
 
     def path_sets(self, more: Times) -> Sequence[PathSet]:
@@ -94,9 +96,14 @@ class WorkPlan(PartPlan):
         own.more, own.tallies = state.more.of_errors, state.tallies
         return own
 
+    @property
+    def _shortest(self) -> tuple[float, int]:
+        """A step size, and how many steps of it there must be at least."""
+        return float(result_steps(self)[0]), 2**self.part.extrapolate
+
     def kernel_calls(self) -> list[KernelCall]:
         """Those of the errors, and one step of one block as it is timed."""
-        return [*self.errors.kernel_calls(), KernelCall(integrate, _arguments(self, self.case.steps[0], 1, 1))]
+        return [*self.errors.kernel_calls(), KernelCall(integrate, _arguments(self, *self._shortest, 1))]
 
     def finish(self, state: State) -> Iterator[Times]:
         """Measure the times that are left."""
@@ -108,7 +115,7 @@ class WorkPlan(PartPlan):
         measured = int(np.isfinite(state.more.times).all(axis=1).sum())
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.row, self.model) * _PATH_STEPS * len(self.case.steps)
+        seconds = 1e-9 * typical_ns(self.row, self.model) * _PATH_STEPS * len(result_steps(self))
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def group(self, state: State) -> Group:
@@ -118,7 +125,8 @@ class WorkPlan(PartPlan):
         axes = {axis for axes, _ in variables.values() for axis in axes}
         low, median, high = np.quantile(state.more.times, (0.25, 0.5, 0.75), axis=0)
         times = {"seconds_per_path": median, "seconds_per_path_low": low, "seconds_per_path_high": high}
-        times["ns_per_step"] = 1e9 * median * np.array(case.steps) / case.final_time
+        steps = case.final_time / result_steps(self) * sum(0.5**i for i in range(self.part.extrapolate + 1))
+        times["ns_per_step"] = 1e9 * median / steps
         return Group(
             case.name,
             self.part.variant,
@@ -152,19 +160,21 @@ def _job(p: WorkPlan, h: float) -> _Job:
 
 
 def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-    """The arguments of :func:`spi.ensemble.integrate` for so many steps of size h of so many blocks."""
-    case = p.case
+    """The arguments of :func:`spi.ensemble.integrate` for so many steps of size h of so many blocks.
+
+    With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
+    """
+    case, sizes = p.case, p.part.extrapolate + 1
     reference = case.reference_record(p.part.eps)
-    terms = fourier_terms(p.model, [p.scheme], h)
-    times = grid(
-        h, steps, truncate=case.truncate_noise, reference_scheme=reference, by_reference=(0,), area_terms=terms
-    )
+    paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
+    paths["area_terms"] = fourier_terms(p.model, [p.scheme], h)
+    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
     observer: FinalStates | StrongSums
     if case.functions:
-        observer = FinalStates(np.empty((blocks, 1, len(p.initial) * LANES)), np.array([steps]))
+        observer = FinalStates(np.empty((blocks, sizes, len(p.initial) * LANES)), steps_of(times))
     else:
         observer = sums_of(p.model, p.initial, times, blocks)
-    report = empty_report(blocks, 1)
+    report = empty_report(blocks, sizes)
     return p.scheme, p.model, p.initial, times, brownian(case.seed), observer, report, 0, blocks, blocks * LANES
 
 
@@ -174,7 +184,7 @@ def _timings(p: WorkPlan, known: Times) -> Iterator[Times]:
     if not len(left):
         return
     began = time.perf_counter()
-    jobs = [_job(p, h) for h in p.case.steps]
+    jobs = [_job(p, h) for h in result_steps(p).tolist()]
     _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
     for repeat in left:
         times = known.times.copy()

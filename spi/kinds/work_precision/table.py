@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 #: The columns of the records, in this order; ``error_bound`` instead of ``error_stderr`` where nothing was sampled.
 COLUMNS = (
-    *("case", "scheme", "eps", "measure", "h", "error", "error_stderr", "error_bound", "resolved", "casimir_drift"),
-    *("nonfinite", "ns_per_step", "seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"),
+    *("case", "scheme", "eps", "extrapolate", "measure", "h", "error", "error_stderr", "error_bound", "resolved"),
+    *("casimir_drift", "nonfinite", "ns_per_step", "seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"),
     *("samples", "order", "order_low", "order_high", "expected_order"),
 )
 

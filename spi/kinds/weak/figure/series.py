@@ -19,6 +19,7 @@ ERROR = r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$"
 STAGES = (("o", "#56B4E9"), ("s", "#E69F00"), ("D", "#009E73"), ("^", "#D55E00"), ("v", "#0072B2"), ("P", "#CC79A7"))
 
 VISIBLE = 0.01  # a band of relative half width less than that is as thin as the line
+_FEW = 2  # so many reference slopes have room above and below all points
 _FAR = 1e3  # an error that is not resolved and so many times larger than those which are is that of a blow-up
 
 
@@ -94,13 +95,23 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
         drawn = np.concatenate([_points(one, ~one.resolved) for one in series])
     for one in series:
         draw(ax, one)
-    if len(drawn):
+    if len(orders) > _FEW:
+        _slopes_of_each(ax, series, orders)
+    elif len(drawn):
         last = len(orders) - 1
         slopes(ax, drawn, [(p, ":" if i == last else "--", i < last) for i, p in enumerate(orders)])
     remarks(ax, series)
     for note in notes:
         ax.plot([], [], linestyle="none", label=note)
     legend_under(ax)
+
+
+def _slopes_of_each(ax: Axes, series: Sequence[Series], orders: Sequence[float]) -> None:
+    """A reference line for each order, above the points of which it is expected and no longer than these reach."""
+    for order in orders:
+        points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
+        if len(points):
+            slopes(ax, points, [(order, "--", True)], (points[:, 0].min(), points[:, 0].max()))
 
 
 def prefixes_panel(ax: Axes, reading: WeakErrors, f: int, exact: Series | None, title: str) -> None:

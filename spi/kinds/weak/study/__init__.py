@@ -24,8 +24,9 @@ ESTIMATORS: dict[str, type[PlainPlan] | type[MultilevelPlan] | type[KolmogorovPl
 def parts(case: Any) -> list[Part]:
     """What is run one after the other: each scheme with each estimator that can do it."""
     return [
-        Part(scheme, estimator, eps)
+        Part(scheme, estimator, eps, levels)
         for scheme, eps in case.runs
+        for levels in case.extrapolate
         for estimator in case.estimators
         if estimator != "kolmogorov" or case.row(scheme).solvable_without_sampling
     ]

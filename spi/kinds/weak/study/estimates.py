@@ -9,7 +9,8 @@ from spi.records import Group, Order, Variables
 from spi.rng import LANES
 from spi.schemes.splitting import has_reversed_twin
 
-from .groups import PER_POINT, error_variables, extension, order_variables, weak_group
+from .extrapolated import errors_at_steps, shares_above
+from .groups import PER_POINT, error_variables, extension, order_variables, result_steps, weak_group
 from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
 from .sums import mean_over_paths, standard_deviation
 
@@ -39,10 +40,8 @@ class Moments(NamedTuple):
 def errors(p: "MultilevelPlan", levels: "Levels") -> Errors:
     """The errors that the levels tell."""
     mean, without = _averages(p, levels)
-    below = np.array([round(np.log2(h / p.case.reference_step)) for h in p.case.steps]) - 1  # last level of each error
-    error = np.cumsum(mean[:-1], axis=0)[below].T * extension(p)
-    without = np.moveaxis(np.cumsum(without[:, :-1], axis=1)[:, below], 1, 2) * extension(p)
-    return Errors(error, without, _EQUAL)
+    error = errors_at_steps(p, mean[:-1])
+    return Errors(error * extension(p), errors_at_steps(p, without[:, :-1]) * extension(p), _EQUAL)
 
 
 def moments(p: "MultilevelPlan", levels: "Levels") -> Moments:
@@ -78,7 +77,7 @@ def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
     found = errors(p, levels)
     allocations = np.arange(1, len(levels.more.history_cpu_seconds) + 1)
     variables = {
-        **error_variables(np.array(p.case.steps), *found),
+        **error_variables(result_steps(p), *found),
         **_expectations(p, levels, found.error),
         **_of_levels(p, levels, per_sample),
         "history_error": (("allocation", *PER_POINT), levels.more.history_error),
@@ -106,6 +105,10 @@ def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> V
     differences, largest = error / extension(p), error[:, :1] / extension(p)[:1]
     above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
     spread = np.array([np.sqrt(stderr[-1] ** 2 + (stderr[:-1][used] ** 2).sum(axis=0)) for used in above]).T
+    if p.part.extrapolate:
+        to_reference, to_steps = shares_above(p)
+        largest = (to_reference @ found.mean[:-1])[:, np.newaxis]
+        spread = np.sqrt(stderr[-1] ** 2 + to_steps**2 @ stderr[:-1] ** 2).T
     return {
         "expectation": (PER_POINT, found.mean[-1][:, np.newaxis] - largest + differences),
         "expectation_stderr": (PER_POINT, spread),

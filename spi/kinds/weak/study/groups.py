@@ -10,22 +10,38 @@ from spi.estimators import fit_order, is_resolved, jackknife_stderr
 from spi.expressions import canonical
 from spi.kinds.plans import PartPlan
 from spi.records import Group, Order, Variables
-from spi.schemes import has_theory
+from spi.richardson import Extrapolation
+from spi.schemes import has_theory, weak_exponents
 
 PER_POINT = ("function", "h")  #: the axes of an array (F, S)
 
 
+def extrapolation(p: PartPlan) -> Extrapolation:
+    """How the values at the steps of the case make those of the results, whose steps are :func:`result_steps`."""
+    exponents = weak_exponents(p.row, p.model, p.part.extrapolate) or ()
+    return Extrapolation.of(p.case.steps, exponents)
+
+
+def result_steps(p: PartPlan) -> np.ndarray:
+    """(S,) the steps h of the results, from large to small; of extrapolated ones 2h, ... are steps of the case, too."""
+    return np.array(p.case.steps)[extrapolation(p).chosen]
+
+
 def expected_order(p: PartPlan) -> float | None:
-    """The weak order of the scheme of a plan; None where theory says nothing."""
-    return p.row.weak_order if has_theory(p.row, p.model) else None
+    """The weak order of the scheme of a plan, after extrapolation; None where theory says nothing."""
+    if not p.part.extrapolate:
+        return p.row.weak_order if has_theory(p.row, p.model) else None
+    exponents = weak_exponents(p.row, p.model, p.part.extrapolate + 1)
+    return exponents[-1] if exponents else None
 
 
 def extension(p: PartPlan) -> np.ndarray:
     """(S,) by how much to multiply E phi(y_h) - E phi(y_ref), which is (1 - (h_ref/h)^p) C h^p, to have C h^p.
 
-    1 where the reference is another scheme, whose own error is not of this form, or where theory knows no order p.
+    With extrapolation both are extrapolated, and p is the order that they have then.  1 where the reference is another
+    scheme, whose own error is not of this form, or where theory knows no order p.
     """
-    h, order = np.array(p.case.steps), None if p.case.reference_scheme else expected_order(p)
+    h, order = result_steps(p), None if p.case.reference_scheme else expected_order(p)
     return 1.0 / (1.0 - (p.case.reference_step / h) ** order) if order else np.ones_like(h)
 
 
@@ -56,7 +72,7 @@ def weak_group(
 ) -> Group:
     """The results of a plan: what the estimator found, and what all estimators say of a case."""
     case = p.case
-    axes = {"h": np.array(case.steps), **coordinates, "function": np.array(list(case.functions))}
+    axes = {"h": result_steps(p), **coordinates, "function": np.array(list(case.functions))}
     if "error_without" in variables:
         axes["left_out"] = np.arange(len(variables["error_without"][1]))
     return Group(

@@ -18,7 +18,7 @@ from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
 from spi.tallies import Chunk, PathSet
 
-from .groups import PER_POINT, order_variables, weak_group
+from .groups import PER_POINT, extrapolation, order_variables, result_steps, weak_group
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
@@ -103,16 +103,17 @@ class KolmogorovPlan(PartPlan):
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
-        found = state.total()
-        h, resolved = np.array(self.case.steps), np.abs(found.error) >= _CLEAR * found.error_bound
-        each = zip(found.error, found.error_bound, resolved, strict=True)
+        found, combine = state.total(), extrapolation(self)
+        error, bound = combine.combined(found.error), combine.combined_bounds(found.error_bound)
+        h, resolved = result_steps(self), np.abs(error) >= _CLEAR * bound
+        each = zip(error, bound, resolved, strict=True)
         orders = [_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each]
         variables = {
-            "error": (PER_POINT, found.error),
-            "error_bound": (PER_POINT, found.error_bound),
+            "error": (PER_POINT, error),
+            "error_bound": (PER_POINT, bound),
             "resolved": (PER_POINT, resolved),
-            "expectation": (PER_POINT, found.value),
-            "expectation_bound": (PER_POINT, found.value_bound),
+            "expectation": (PER_POINT, combine.combined(found.value)),
+            "expectation_bound": (PER_POINT, combine.combined_bounds(found.value_bound)),
             "limit": (("function",), found.limit),
             "limit_bound": (("function",), found.limit_bound),
             **order_variables(orders),

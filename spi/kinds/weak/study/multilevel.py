@@ -12,6 +12,9 @@ falls from O(h) to O(h^2).
 An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
 variance.
+
+With extrapolation (multilevel Richardson-Romberg, Lemaire and Pagès, Bernoulli 23, 2017) the error at h is
+R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another sum over the same differences.
 """
 
 import time
@@ -34,6 +37,8 @@ from spi.schemes.splitting import has_reversed_twin
 from spi.tallies import Chunk, PathSet, chunk_blocks
 
 from .estimates import errors, group, moments
+from .extrapolated import shares
+from .groups import result_steps
 from .kolmogorov import solution
 from .levels import Level, levels_of
 from .sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
@@ -115,7 +120,7 @@ class MultilevelPlan(Blockwise, PartPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(F, S): test functions and step sizes."""
-        return len(self.case.functions), len(self.case.steps)
+        return len(self.case.functions), len(result_steps(self))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed (NaN if there is no budget), and bytes of memory."""
@@ -248,10 +253,12 @@ def allocation(p: MultilevelPlan, levels: Levels, share: float) -> np.ndarray:
     """Blocks of each level, a multiple of ROUND: N_l proportional to (V_l / C_l)^(1/2), least work for the variance.
 
     As many as `share` of the budget allows, or `share` of what the target asks for, if that is less.  V_l is the
-    largest over the test functions; a level whose values are not finite gets no more.
+    largest over the test functions, times the square of what of the level is in the error at the largest step; a level
+    whose values are not finite gets no more.
     """
     with np.errstate(invalid="ignore"):
         variance = np.nan_to_num(moments(p, levels).variance.max(axis=1), nan=0.0, posinf=0.0)
+    variance[:-1] *= shares(p)[0] ** 2
     cost = p.seconds_per_block / LANES
     root = np.sqrt(variance * cost)[:-1]
     samples = np.zeros(len(p.levels))

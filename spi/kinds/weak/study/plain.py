@@ -1,7 +1,8 @@
 """Plain Monte Carlo, as in the paper: E phi(y_h) - E phi(y_ref) on common Brownian paths.
 
 Any number of paths; only sums over groups of them are kept.  Results for the first so many paths come from the same
-run.
+run.  With extrapolation the values of phi at h, 2h, ... are combined path by path, and those at h_ref, 2 h_ref, ...
+likewise, before anything is summed up.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +22,7 @@ from spi.rng import LANES
 from spi.schemes import typical_ns
 from spi.tallies import Chunk
 
-from .groups import PER_POINT, error_variables, extension, weak_group
+from .groups import PER_POINT, error_variables, extension, extrapolation, result_steps, weak_group
 from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_deviation, values_of_blocks, with_powers
 
 _BATCH_BYTES = 64e6
@@ -30,7 +31,8 @@ _BATCH_BYTES = 64e6
 class Totals(NamedTuple):
     """What is known of some paths.
 
-    Of F test functions at L step sizes, the reference first and then from small to large.
+    Of F test functions at L step sizes, the reference first and then from small to large; with extrapolation there are
+    more step sizes of paths than of values.
     """
 
     paths: int
@@ -39,7 +41,7 @@ class Totals(NamedTuple):
     values: np.ndarray  #: (2, L, F, GROUPS) sums of phi and of its square
     differences: np.ndarray  #: (1, L, F, GROUPS) sums of phi minus phi at the reference
     nonfinite: np.ndarray  #: (L,)
-    report: np.ndarray  #: (L, len(REPORT))
+    report: np.ndarray  #: (step sizes of paths, len(REPORT))
     prefix_differences: np.ndarray  #: (prefixes, 1, L, F, GROUPS) differences of those that are among the first paths
     prefix_cpu_seconds: np.ndarray  #: (prefixes,)
 
@@ -54,7 +56,7 @@ class Rows(NamedTuple):
     """What some blocks contribute, a row for each."""
 
     values: np.ndarray  #: (blocks, L, F, LANES)
-    report: np.ndarray  #: (blocks, L, len(REPORT))
+    report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,9 +67,11 @@ class PlainPlan(BlocksPlan):
     def of(cls, case: Any, part: Part) -> "PlainPlan":
         """The plan for one scheme of a case."""
         reference = case.reference_record(part.eps)
+        of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
+        steps = sorted({*case.steps, *of_reference}, reverse=True)
         schemes = [case.row(part.scheme, part.eps).record, reference]
         terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
-        times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
+        times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
         return cls(case=case, part=part, grid=times, samples=case.samples)
 
     @property
@@ -77,8 +81,8 @@ class PlainPlan(BlocksPlan):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(L, F): step sizes, the reference included, and test functions."""
-        return len(self.grid.doublings), len(self.case.functions)
+        """(L, F): step sizes of the results, the reference included, and test functions."""
+        return 1 + len(result_steps(self)), len(self.case.functions)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
@@ -87,7 +91,7 @@ class PlainPlan(BlocksPlan):
 
     def empty(self, number: int) -> Totals:
         """The totals over no paths."""
-        levels, prefixes = self.shape[0], len(self.prefixes)
+        levels, prefixes, paths = self.shape[0], len(self.prefixes), len(self.grid.doublings)
         return Totals(
             paths=0,
             seconds=0.0,
@@ -95,7 +99,7 @@ class PlainPlan(BlocksPlan):
             values=np.zeros((2, *self.shape, GROUPS)),
             differences=np.zeros((1, *self.shape, GROUPS)),
             nonfinite=np.zeros(levels, np.int64),
-            report=np.zeros((levels, len(REPORT))),
+            report=np.zeros((paths, len(REPORT))),
             prefix_differences=np.zeros((prefixes, 1, *self.shape, GROUPS)),
             prefix_cpu_seconds=np.zeros(prefixes),
         )
@@ -106,7 +110,7 @@ class PlainPlan(BlocksPlan):
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        levels, functions = self.shape
+        levels, functions = len(self.grid.doublings), self.shape[1]
         return max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
 
     def advance(self, chunks: Sequence[Chunk], known: Totals | None) -> Iterator[list[tuple[Chunk, Totals]]]:
@@ -116,7 +120,8 @@ class PlainPlan(BlocksPlan):
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks."""
-        return Rows(*values_of_blocks(self, self.grid, self.stream, first, blocks, end))
+        values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
+        return Rows(_extrapolated(self, values), report)
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
         """The totals with the rows `at`, of which the first is that of block `first`."""
@@ -175,6 +180,18 @@ def errors(p: PlainPlan, differences: np.ndarray, counts: np.ndarray) -> tuple[n
     return mean * extension(p), without * extension(p)
 
 
+def _extrapolated(p: PlainPlan, values: np.ndarray) -> np.ndarray:
+    """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, L, F, LANES)."""
+    weights = extrapolation(p).weights
+    if len(weights) == 1:
+        return values
+    sizes = (p.case.reference_step * 2.0**p.grid.doublings).tolist()
+    wanted = [p.case.reference_step, *reversed(result_steps(p).tolist())]
+    with np.errstate(invalid="ignore", over="ignore"):
+        each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights.tolist()))
+        return np.sum(list(each), axis=0)
+
+
 def _by_step(x: np.ndarray) -> np.ndarray:
     """(..., L, F) as (..., F, S): without the reference, from the largest step to the smallest."""
     return np.moveaxis(x, -1, -2)[..., :0:-1]
@@ -187,7 +204,7 @@ def _of_all_paths(p: PlainPlan, totals: Totals) -> Variables:
     expectation = _by_step(mean)
     error, error_without = errors(p, totals.differences, counts)
     coarsest = totals.values[:, -1].sum(axis=-1) / p.samples
-    return error_variables(np.array(p.case.steps), error, error_without, counts) | {
+    return error_variables(result_steps(p), error, error_without, counts) | {
         "expectation": (PER_POINT, expectation),
         "expectation_stderr": (PER_POINT, jackknife_stderr(expectation, _by_step(without), counts)),
         "reference": (("function",), mean[0]),

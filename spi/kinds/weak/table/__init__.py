@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 #: The columns of the records, in this order.
 COLUMNS = (
-    *("case", "scheme", "eps", "estimator", "function", "h", "error", "error_stderr", "error_bound"),
+    *("case", "scheme", "eps", "extrapolate", "estimator", "function", "h", "error", "error_stderr", "error_bound"),
     *("expectation", "expectation_stderr", "expectation_bound", "reference", "limit", "limit_bound", "resolved"),
     *("agreement", "order", "order_low", "order_high", "expected_order"),
     *("samples", "cpu_seconds", "ns_per_step", "nonfinite"),
@@ -85,7 +85,7 @@ def _prefix_rows(reading: WeakErrors, stages: Stages, all_samples: int) -> Itera
 
 def _whole(reading: WeakErrors) -> dict[str, Any]:
     one = {name: getattr(reading.about, name) for name in ("case", "scheme", "eps", "estimator")}
-    return one | {"expected_order": reading.expected_order}
+    return one | {"extrapolate": reading.about.extrapolate or None, "expected_order": reading.expected_order}
 
 
 def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> None:

@@ -1,0 +1,164 @@
+"""Processor time until the error of E phi is small in total, bias and standard error together, on one thread.
+
+    python benchmarks/total_error.py [--errors 1e-4 1e-5]
+
+The problem is that of experiments/rigid_body_extrapolated.yaml.  Compared are plain sampling and multilevel differences
+with reversed twins, of the schemes of weak order 2, extrapolated or not.  The bias at each step size is known without
+sampling; variances and times of samples are measured.  A line tells the smallest step for which
+bias^2 + variance / samples = error^2 takes the least time, that time and, if it is less than --longest seconds, how far
+one such run came out from the truth.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble import grid, limited_threads
+from spi.kinds.weak import study as weak
+from spi.kinds.weak.study.kolmogorov import solution
+from spi.kinds.weak.study.levels import Level
+from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
+from spi.records import Part
+from spi.richardson import Extrapolation, weights
+from spi.rng import LANES
+from spi.run import load
+from spi.schemes import weak_exponents
+
+SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_extrapolated.yaml"
+FINEST = 9  #: the smallest step is 2^-FINEST
+PILOT = 512  #: blocks from which variances and times are measured
+BATCH = 4096  #: blocks of a run
+
+SCHEMES = (("splitting_order2", 0), ("splitting_symmetric", 1), ("splitting_order2", 1))
+
+
+class Term(NamedTuple):
+    """One of the independent means of which an estimate is the sum."""
+
+    share: float  #: what it is multiplied by
+    level: Level
+    variance: float  #: of a sample
+    seconds: float  #: of a sample
+
+
+class Estimate(NamedTuple):
+    """How E phi is estimated with one smallest step."""
+
+    exponent: int  #: the smallest step is 2^-exponent
+    bias: float
+    terms: list[Term]
+
+    def seconds(self, error: float) -> float:
+        """For this total error, with the best allocation of samples; infinite if the bias is larger."""
+        root = sum(abs(term.share) * np.sqrt(term.variance * term.seconds) for term in self.terms)
+        return root**2 / (error**2 - self.bias**2) if abs(self.bias) < error else np.inf
+
+    def blocks(self, error: float) -> list[int]:
+        """How many blocks of each term that allocation has."""
+        root = sum(abs(term.share) * np.sqrt(term.variance * term.seconds) for term in self.terms)
+        each = (abs(term.share) * np.sqrt(term.variance / term.seconds) for term in self.terms)
+        return [int(np.ceil(root * one / (error**2 - self.bias**2) / LANES)) for one in each]
+
+
+def plan_of(scheme: str, finest: int) -> Any:
+    """A plan whose levels reach from the step 1 to 2^-finest."""
+    keys = [f"schemes=[{scheme}]", "estimators=[multilevel]", "seconds=1", "extrapolate=0", "expect=null"]
+    case = load(SPEC, overrides=[*keys, "steps=[1]", f"reference_step=2^-{finest}"]).cases[0]
+    return weak.plan(case, Part(scheme, "multilevel"))
+
+
+def samples(p: Any, level: Level, first: int, blocks: int) -> np.ndarray:
+    """What is averaged, of some blocks of a level."""
+    values, _ = values_of_blocks(p, level.grid, level.stream, first, blocks, (first + blocks) * LANES)
+    return np.einsum("p,bpl->bl", level.weights[0], values[:, :, 0]).ravel()
+
+
+def term(p: Any, level: Level, share: float) -> Term:
+    """A term with its variance and time, the shortest of three measurements."""
+    blocks, seconds = max(8, PILOT * 16 // level.steps), []
+    for _ in range(3):
+        began = time.process_time()
+        found = samples(p, level, 0, blocks)
+        seconds.append((time.process_time() - began) / found.size)
+    return Term(share, level, float(found.var()), min(seconds))
+
+
+def plain(p: Any, w: np.ndarray) -> list[tuple[int, list[Term]]]:
+    """For each smallest step the mean of phi at h, 2h, ... on common paths, combined path by path."""
+    found = []
+    for exponent in range(len(w) - 1, FINEST + 1):
+        steps = 2**exponent
+        times = grid(1 / steps, steps, doublings=range(len(w)), by_reference=(0,) * len(w))
+        level = Level(times, p.levels[-1].stream, w[np.newaxis], sum(steps >> i for i in range(len(w))))
+        found.append((exponent, [term(p, level, 1.0)]))
+    return found
+
+
+def multilevel(p: Any, w: np.ndarray) -> list[tuple[int, list[Term]]]:
+    """For each smallest step the mean at the step 1 and the differences between levels, with what is in the weights."""
+    *differences, last = [term(p, level, 1.0) for level in p.levels]
+    found = []
+    for exponent in range(len(w) - 1, FINEST + 1):
+        used = differences[FINEST - exponent :]
+        shares = [-w[: i + 1].sum() for i in range(len(used))]  # of E phi at 2^(i+1) h less that at 2^i h
+        found.append((exponent, [last, *(one._replace(share=s) for one, s in zip(used, shares, strict=True))]))
+    return found
+
+
+def estimates(p: Any, levels: int) -> dict[str, list[Estimate]]:
+    """Of one scheme with so many levels of extrapolation, by both methods."""
+    exponents = weak_exponents(p.row, p.model, levels)
+    steps = [2.0**-k for k in range(FINEST + 1)]
+    bias = Extrapolation.of(steps, exponents).combined(solution(p.case, p.row.composition, steps).weak_error)[0]
+    found = {}
+    for method in (plain, multilevel):
+        each = zip(method(p, weights(exponents)), bias.tolist(), strict=True)
+        found[method.__name__] = [Estimate(exponent, one, terms) for (exponent, terms), one in each]
+    return found
+
+
+def run(p: Any, chosen: Estimate, error: float) -> tuple[float, float]:
+    """(the estimate, its processor seconds) of one run; random numbers after those of the pilot."""
+    began, total = time.process_time(), 0.0
+    for one, blocks in zip(chosen.terms, chosen.blocks(error), strict=True):
+        done, summed = 0, 0.0
+        while done < blocks:
+            now = min(BATCH, blocks - done)
+            summed += samples(p, one.level, PILOT * 16 + done, now).sum()
+            done += now
+        total += one.share * summed / (blocks * LANES)
+    return total, time.process_time() - began
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--errors", type=float, nargs="+", default=[1e-4, 1e-5])
+    parser.add_argument("--longest", type=float, default=10.0, help="seconds of a run")
+    chosen = parser.parse_args()
+    columns = "{:20} {:>12} {:>10} {:>6} {:>5} {:>8} {:>8}  {}"
+    print(columns.format("scheme", "extrapolated", "estimator", "error", "h", "bias", "seconds", "one run"))
+    with limited_threads(1):
+        for scheme, levels in SCHEMES:
+            p = plan_of(scheme, FINEST)
+            compile_kernels(p)
+            limit = float(solution(p.case, p.row.composition, [1.0]).limit[0])
+            for method, found in estimates(p, levels).items():
+                for error in chosen.errors:
+                    best = min(found, key=lambda one, error=error: one.seconds(error))
+                    seconds = best.seconds(error)
+                    told = ""
+                    if seconds <= chosen.longest:
+                        value, spent = run(p, best, error)
+                        told = f"off by {abs(value - limit) / error:.2f} of that error after {spent:.3g} s"
+                    h, bias = f"2^-{best.exponent}", f"{best.bias:.1e}"
+                    print(
+                        columns.format(scheme, levels, method, f"{error:g}", h, bias, f"{seconds:.3g}", told),
+                        flush=True,
+                    )
+
+
+if __name__ == "__main__":
+    main()
