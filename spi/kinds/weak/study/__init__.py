@@ -1,7 +1,8 @@
 """Weak errors E phi(y_h(T)) - E phi(y(T)) of test functions phi, by three estimators that check one another.
 
-``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step; what that reference
-lacks is extrapolated by the scheme's known order.  ``kolmogorov`` does not sample and measures against the law of the
+``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step, ``multilevel`` against
+that of weak order 2 where it takes differences to it; what that reference lacks is extrapolated by the scheme's known
+order.  ``kolmogorov`` does not sample and measures against the law of the
 equation.
 """
 

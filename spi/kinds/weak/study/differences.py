@@ -10,8 +10,8 @@ takes **one** difference at the same h, plus the error of z, which its own level
 reversed twins.  The mean over both sides of z's coins halves the variance, because what a coin decides is as large as
 the Lévy areas of y.  A scheme that tosses coins itself, but has no reversed twin, is averaged over both sides as well.
 
-This needs a scheme that has the same limit as z: z must consist of exact flows, and y must not be one for the
-multiscale system.
+This needs a scheme that has the same limit as z: flows must be exact, and y must not be a scheme for the multiscale
+system, which for eps > 0 has a limit of its own.
 """
 
 from dataclasses import dataclass

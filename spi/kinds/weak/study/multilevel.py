@@ -7,7 +7,8 @@ A scheme that tosses a coin for the order of its flows is symmetric up to this c
 twin**: within each coarse step the twin of the fine path makes all its flows in reversed order (the two increments
 exchanged, the coins turned), the twin of the coarse path turns its coin.  All four are paths of the scheme; in the
 difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a level
-falls from O(h) to O(h^2).
+falls from O(h) to O(h^2).  Schemes without such a twin are compared with one that has it where that is possible, see
+differences.py.
 
 An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
