@@ -21,6 +21,9 @@ GROUPS = 64
 PARTS = 8
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0
+_EXACT = 0.01  # errors are no powers of h to better than this, so that a more exact one has no more weight in a fit
+_SMALL = 1e-5  # relative, of what selection adds to a value
+_ITERATIONS = 20  # each moves a point at RESOLVED by about 0.7 of what the one before did, others by less
 
 
 def group_counts(samples: int) -> Array:
@@ -84,7 +87,15 @@ def samples_needed(value: Array, stderr: Array, samples: int) -> Array:
         return samples * (RESOLVED * stderr / value) ** 2
 
 
-def fit_order(h: Array, value: Array, without: Array, counts: Array, use: Array, reference_step: float = 0.0) -> Order:
+def fit_order(
+    h: Array,
+    value: Array,
+    without: Array,
+    counts: Array,
+    use: Array,
+    reference_step: float = 0.0,
+    stderr: Array | None = None,
+) -> Order:
     """Order p of value = C h^p, by least squares in logarithms through the points `use`, with its 95 % interval.
 
     The values are distances from a reference of the same scheme at step h_ref and lack the reference's own error, which
@@ -95,31 +106,40 @@ def fit_order(h: Array, value: Array, without: Array, counts: Array, use: Array,
 
     The interval is, besides, the wider of two of Student's: from the jackknife, for the sampling, and from the scatter
     of the points about the line, for what is no power of h.  As long as the points bend by more than sampling can
-    explain (at 95 %), the largest step is not yet asymptotic and is left out, down to four points.  `value` has shape
-    (steps,), `without` (groups, steps).
+    explain (at 95 %), the largest step is not yet asymptotic and is left out, down to four points.  A bend that
+    sampling hides is not allowed for.  `value` has shape (steps,), `without` (groups, steps).
+
+    With `stderr` (steps,), of values whose standard errors differ and of which `use` has those that are resolved, the
+    points have weights, and what selection adds to them is taken away, see :func:`_selected`; a bend counts at 99 %.
     """
     from scipy.special import stdtrit  # not needed to start the program
 
     use = np.flatnonzero(use)
-    student = stdtrit(np.count_nonzero(counts) - 1, 0.975)
+    groups = np.count_nonzero(counts) - 1
+    student, clear = stdtrit(groups, 0.975), stdtrit(groups, 0.975 if stderr is None else 0.995)
+
+    def fitted(degree: int, steps: Array) -> _Fit:
+        return _fit(degree, steps, value[use], without[:, use], counts, None if stderr is None else stderr[use])
+
     while len(use) > 4:
-        bend, stderr = _coefficient(2, h[use] - reference_step, value[use], without[:, use], counts)
-        if not abs(bend) > stderr * student + 1e-9:  # false for NaN
+        bend = fitted(2, h[use] - reference_step)
+        if not abs(bend.coefficient) > bend.stderr * clear + 1e-9:  # false for NaN
             break
         use = np.delete(use, np.argmax(h[use]))
     n = len(use)
     if n < 3:
         return Order(np.nan, np.nan, np.nan, n)
-    plain, stderr = _coefficient(1, h[use], value[use], without[:, use], counts)
+    line = fitted(1, h[use])
     r = reference_step / h[use]
-    low = high = plain
+    low = high = line.coefficient
     for _ in range(20):  # contractions by a factor of about 0.02
-        low = plain - _slope(h[use], np.log(1.0 - r) * max(low, 0.0))
-        high = plain - _slope(h[use], 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01))))
+        low = line.coefficient - _slope(h[use], np.log(1.0 - r) * max(low, 0.0))
+        high = line.coefficient - _slope(h[use], 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01))))
     order = 0.5 * (low + high)
-    x, y = _centred(np.log(h[use])), _centred(np.log(value[use]) - 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01))))
-    scatter = np.sqrt(((y - high * x) ** 2).sum() / (n - 2) / (x @ x))
-    half = float(np.maximum(stderr * student, scatter * stdtrit(n - 2, 0.975)) + 0.5 * abs(high - low))
+    y = line.logarithms - 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01)))
+    x, y = _centred(np.log(h[use]), line.weights), _centred(y, line.weights)
+    scatter = np.sqrt((line.weights * (y - high * x) ** 2).sum() / (n - 2) / (line.weights * x @ x))
+    half = float(np.maximum(line.stderr * student, scatter * stdtrit(n - 2, 0.975)) + 0.5 * abs(high - low))
     return Order(order, order - half, order + half, n)
 
 
@@ -146,21 +166,58 @@ def largest_over(h: Array, errors: Array, withouts: Array) -> Largest:
     counts = np.full(len(without), PARTS)
     stderr = jackknife_stderr(value, without, counts)
     resolved = is_resolved(value, stderr)
-    return Largest(which, value, stderr, resolved, fit_order(h, value, without, counts, resolved))
+    return Largest(which, value, stderr, resolved, fit_order(h, value, without, counts, resolved, stderr=stderr))
 
 
-def _centred(x: Array) -> Array:
-    return x - x.mean()
+def _centred(x: Array, weights: Array) -> Array:
+    return x - (weights * x).sum() / weights.sum()
 
 
 def _slope(h: Array, y: Array) -> float:
-    x = _centred(np.log(h))
+    x = _centred(np.log(h), np.ones(len(h)))
     return float(y @ x / (x @ x))
 
 
-def _coefficient(degree: int, h: Array, value: Array, without: Array, counts: Array) -> tuple[float, float]:
-    """Leading coefficient of the polynomial in ln(h) that fits ln(value), and its jackknife standard error."""
-    weights = np.linalg.pinv(np.vander(_centred(np.log(h)), degree + 1))[0]
-    coefficient = float(np.log(value) @ weights)
+class _Fit(NamedTuple):
+    """A polynomial in ln(h) through the logarithms of values."""
+
+    coefficient: float  #: the leading one
+    stderr: float  #: its jackknife standard error
+    logarithms: Array  #: of the values, without what selection adds to them
+    weights: Array  #: of the points
+
+
+def _fit(degree: int, h: Array, value: Array, without: Array, counts: Array, stderr: Array | None) -> _Fit:
+    """The least squares fit to the points, all of one weight where nothing is known of their standard errors."""
+    weights = np.ones(len(h)) if stderr is None else 1.0 / (_EXACT**2 + (stderr / value) ** 2)
+    x = _centred(np.log(h), np.ones(len(h)))
+    powers, root = np.vander(x, degree + 1), np.sqrt(weights)
+    solve = np.linalg.pinv(powers * root[:, np.newaxis]) * root
+    found = np.log(value)
+    logarithms = found if stderr is None else _selected(found, stderr, powers @ solve)
+    coefficient = float(logarithms @ solve[0])
     with np.errstate(divide="ignore", invalid="ignore"):
-        return coefficient, float(jackknife_stderr(coefficient, np.log(without) @ weights, counts))
+        left_out = (np.log(without) - found + logarithms) @ solve[0]
+        return _Fit(coefficient, float(jackknife_stderr(coefficient, left_out, counts)), logarithms, weights)
+
+
+def _selected(logarithms: Array, stderr: Array, smooth: Array) -> Array:
+    """The logarithms of values without what it adds to their means that each was found resolved, and that they are
+    logarithms.
+
+    A normal value of mean m and standard error 1 that is known to exceed c = RESOLVED has the mean m + phi(c - m) /
+    Phi(m - c), and its logarithm the mean ln(m) - 1 / (2 m^2) to second order.  m is that of the fit: `smooth`, a
+    matrix, has the fitted logarithms from all of them.
+    """
+    from scipy.special import log_ndtr
+
+    known = logarithms
+    for _ in range(_ITERATIONS):
+        with np.errstate(over="ignore", divide="ignore"):
+            mean = np.exp(smooth @ known) / stderr
+            beyond = RESOLVED - mean
+            added = np.exp(-0.5 * beyond**2 - log_ndtr(-beyond)) / np.sqrt(2.0 * np.pi)
+            before, known = known, logarithms - np.log1p(added / mean) + 0.5 / mean**2
+        if np.abs(known - before).max() < _SMALL:
+            break
+    return known

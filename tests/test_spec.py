@@ -671,7 +671,7 @@ def test_bad_expression_elsewhere(spec):
         (
             "[splitting]\n",
             "[splitting]\nreference_scheme: splitting\n",
-            "12: estimators: has 'multilevel', which compares each scheme with itself, and reference_scheme is set; "
+            "12: estimators: has 'multilevel', which has references of its own, and reference_scheme is set; "
             "use plain or leave out reference_scheme",
         ),
     ],

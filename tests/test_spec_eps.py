@@ -224,7 +224,7 @@ def test_the_panel_eps_needs_several(error):
 def test_multilevel_has_no_reference_scheme(error, estimators):
     budget = ("samples", "seconds: 1\nsamples")
     assert error(WEAK + "reference_scheme: ap_splitting\n", "[plain]", f"[{estimators}]", *budget) == (
-        "10: estimators: has 'multilevel', which compares each scheme with itself, and reference_scheme is set; "
+        "10: estimators: has 'multilevel', which has references of its own, and reference_scheme is set; "
         "use plain or leave out reference_scheme"
     )
 

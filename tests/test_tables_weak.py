@@ -7,7 +7,7 @@ import math
 
 import pytest
 from helpers import printed
-from weak_results import LIMIT, H, weak, weak_group
+from weak_results import LIMIT, H, by_differences, weak, weak_group
 
 from spi import views
 from spi.kinds.weak.table import COLUMNS
@@ -190,3 +190,23 @@ def test_long_labels_with_eps(results):
     results.groups[0].attributes.update(scheme_label="semi-implicit Euler-Maruyama", eps=0.001)
     lines = [line.split("  ")[0].rstrip() for line in printed(results).splitlines()]
     assert lines[lines.index("eps = 0.001") + 1] == "plain"
+
+
+def test_differences():
+    group = by_differences()
+    text = printed(weak(group))
+    lines = text.splitlines()
+    assert lines.count("    differences to splitting_order2: variance h^1.00 [0.90, 1.10]") == 2
+    levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with reversed twins"
+    assert text.count(levels) == 2
+    assert "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2); corrected" in text
+    for function in ("phi", "square"):
+        name = f"splitting, multilevel, {function}"
+        assert f"{name}: differences to splitting_order2" in text and f"{name} of splitting_order2: levels" in text
+    group.variables["difference_kurtosis"][1][0, 2] = 150.0
+    group.variables["difference_consistency"][1][1, 0] = 1.5
+    group.variables["difference_nonfinite"][1][1] = 7
+    text = printed(weak(group))
+    assert text.count("kurtosis 150 at 2^-5: the variance estimate is poor") == 1
+    assert text.count("consistency 1.50 at 2^-3: the expectation is not that of its levels") == 1
+    assert any(line.split()[:1] == ["2^-4"] and line.split()[-1] == "7" for line in text.splitlines())

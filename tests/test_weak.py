@@ -13,6 +13,7 @@ from weak_cases import (
     after_blocks,
     case_of,
     extended,
+    levels_plan_of,
     plan_of,
     results_of,
     values_by_hand,
@@ -40,9 +41,9 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
     steps = ["steps=2^-2 .. 2^-5", "reference_step=2^-7"] if COMPILED else ["steps=[2^-1]", "reference_step=2^-2"]
     case = case_of("model.sigma=[0, 0, 0]", *steps, "seconds=0.01", "samples=100")
     if COMPILED:
-        levels, _ = results_of(case, scheme, "multilevel")
+        levels, _ = results_of(case, scheme, "multilevel", levels_plan_of)
     else:
-        p = plan_of(case, scheme, "multilevel")
+        p = levels_plan_of(case, scheme)
         levels = p.group(after_blocks(p, ROUND)).arrays
     in_plain, _ = results_of(case, scheme, "plain")
     assert levels["level_variance"].max() < 1e-17
@@ -111,7 +112,7 @@ def test_plain_reports_a_reference_that_blows_up():
 @pytest.mark.filterwarnings("error")
 def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     case = case_of(*BLOW_UP, "seconds=0.5")
-    found, _ = results_of(case, "euler_maruyama", "multilevel")
+    found, _ = results_of(case, "euler_maruyama", "multilevel", levels_plan_of)
     lost = found["level_nonfinite"]
     assert 0 < lost[-1] < found["level_samples"][-1]
     assert lost[0] == 0
@@ -120,6 +121,11 @@ def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     assert np.isfinite(found["error"][:, 1:]).all() and np.isfinite(found["error_stderr"][:, 1:]).all()
     assert found["level_samples"][-1] == 2 * ROUND * LANES
     assert found["level_samples"][:-1].max() > 2 * ROUND * LANES
+    found, _ = results_of(case, "euler_maruyama", "multilevel")  # by differences, each of which stands alone
+    lost = found["difference_nonfinite"]
+    assert 0 < lost[0] < found["difference_samples"][0] and not lost[1:].any()
+    assert not np.isfinite(found["error"][:, 0]).any() and np.isfinite(found["error"][:, 1:]).all()
+    assert found["difference_samples"][0] == 2 * ROUND * LANES < found["difference_samples"][1:].max()
 
 
 # --- through the one path from a spec to a file ----------------------------------------------------------------------

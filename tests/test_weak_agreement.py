@@ -6,7 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import COMPILED
-from weak_cases import FUNCTIONS, SPLITTINGS, SYSTEMS, after_blocks, case_of, extended, has_order, plan_of, results_of
+from weak_cases import (
+    FUNCTIONS,
+    SPLITTINGS,
+    SYSTEMS,
+    after_blocks,
+    case_of,
+    extended,
+    has_order,
+    levels_plan_of,
+    results_of,
+)
 
 from spi.ensemble import AS_TOSSED, COINS_TURNED
 from spi.kolmogorov import expectations
@@ -35,7 +45,7 @@ RATES = {
 
 def variance_rates(system, scheme, reversals=None):
     """The rate for each function and its interval from the study, and from the four finest levels by hand."""
-    p = plan_of(case_of(*RATES[system], system=system.removesuffix("_weak_noise")), scheme, "multilevel")
+    p = levels_plan_of(case_of(*RATES[system], system=system.removesuffix("_weak_noise")), scheme)
     if reversals is not None:
         differences = [level._replace(grid=level.grid._replace(reversals=np.array(reversals))) for level in p.levels]
         p = replace(p, levels=(*differences[:-1], p.levels[-1]))
@@ -100,7 +110,7 @@ def test_the_three_estimators_agree(system, scheme):
     """Differences to the reference, differences between levels, expectations; and for no other scheme."""
     case = case_of(*COARSE, "samples=131072", "seconds=0.3", system=system)
     in_plain, _ = results_of(case, scheme, "plain")
-    levels, _ = results_of(case, scheme, "multilevel")
+    levels, _ = results_of(case, scheme, "multilevel", levels_plan_of)
     factor = np.array([extended(case, scheme, h) for h in case.steps])
     level_stderr = np.sqrt(levels["level_variance"] / levels["level_samples"])
 
@@ -129,6 +139,29 @@ def test_the_three_estimators_agree(system, scheme):
     lacking = np.abs(value[:, -1] - limit)
     off = np.abs(levels["error"][:, -1] - (value[:, -2] - limit))
     assert np.all(off < 4 * np.hypot(levels["error_stderr"][:, -1], 1e-4) + 0.5 * lacking)
+
+
+@compiled_only
+@pytest.mark.parametrize("scheme", ["splitting", "splitting_drift_first"])
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_errors_by_differences_agree_with_those_without_sampling(system, scheme):
+    """At all steps together, too; and neither for another scheme, nor without the error of the scheme of order 2."""
+    case = case_of(*COARSE, "seconds=0.3", system=system)
+    found, attributes = results_of(case, scheme, "multilevel")
+    assert attributes["compared_with"] == "splitting_order2"
+
+    def distances(errors, scheme):
+        value, bound, limit = exact(system, scheme)
+        return (errors - (value[:, :-1] - limit[:, np.newaxis])) / np.hypot(found["error_stderr"], bound[:, :-1])
+
+    right = distances(found["error"], scheme)
+    assert np.abs(right).max() < 4
+    assert np.all((right**2).sum(axis=1) < 22)  # chi squared of three: above with probability 7e-5
+    for other in SPLITTINGS:
+        assert other == scheme or np.abs(distances(found["error"], other)).max() > 10
+    assert np.abs(distances(found["difference_mean"], scheme)).max() > 6
+    value, bound, _ = exact(system, scheme)
+    assert deviations(found["expectation"], found["expectation_stderr"], value[:, :-1], bound[:, :-1]) < 4
 
 
 # --- orders ----------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from weak_results import LIMIT, TEXTS, H, at_eps, weak, weak_group
+from weak_results import LIMIT, TEXTS, H, at_eps, by_differences, weak, weak_group
 
 from spi import storage, views
 from spi.estimators import GROUPS
@@ -47,7 +47,15 @@ def test_stages_and_levels(three):
     levels = multilevel.levels
     assert levels.mean.shape == levels.consistency.shape == (2, 7) and levels.seconds.shape == (7,)
     np.testing.assert_allclose(levels.variance_rate, [[2.0, 1.9, 2.1]] * 2)
-    assert not levels.twins and levels.cost_rate == 0.95
+    assert not levels.twins and levels.cost_rate == 0.95 and multilevel.differences is None
+
+
+def test_differences():
+    reading = read(by_differences())
+    found = reading.differences
+    assert found.scheme == "splitting_order2" and reading.levels.twins
+    assert found.mean.shape == found.consistency.shape == (2, len(H)) and found.seconds.shape == (len(H),)
+    np.testing.assert_allclose(found.variance_rate, [[1.0, 0.9, 1.1]] * 2)
 
 
 @pytest.mark.parametrize(("eps", "limit"), [(None, False), (0.0, False), (0.03, True), (0.04, False), (1e-9, True)])

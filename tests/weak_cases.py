@@ -35,7 +35,12 @@ def plan_of(case, scheme, estimator):
     return weak.plan(case, Part(scheme, estimator))
 
 
-def results_of(case, scheme, estimator):
+def levels_plan_of(case, scheme, estimator="multilevel"):
+    """Multilevel by sums of the scheme's own levels, also where there are differences to the scheme of order 2."""
+    return multilevel.MultilevelPlan.of(case, Part(scheme, estimator))
+
+
+def results_of(case, scheme, estimator, plan_of=plan_of):
     """(variables by name, attributes) of a whole study."""
     p = plan_of(case, scheme, estimator)
     group = p.group(finished(p))

@@ -103,6 +103,24 @@ def weak_group(scheme, estimator, case="main", stderr=1e-4, functions=2, prefixe
     return Group(case, scheme, coordinates, variables, attributes, estimator)
 
 
+def by_differences(scheme="splitting", functions=2, **attributes):
+    """The errors of a scheme found by differences to the scheme of weak order 2, of which the levels are."""
+    group = weak_group(scheme, "multilevel", functions=functions, compared_with="splitting_order2", **attributes)
+    shape = (functions, len(H))
+    group.variables.update(
+        difference_mean=(PER_POINT, group.variables["error"][1] / 2),
+        difference_variance=(PER_POINT, np.full(shape, 2.5) * H),
+        difference_kurtosis=(PER_POINT, np.full(shape, 6.0)),
+        difference_consistency=(PER_POINT, np.full(shape, 0.5)),
+        difference_samples=(("h",), 10 ** np.arange(6)),
+        difference_nonfinite=(("h",), np.zeros(6, np.int64)),
+        difference_seconds=(("h",), 3e-8 / H),
+    )
+    for end, value in (("", 1.0), ("_low", 0.9), ("_high", 1.1)):
+        group.variables[f"difference_variance_rate{end}"] = (PER_FUNCTION, np.full(functions, value))
+    return group
+
+
 def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):
     """Errors of a scheme for the multiscale system, those of "splitting" times a factor; NaN explodes."""
     group = weak_group("splitting", "multilevel", functions=functions, eps=eps, **attributes)

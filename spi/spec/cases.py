@@ -311,7 +311,7 @@ class SampledCase(FunctionsCase):
     def _check_multilevel(self) -> None:
         self._need("multilevel", "standard_error", "seconds")
         if self.reference_scheme:
-            what = "has 'multilevel', which compares each scheme with itself, and reference_scheme is set"
+            what = "has 'multilevel', which has references of its own, and reference_scheme is set"
             raise wrong(what, "use plain or leave out reference_scheme", "estimators")
         if can_solve(self.model) and not self.truncate_noise:
             self._check_demands("multilevel", multiscale=True)

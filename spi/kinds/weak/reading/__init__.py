@@ -63,6 +63,20 @@ class Levels(NamedTuple):
     twins: bool  #: whether each path has a reversed twin
 
 
+class Differences(NamedTuple):
+    """The differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
+
+    scheme: str  #: the name of that scheme
+    mean: np.ndarray  #: (F, S)
+    variance: np.ndarray  #: (F, S)
+    kurtosis: np.ndarray  #: (F, S)
+    consistency: np.ndarray  #: (F, S) of its expectations with those of its levels, above 1 with probability 0.3 %
+    samples: np.ndarray  #: (S,)
+    nonfinite: np.ndarray  #: (S,) samples that left the finite numbers
+    seconds: np.ndarray  #: (S,) of processor time per sample
+    variance_rate: np.ndarray  #: (F, 3) p in variance = C h^p, and its 95 % interval
+
+
 class WeakErrors(NamedTuple):
     """Weak errors of one scheme by one estimator, of F test functions phi at S step sizes, from large to small."""
 
@@ -84,7 +98,8 @@ class WeakErrors(NamedTuple):
     sampled: Sampled | None
     unsampled: Unsampled | None
     stages: Stages | None
-    levels: Levels | None  #: None but for multilevel
+    levels: Levels | None  #: None but for multilevel; of the scheme of weak order 2 where there are differences to it
+    differences: Differences | None  #: None where errors are sums of the scheme's own levels
     nonfinite: np.ndarray | None  #: (S,) paths that left the finite numbers; None but for plain
     reference_nonfinite: int  #: the same of the reference
 
@@ -124,6 +139,7 @@ def read(group: Group) -> WeakErrors:
         unsampled=_unsampled(v, a) if "error_bound" in v else None,
         stages=_stages(group),
         levels=_levels(group) if "level_mean" in v else None,
+        differences=_differences(group) if "difference_mean" in v else None,
         nonfinite=v.get("nonfinite"),
         reference_nonfinite=a.get("reference_nonfinite", 0),
     )
@@ -173,9 +189,20 @@ def _levels(group: Group) -> Levels:
         mean_rate=_rate(v, "level_mean_rate"),
         variance_rate=_rate(v, "level_variance_rate"),
         cost_rate=a["level_cost_rate"],
-        twins=a["twins"],
+        twins=a["twins"] or bool(a.get("compared_with")),  # the scheme of weak order 2 has them
     )
 
 
+def _differences(group: Group) -> Differences:
+    v = group.arrays
+    names = ("mean", "variance", "kurtosis", "consistency", "samples", "nonfinite", "seconds")
+    found = {name: v[f"difference_{name}"] for name in names}
+    return Differences(group.attributes["compared_with"], **found, variance_rate=_rates(v, "difference_variance_rate"))
+
+
 def _rate(v: dict[str, np.ndarray], name: str) -> np.ndarray | None:
-    return np.column_stack([v[f"{name}{end}"] for end in ("", "_low", "_high")]) if name in v else None
+    return _rates(v, name) if name in v else None
+
+
+def _rates(v: dict[str, np.ndarray], name: str) -> np.ndarray:
+    return np.column_stack([v[f"{name}{end}"] for end in ("", "_low", "_high")])

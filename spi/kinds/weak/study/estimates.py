@@ -39,7 +39,7 @@ class Moments(NamedTuple):
 
 def errors(p: "MultilevelPlan", levels: "Levels") -> Errors:
     """The errors that the levels tell."""
-    mean, without = _averages(p, levels)
+    mean, without = averages(p, levels)
     error = errors_at_steps(p, mean[:-1])
     return Errors(error * extension(p), errors_at_steps(p, without[:, :-1]) * extension(p), _EQUAL)
 
@@ -47,14 +47,14 @@ def errors(p: "MultilevelPlan", levels: "Levels") -> Errors:
 def moments(p: "MultilevelPlan", levels: "Levels") -> Moments:
     """The moments that the levels tell."""
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        powers = _powers(p, levels)
+        powers = means_of_powers(p, levels)
         m1, m2, m3, m4 = powers[DIFFERENCE]
         variance = np.maximum(m2 - m1 * m1, 0.0)
         kurtosis = (m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2
         if p.control:
             covariance = powers[PRODUCT][0] - m1 * powers[CONTROL][0]
             variance = np.maximum(variance - _beta(p, levels) * covariance, 0.0)
-        return Moments(_averages(p, levels)[0], variance, kurtosis)
+        return Moments(averages(p, levels)[0], variance, kurtosis)
 
 
 def consistency(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
@@ -62,9 +62,9 @@ def consistency(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
 
     d is the mean difference of a level, b the mean at its fine step, a that at its coarse step from the level above.
     """
-    n, found = _samples(levels).reshape(-1, 1), moments(p, levels)
+    n, found = samples_of(levels).reshape(-1, 1), moments(p, levels)
     with np.errstate(invalid="ignore", divide="ignore"):
-        fine, square = _powers(p, levels)[VALUE][:2]
+        fine, square = means_of_powers(p, levels)[VALUE][:2]
         sd, sd_fine = np.sqrt(found.variance / n), np.sqrt(np.maximum(square - fine**2, 0.0) / n)
         off = fine[1:] - fine[:-1] - found.mean[:-1]
         return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + sd[:-1]))
@@ -72,7 +72,7 @@ def consistency(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
 
 def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
     """The results of one scheme of a case, from its levels; `seconds` is the wall-clock time spent."""
-    per_sample = levels.cpu_seconds / _samples(levels)
+    per_sample = levels.cpu_seconds / samples_of(levels)
     steps = sum(level.steps * int(n) * LANES for level, n in zip(p.levels, levels.blocks, strict=True))
     found = errors(p, levels)
     allocations = np.arange(1, len(levels.more.history_cpu_seconds) + 1)
@@ -89,6 +89,7 @@ def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
         "cpu_seconds": float(levels.cpu_seconds.sum()),
         "wall_seconds": seconds,
         "ns_per_step": 1e9 * float(levels.cpu_seconds.sum() / steps),
+        "compared_with": "",
         "twins": has_reversed_twin(p.scheme),
         "control": "the limit without sampling" if p.control else "",
         "control_bound": levels.more.control_bound,
@@ -101,7 +102,7 @@ def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> V
     """E phi at all steps: at the largest one from the last level, at the others by the differences between levels."""
     h, found = np.array(p.case.steps), moments(p, levels)
     stderr, coarse = _stderr(levels, found), _coarse(p)
-    fine, square = _powers(p, levels)[VALUE][:2, -1]
+    fine, square = means_of_powers(p, levels)[VALUE][:2, -1]
     differences, largest = error / extension(p), error[:, :1] / extension(p)[:1]
     above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
     spread = np.array([np.sqrt(stderr[-1] ** 2 + (stderr[:-1][used] ** 2).sum(axis=0)) for used in above]).T
@@ -120,22 +121,26 @@ def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> V
 def _of_levels(p: "MultilevelPlan", levels: "Levels", per_sample: np.ndarray) -> Variables:
     """Giles' table of the levels that are differences, and how fast means and variances fall."""
     axes, coarse, found, functions = ("function", "level"), _coarse(p), moments(p, levels), len(p.case.functions)
-    (mean, without), stderr = _averages(p, levels), _stderr(levels, found)
+    (mean, without), stderr = averages(p, levels), _stderr(levels, found)
     mean, without = mean[:-1], without[:, :-1]
     clear = np.abs(mean) > _CLEAR * stderr[:-1]
     means = [
         fit_order(coarse, np.abs(mean[:, f]), np.abs(without[..., f]), _EQUAL, clear[:, f]) for f in range(functions)
+    ]
+    beta = _beta(p, levels)
+    variances = [
+        variance_rate(coarse, levels.sums[:-1, :, :, f], levels.blocks[:-1], beta[:-1, f]) for f in range(functions)
     ]
     return {
         "level_mean": (axes, mean.T),
         "level_variance": (axes, found.variance[:-1].T),
         "level_kurtosis": (axes, found.kurtosis[:-1].T),
         "level_consistency": (axes, consistency(p, levels).T),
-        "level_samples": (("level",), _samples(levels)[:-1]),
+        "level_samples": (("level",), samples_of(levels)[:-1]),
         "level_nonfinite": (("level",), levels.nonfinite[:-1]),
         "level_seconds": (("level",), per_sample[:-1]),
         **order_variables(means, "level_mean_rate"),
-        **order_variables([_variance_rate(p, levels, f) for f in range(functions)], "level_variance_rate"),
+        **order_variables(variances, "level_variance_rate"),
     }
 
 
@@ -144,21 +149,21 @@ def _coarse(p: "MultilevelPlan") -> np.ndarray:
     return p.case.reference_step * 2.0 ** np.arange(1, len(p.levels))
 
 
-def _samples(levels: "Levels") -> np.ndarray:
+def samples_of(levels: "Levels") -> np.ndarray:
     """(levels,) samples done."""
     return levels.blocks * LANES
 
 
 def _stderr(levels: "Levels", found: Moments) -> np.ndarray:
     """(levels, F) standard errors of the means of the levels."""
-    return np.sqrt(found.variance / _samples(levels).reshape(-1, 1))
+    return np.sqrt(found.variance / samples_of(levels).reshape(-1, 1))
 
 
 def _counts(blocks: int) -> np.ndarray:
     return group_counts(int(blocks) * LANES)
 
 
-def _averages(p: "MultilevelPlan", levels: "Levels") -> tuple[np.ndarray, np.ndarray]:
+def averages(p: "MultilevelPlan", levels: "Levels") -> tuple[np.ndarray, np.ndarray]:
     """Mean (levels, F) of the difference, or the value, of each level, and leave-one-out values (groups, levels, F)."""
     beta, mean, without = _beta(p, levels), [], []
     for j, (sums, blocks) in enumerate(zip(levels.sums, levels.blocks, strict=True)):
@@ -172,9 +177,9 @@ def _averages(p: "MultilevelPlan", levels: "Levels") -> tuple[np.ndarray, np.nda
     return np.array(mean), np.stack(without, axis=1)
 
 
-def _powers(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
+def means_of_powers(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
     """Means of the powers of each quantity, (quantities, powers, levels, F)."""
-    totals = levels.sums.sum(axis=-1) / _samples(levels).reshape(-1, 1, 1, 1)
+    totals = levels.sums.sum(axis=-1) / samples_of(levels).reshape(-1, 1, 1, 1)
     return totals.transpose(2, 1, 0, 3)
 
 
@@ -182,20 +187,20 @@ def _beta(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
     """cov(Y, Y_0) / var(Y_0), (levels, F); 0 without control."""
     if not p.control:
         return np.zeros((len(p.levels), len(p.case.functions)))
-    y, y0, product = (_powers(p, levels)[quantity] for quantity in (DIFFERENCE, CONTROL, PRODUCT))
+    y, y0, product = (means_of_powers(p, levels)[quantity] for quantity in (DIFFERENCE, CONTROL, PRODUCT))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num((product[0] - y[0] * y0[0]) / (y0[1] - y0[0] ** 2))
 
 
-def _variance_rate(p: "MultilevelPlan", levels: "Levels", f: int) -> Order:
-    """beta in V_l = O(h^beta), with its interval."""
-    beta, values, leave_out = _beta(p, levels)[:, f], [], []
-    for j, (sums, blocks) in enumerate(zip(levels.sums[:-1], levels.blocks[:-1], strict=True)):
-        m, without = mean_over_paths(sums[:2, :, f], _counts(blocks))
-        values.append(_variance(m, beta[j]))
-        leave_out.append(_variance(np.moveaxis(without, 0, -1), beta[j]))
+def variance_rate(h: np.ndarray, sums: np.ndarray, blocks: np.ndarray, beta: np.ndarray) -> Order:
+    """The rate p in V = O(h^p), with its interval, from the sums (n, powers, quantities, GROUPS) of n levels."""
+    values, leave_out = [], []
+    for of_level, n, factor in zip(sums, blocks, beta, strict=True):
+        m, without = mean_over_paths(of_level[:2], _counts(n))
+        values.append(_variance(m, factor))
+        leave_out.append(_variance(np.moveaxis(without, 0, -1), factor))
     value, without = np.array(values), np.array(leave_out).T
-    return fit_order(_coarse(p), value, without, _EQUAL, value > 0)
+    return fit_order(h, value, without, _EQUAL, value > 0)
 
 
 def _variance(m: np.ndarray, beta: np.ndarray) -> np.ndarray:

@@ -49,7 +49,10 @@ def error_variables(h: np.ndarray, error: np.ndarray, without: np.ndarray, count
     """The variables that estimators which sample share, of errors (F, S); `without` is (groups, F, S)."""
     stderr = jackknife_stderr(error, without, counts)
     resolved = is_resolved(np.abs(error), stderr)
-    orders = [fit_order(h, np.abs(error[f]), np.abs(without[:, f]), counts, resolved[f]) for f in range(len(error))]
+    orders = [
+        fit_order(h, np.abs(error[f]), np.abs(without[:, f]), counts, resolved[f], stderr=stderr[f])
+        for f in range(len(error))
+    ]
     return {
         "error": (PER_POINT, error),
         "error_stderr": (PER_POINT, stderr),

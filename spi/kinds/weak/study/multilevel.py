@@ -7,7 +7,8 @@ A scheme that tosses a coin for the order of its flows is symmetric up to this c
 twin**: within each coarse step the twin of the fine path makes all its flows in reversed order (the two increments
 exchanged, the coins turned), the twin of the coarse path turns its coin.  All four are paths of the scheme; in the
 difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a level
-falls from O(h) to O(h^2).
+falls from O(h) to O(h^2).  Schemes without such a twin are compared with one that has it where that is possible, see
+differences.py.
 
 An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
@@ -36,7 +37,7 @@ from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_reversed_twin
 from spi.tallies import Chunk, PathSet, chunk_blocks
 
-from .estimates import errors, group, moments
+from .estimates import Errors, errors, group, moments
 from .extrapolated import shares
 from .groups import result_steps
 from .kolmogorov import solution
@@ -162,7 +163,7 @@ class MultilevelPlan(Blockwise, PartPlan):
 
     def most_blocks(self, number: int) -> int:
         """How many blocks of a level a batch may have, because of memory."""
-        paths = len(self.levels[number].grid.doublings)
+        paths = self.levels[number].weights.shape[1]
         return max(1, int(_BATCH_BYTES / (8 * LANES * paths * (len(self.initial) + 4 * len(self.case.functions)))))
 
     def advance(self, chunks: Sequence[Chunk], known: Totals | None) -> Iterator[list[tuple[Chunk, Totals]]]:
@@ -208,7 +209,26 @@ class MultilevelPlan(Blockwise, PartPlan):
         done, total = (float(blocks @ self.seconds_per_block) for blocks in (levels.blocks, state.more.targets))
         if levels.blocks.min() < ROUND:
             return Done(done, total, float("nan"))
-        return Done(done, total, float(jackknife_stderr(*errors(self, levels))[0, 0]))
+        return Done(done, total, float(jackknife_stderr(*self.errors(levels))[0, 0]))
+
+    @property
+    def base(self) -> int:
+        """The number of the level that has the largest step alone."""
+        return len(self.levels) - 1
+
+    def least_work(self, variance: np.ndarray, cost: np.ndarray) -> tuple[float, np.ndarray]:
+        """R, and n (levels,), of levels with such a variance and cost of a sample.
+
+        The least work by which all errors have the variance s^2 is R^2 / s^2, and takes (work / R) n samples of each
+        level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
+        square of what of the level is in the error at the largest step.
+        """
+        variance = variance * np.append(shares(self)[0] ** 2, 1.0)
+        return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
+
+    def errors(self, levels: Levels) -> Errors:
+        """The errors that the levels tell."""
+        return errors(self, levels)
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
@@ -250,30 +270,28 @@ def _with_known(p: MultilevelPlan, control: tuple, more: Decisions) -> Decisions
 
 
 def allocation(p: MultilevelPlan, levels: Levels, share: float) -> np.ndarray:
-    """Blocks of each level, a multiple of ROUND: N_l proportional to (V_l / C_l)^(1/2), least work for the variance.
+    """Blocks of each level, a multiple of ROUND, as :meth:`MultilevelPlan.least_work` shares out the work.
 
-    As many as `share` of the budget allows, or `share` of what the target asks for, if that is less.  V_l is the
-    largest over the test functions, times the square of what of the level is in the error at the largest step; a level
-    whose values are not finite gets no more.
+    As many as `share` of the budget allows, or `share` of what the target asks for, if that is less.  The variance is
+    the largest over the test functions; a level whose values are not finite gets no more.
     """
     with np.errstate(invalid="ignore"):
         variance = np.nan_to_num(moments(p, levels).variance.max(axis=1), nan=0.0, posinf=0.0)
-    variance[:-1] *= shares(p)[0] ** 2
     cost = p.seconds_per_block / LANES
-    root = np.sqrt(variance * cost)[:-1]
+    root, per_root = p.least_work(variance, cost)
     samples = np.zeros(len(p.levels))
-    if root.sum() > 0 and noise_indices(p.model):  # without noise one path is all, whatever rounding says
+    if root > 0 and noise_indices(p.model):  # without noise one path is all, whatever rounding says
         budget, target = p.case.seconds or np.inf, p.case.standard_error
-        work = share * min(budget * (1.0 - _BASE_SHARE), root.sum() ** 2 / target**2 if target else np.inf)
-        samples[:-1] = work / root.sum() * np.sqrt(variance[:-1] / cost[:-1])
-        samples[-1] = work * _BASE_SHARE / cost[-1]
+        work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / target**2 if target else np.inf)
+        samples = work / root * per_root
+        samples[p.base] = work * _BASE_SHARE / cost[p.base]
     return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
 
 
 def _with_history(p: MultilevelPlan, levels: Levels) -> Decisions:
     """The decisions with the errors of the allocation that has been fulfilled."""
     more = levels.more
-    found, i = errors(p, levels), more.allocations - 1
+    found, i = p.errors(levels), more.allocations - 1
     error, stderr, seconds = (
         values.copy() for values in (more.history_error, more.history_error_stderr, more.history_cpu_seconds)
     )

@@ -16,7 +16,7 @@ from spi.printing.text import (
 
 from ..reading import Stages, WeakErrors
 from ..reading.comparisons import agreement
-from .levels import level_table
+from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
 
 if TYPE_CHECKING:
@@ -101,8 +101,13 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
             console.print(f"{name_of(reading, f)}: {line}", style=style, markup=False, soft_wrap=True)
     console.print()
     for reading, f in each:
+        name = name_of(reading, f)
+        if reading.differences:
+            print_whole(console, difference_table(reading.differences, reading.h, f, name))
+            console.print()
         if reading.levels:
-            print_whole(console, level_table(reading.levels, f, name_of(reading, f)))
+            of = f" of {reading.differences.scheme}" if reading.differences else ""
+            print_whole(console, level_table(reading.levels, f, f"{name}{of}"))
             console.print()
 
 

@@ -1,12 +1,14 @@
-"""Tables of the levels of multilevel estimates (Giles, Operations Research 56, 2008)."""
+"""Tables of the levels of multilevel estimates (Giles, Operations Research 56, 2008), and of their differences."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from spi.printing.text import INTERVAL, lost_paths, new_table, power_of_two, short, with_interval
 
-from ..reading import Levels
+from ..reading import Differences, Levels
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -17,27 +19,42 @@ CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for
 
 def level_table(levels: Levels, f: int, title: str) -> "Table":
     """The levels of one test function, from large to small steps."""
+    order = levels.h.argsort()[::-1]
+    names = [f"{power_of_two(levels.h[i])}, {power_of_two(levels.h[i] / 2)}" for i in order]
+    return _table(f"{title}: levels", "steps", names, levels, f, order)
+
+
+def difference_table(differences: Differences, h: np.ndarray, f: int, title: str) -> "Table":
+    """The differences of one test function to the scheme of weak order 2, at the step sizes h from large to small."""
+    names = [power_of_two(step) for step in h]
+    return _table(f"{title}: differences to {differences.scheme}", "h", names, differences, f, np.arange(len(h)))
+
+
+def _table(
+    title: str, heading: str, names: Sequence[str], rows: Levels | Differences, f: int, order: np.ndarray
+) -> "Table":
+    """A line for each of the rows in this order, with its name under `heading`."""
     from rich.text import Text
 
-    lost = bool(levels.nonfinite.any())
-    headings = ["steps", "mean of the\ndifference (95 %)", "variance", "kurtosis", "consis-\ntency"]
+    lost = bool(rows.nonfinite.any())
+    headings = [heading, "mean of the\ndifference (95 %)", "variance", "kurtosis", "consis-\ntency"]
     headings += ["samples", "µs per\nsample", *["non-\nfinite"] * lost]
-    table = new_table(f"{title}: levels", headings, left=1)
-    for i in levels.h.argsort()[::-1]:
+    table = new_table(title, headings, left=1)
+    for name, i in zip(names, order, strict=True):
         variance, kurtosis, consistency = (
-            float(values[f, i]) for values in (levels.variance, levels.kurtosis, levels.consistency)
+            float(values[f, i]) for values in (rows.variance, rows.kurtosis, rows.consistency)
         )
-        samples = int(levels.samples[i])
+        samples = int(rows.samples[i])
         half = INTERVAL * math.sqrt(variance / samples) if variance > 0 and samples else 0.0
         table.add_row(
-            f"{power_of_two(levels.h[i])}, {power_of_two(levels.h[i] / 2)}",
-            with_interval(float(levels.mean[f, i]), half),
+            name,
+            with_interval(float(rows.mean[f, i]), half),
             short(variance, ".2e"),
             Text(f"{kurtosis:.3g}", style="bold red" if kurtosis > KURTOSIS else ""),
             Text(f"{consistency:.2f}", style="bold red" if consistency > CONSISTENCY else ""),
             short(float(samples), ".2e") if samples >= 1e6 else str(samples),
-            f"{1e6 * levels.seconds[i]:.3g}",
-            *[lost_paths(levels.nonfinite[i])] * lost,
+            f"{1e6 * rows.seconds[i]:.3g}",
+            *[lost_paths(rows.nonfinite[i])] * lost,
         )
     return table
 
@@ -50,11 +67,21 @@ def level_warnings(levels: Levels, f: int) -> Iterator[str]:
         told.append(f"cost h^-{levels.cost_rate:.2f}")
     if told:
         yield f"levels: {', '.join(told)}{'; with reversed twins' if levels.twins else ''}"
-    for h, kurtosis, consistency in zip(levels.h, levels.kurtosis[f], levels.consistency[f], strict=True):
+    yield from _doubts(levels.h, levels, f, "the means of neighbouring levels disagree")
+
+
+def difference_warnings(differences: Differences, h: np.ndarray, f: int) -> Iterator[str]:
+    """The rate by which the variance of the differences at the step sizes h changes, and what speaks against them."""
+    yield f"differences to {differences.scheme}: variance {_rate(*differences.variance_rate[f].tolist())}"
+    yield from _doubts(h, differences, f, "the expectation is not that of its levels")
+
+
+def _doubts(h: np.ndarray, rows: Levels | Differences, f: int, inconsistency: str) -> Iterator[str]:
+    for step, kurtosis, consistency in zip(h, rows.kurtosis[f], rows.consistency[f], strict=True):
         if kurtosis > KURTOSIS:
-            yield f"kurtosis {kurtosis:.3g} at {power_of_two(h)}: the variance estimate is poor"
+            yield f"kurtosis {kurtosis:.3g} at {power_of_two(step)}: the variance estimate is poor"
         if consistency > CONSISTENCY:
-            yield f"consistency {consistency:.2f} at {power_of_two(h)}: the means of neighbouring levels disagree"
+            yield f"consistency {consistency:.2f} at {power_of_two(step)}: {inconsistency}"
 
 
 def _rate(rate: float, low: float, high: float) -> str:

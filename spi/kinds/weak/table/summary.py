@@ -12,7 +12,7 @@ from spi.printing.text import fraction, order_found, power_of_two, short, with_i
 from ..reading import Sampled, WeakErrors
 from ..reading.comparisons import agreement
 from .eps import limits_shown, over_eps
-from .levels import level_warnings
+from .levels import difference_warnings, level_warnings
 
 PAPER = 1e9  #: samples of the paper's weak errors
 TOO_FAR = 4.0  #: standard errors
@@ -47,6 +47,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
         if reading.unsampled:
             limit, bound = (values[f].item() for values in (reading.unsampled.limit, reading.unsampled.limit_bound))
             yield f"    E {function}(y(T)) = {with_interval(limit, bound)} (bound)"
+        if reading.differences:
+            yield from (f"    {line}" for line in difference_warnings(reading.differences, reading.h, f))
         if reading.levels:
             yield from (f"    {line}" for line in level_warnings(reading.levels, f))
     if reading.unsampled and (resolution := _resolution(reading.unsampled.notes)):
@@ -82,17 +84,23 @@ def _resolution(notes: dict[str, Any]) -> str:
 def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
     """How much of the errors the references of a case lack."""
     sampled = [reading for reading in readings if reading.sampled]
-    told = dict.fromkeys((r.reference_step, r.h.min(), r.expected_order, r.reference_scheme) for r in sampled)
-    for reference, finest, order, scheme in told:
+    told = dict.fromkeys((r.reference_step, r.h.min(), *_own_reference(r), r.reference_scheme) for r in sampled)
+    for reference, finest, order, compared, scheme in told:
         where = f"the reference at h_ref = {power_of_two(reference)}"
         if scheme:
             yield f"{where} is {scheme}: errors are not corrected for what it lacks"
         elif order:
             share = 100 * (reference / finest) ** order
             ratio = "h_ref/h" if order == 1 else f"(h_ref/h)^{fraction(order)}"
-            yield f"{where} lacks {ratio} = {share:.2g} % of the finest error (order {fraction(order)}); corrected"
+            whose = f"the error of {compared} at the finest step" if compared else "the finest error"
+            yield f"{where} lacks {ratio} = {share:.2g} % of {whose} (order {fraction(order)}); corrected"
         else:
             yield f"{where}: errors are not corrected for what it lacks, as theory states no order"
+
+
+def _own_reference(reading: WeakErrors) -> tuple[float | None, str]:
+    """The order of the scheme that the reference is made by, and its name where it is not the one of the errors."""
+    return (2.0, reading.differences.scheme) if reading.differences else (reading.expected_order, "")
 
 
 def agreement_line(reading: WeakErrors, readings: Sequence[WeakErrors], f: int) -> Iterator[tuple[str, bool]]:
