@@ -4,12 +4,14 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..protocol import exact_flows, flow_ns, noise_indices, squared_length_is_casimir, substeps
+from ..protocol import cross_product, exact_flows, flow_ns, lie_poisson, noise_indices, squared_length_is_casimir, substeps
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .costs import euler_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
+from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
+from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint
 from .rows import sweeps
 from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
 
@@ -132,6 +134,49 @@ register_scheme(
     work=25.0,
     step_cost=midpoint_cost,
     needs_truncation=True,
+)
+register_scheme(
+    "munthe_kaas_euler",
+    record=MuntheKaasEuler(),
+    label="Munthe-Kaas, Euler",
+    formula="z = exp(M(v)) y, v = h (grad H + 1/2 sum_k sigma_k^2 Hess Ĥ_k f_k) + sum_k sigma_k dW_k grad Ĥ_k at y",
+    reference="doi:10.1137/060666743, its Euler type; see docs/schemes_of_others.md",
+    look=(">", "#CC79A7"),
+    strong_order=0.5,
+    strong_order_commuting=0.5,
+    weak_order=1.0,
+    preserves="Casimirs",
+    work=6.0,
+    needs=lie_poisson,
+)
+register_scheme(
+    "munthe_kaas_midpoint",
+    record=MuntheKaasMidpoint(),
+    label="Munthe-Kaas, midpoint",
+    formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k",
+    reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/schemes_of_others.md",
+    look=("<", "#E69F00"),
+    strong_order=0.5,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="Casimirs",
+    work=10.0,
+    needs=lie_poisson,
+)
+register_scheme(
+    "isospectral_midpoint",
+    record=IsospectralMidpoint(),
+    label="isospectral midpoint",
+    formula="y = u - u x v/2 + (v.u) v/4, z = u + u x v/2 + (v.u) v/4, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k at u",
+    reference="doi:10.1007/s10543-019-00792-1; with noise arXiv:2408.16701",
+    look=("*", "#56B4E9"),
+    strong_order=0.5,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="Casimirs, Poisson structure",
+    work=20.0,
+    needs_truncation=True,
+    needs=cross_product,
 )
 register_scheme(
     "ap_splitting",

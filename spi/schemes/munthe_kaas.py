@@ -1,0 +1,52 @@
+"""Stochastic Runge-Kutta-Munthe-Kaas schemes: the state is moved by the coadjoint action of one exponential a step.
+
+See docs/schemes_of_others.md.
+"""
+
+from typing import NamedTuple
+
+from ..dispatch import number, unrolled
+from ..fields import add_scaled, noise_field, scaled, step_gradient
+from ..lanes import load_lane, store_lane
+from ..protocol import dimension, noise_hessian, noise_indices, strengths
+from ..rng import LANES
+from .coadjoint import act, action_size
+
+
+@unrolled(noise_indices)
+def add_ito_correction(index, model, value, h, y):
+    """value + h/2 sum_k sigma_k^2 Hess Ĥ_k(y) f_k(y), f_k = B grad Ĥ_k: what the exponential does not correct itself."""
+    k = number(index)
+    sigma = strengths(model)[k]
+    return add_scaled(value, 0.5 * h * sigma * sigma, noise_hessian(model, k, y, noise_field(model, k, y)))
+
+
+class MuntheKaasEuler(NamedTuple):
+    """z = exp(M(v)) y, v = h (grad H + 1/2 sum_k sigma_k^2 Hess Ĥ_k f_k) + sum_k sigma_k dW_k grad Ĥ_k at y."""
+
+    def work_size(scheme, model):
+        return action_size(model)
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            store_lane(work, lane, add_ito_correction(model, step_gradient(model, h, dW, lane, state), h, state))
+        act(model, work, y, report)
+
+
+class MuntheKaasMidpoint(NamedTuple):
+    """z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k."""
+
+    def work_size(scheme, model):
+        return action_size(model) + dimension(model) * LANES
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        x = work[action_size(model) :]
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            store_lane(x, lane, state)
+            store_lane(work, lane, scaled(step_gradient(model, h, dW, lane, state), 0.5))
+        act(model, work, x, report)
+        for lane in range(LANES):
+            store_lane(work, lane, step_gradient(model, h, dW, lane, load_lane(model, x, lane)))
+        act(model, work, y, report)
