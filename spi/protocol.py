@@ -25,7 +25,7 @@ import annotated_types
 from numba import types
 from numba.core import cgutils
 
-from .dispatch import answers, capability, class_of, constant, fact, field_type, instructions, word, word_with_default
+from .dispatch import capability, constant, fact, field_type, instructions, word, word_with_default
 
 #: What the fields of a record may hold, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
@@ -170,12 +170,6 @@ def structure_derivative(model, y, u, v):
     return structure(model, u, v)
 
 
-@constant
-def lie_poisson(model):
-    """Whether B is linear in y: whether a model leaves ``structure_derivative`` as it is by default."""
-    return not answers(structure_derivative, class_of(model))
-
-
 @word_with_default
 def noise_structure(model, k, y, v):
     """B(y) v for a v that is 0 wherever grad Ĥ_k always is: a model may leave out what vanishes."""
@@ -237,12 +231,6 @@ def axis_inertias(model):
     The flows turn y about axis k, at the rates y_k / I_k and y_k / Î_k: rotations of spheres.  An inertia may be
     infinite.  These and not their inverses, so that no rate is rounded twice.
     """
-
-
-@constant
-def cross_product(model):
-    """Whether B(y) v = y x v, as for every model that answers :func:`axis_inertias`."""
-    return answers(axis_inertias, class_of(model))
 
 
 @capability

@@ -4,14 +4,21 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..protocol import cross_product, exact_flows, flow_ns, lie_poisson, noise_indices, squared_length_is_casimir, substeps
+from ..fields import cross_product, lie_poisson, noise_field_derivative
+from ..protocol import (
+    exact_flows,
+    flow_ns,
+    noise_indices,
+    squared_length_is_casimir,
+    substeps,
+)
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
-from .costs import euler_cost, flow_cost, midpoint_cost
+from .costs import euler_cost, exponential_cost, flow_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
-from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint
+from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
 from .rows import sweeps
 from .splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2, splitting
 
@@ -38,6 +45,7 @@ class Scheme(NamedTuple):
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
     needs_eps: bool = False  #: whether eps must not be 0
     needs: Callable | None = None  #: a fact that must hold for the model
+    left_out: Callable | None = None  #: (model, k, y, v): the part of f_k'(y) v that a step has only in the mean
 
     @property
     def composition(self):
@@ -105,6 +113,7 @@ register_scheme(
     weak_order=1.0,
     preserves="nothing",
     work=5.0,
+    left_out=noise_field_derivative,
 )
 register_scheme(
     "euler_maruyama_renormalised",
@@ -119,6 +128,7 @@ register_scheme(
     preserves="|y|",
     work=5.5,
     needs=squared_length_is_casimir,
+    left_out=noise_field_derivative,
 )
 register_scheme(
     "midpoint",
@@ -147,7 +157,9 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs",
     work=6.0,
+    step_cost=exponential_cost,
     needs=lie_poisson,
+    left_out=left_out_by_euler,
 )
 register_scheme(
     "munthe_kaas_midpoint",
@@ -161,6 +173,7 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs",
     work=10.0,
+    step_cost=lambda model: 2 * exponential_cost(model),
     needs=lie_poisson,
 )
 register_scheme(
@@ -170,13 +183,11 @@ register_scheme(
     formula="y = u - u x v/2 + (v.u) v/4, z = u + u x v/2 + (v.u) v/4, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k at u",
     reference="doi:10.1007/s10543-019-00792-1; with noise arXiv:2408.16701",
     look=("*", "#56B4E9"),
-    strong_order=0.5,
-    strong_order_commuting=1.0,
     weak_order=1.0,
-    preserves="Casimirs, Poisson structure",
-    work=20.0,
+    work=16.0,
     needs_truncation=True,
     needs=cross_product,
+    **_POISSON,
 )
 register_scheme(
     "ap_splitting",

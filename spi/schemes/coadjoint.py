@@ -12,9 +12,9 @@ from numba.extending import overload
 from ..angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sinc_versinc
 from ..dispatch import INLINED, inlined
 from ..elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
-from ..fields import add_scaled, dot, scaled
+from ..fields import add_scaled, cross_product, dot, scaled
 from ..lanes import load_lane, store_lane
-from ..protocol import cross_product, dimension, structure
+from ..protocol import dimension, structure
 from ..rng import LANES
 from .splitting import report_angle
 
@@ -22,18 +22,18 @@ from .splitting import report_angle
 _TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = (int(bits(angle * angle)) for angle in (TINY, SMALL, REDUCIBLE))
 _INFINITE_BITS = int(bits(np.inf))
 
-_NEGLIGIBLE = 2.0**-112  # for squares
-_MOST_TERMS = 40
-_MOST_PARTS = 2**12
+_NEGLIGIBLE = 2.0**-140  # for squares of lengths; well below rounding, since some components may be small
+_FEW, _MOST = 5, 6  # times four terms, enough for |M(v)| = 0.7 and 1.3
+_MOST_PARTS = 2**10
 # 1/j, and what it has beyond double precision: a rounding that is the same in every step would make Casimirs drift.
-_INVERSE = tuple(1.0 / j for j in range(1, _MOST_TERMS + 1))
-_INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1, _MOST_TERMS + 1))
+_INVERSE = tuple(1.0 / j for j in range(1, 4 * _MOST + 1))
+_INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1, 4 * _MOST + 1))
 
 
 @inlined
 def action_size(model):
     """How many floats of scratch :func:`act` needs, those of v included."""
-    return 3 * dimension(model) * LANES
+    return (2 + _MOST) * dimension(model) * LANES
 
 
 def act(model, work, y, report):
@@ -86,34 +86,38 @@ def turn_within(angles, model, work, y):
 
 
 def add_series(model, work, y, report):
-    """The series of exp(M(v) / n), n times, with n = 1, 2, 4, ... so large that no term is longer than the state.
+    """The series of exp(M(v) / n), n times, with n = 1, 2, 4, ... so large that no lane needs many terms.
 
-    So no digits are lost.  A lane whose series does not converge even with the largest n becomes NaN.
+    To need few of them is to have small ones, so that no digits are lost.  A lane for which even the largest n is too
+    small becomes NaN.
     """
-    parts = 1
-    while sum_series(model, 1.0 / parts, work, y, 1.0 if parts < _MOST_PARTS else np.inf):
-        parts *= 2
-    add_change(model, work, y)
-    for _ in range(1, parts):
-        sum_series(model, 1.0 / parts, work, y, np.inf)
-        add_change(model, work, y)
+    parts, done = 1, 0
+    while done < parts:
+        first_try = done == 0 and parts < _MOST_PARTS
+        unfinished, fours = sum_series(model, 1.0 / parts, work, y, _FEW if first_try else _MOST)
+        if first_try and unfinished > 0:
+            parts *= 2
+        else:
+            add_sums(model, fours, work, y)
+            done += 1
 
 
 @inlined
-def sum_series(model, share, work, y, longest):
-    """Sum up exp(share M(v)) y - y; whether there was a term `longest` times as long as the state."""
-    term = dimension(model) * LANES
-    change = 2 * term
+def sum_series(model, share, work, y, most):
+    """Sum up exp(share M(v)) y - y, four terms at a time, at most so often.
+
+    How many lanes need more (those that are not finite do not), and how many sums were formed.
+    """
+    size = dimension(model) * LANES
+    term = size
     for lane in range(LANES):
-        state = load_lane(model, y, lane)
-        store_lane(work, term + lane, state)
-        store_lane(work, change + lane, scaled(state, 0.0))
-    terms, unfinished, too_long = 0, 1, 0
-    while unfinished > 0 and too_long == 0 and terms < _MOST_TERMS:
-        a, a_rest = share * _INVERSE[terms], share * _INVERSE_REST[terms]
-        b, b_rest = share * _INVERSE[terms + 1], share * _INVERSE_REST[terms + 1]
-        c, c_rest = share * _INVERSE[terms + 2], share * _INVERSE_REST[terms + 2]
-        d, d_rest = share * _INVERSE[terms + 3], share * _INVERSE_REST[terms + 3]
+        store_lane(work, term + lane, load_lane(model, y, lane))
+    fours, unfinished = 0, 1
+    while unfinished > 0 and fours < most:
+        j, sum_ = 4 * fours, (2 + fours) * size
+        a, b, c, d = share * _INVERSE[j], share * _INVERSE[j + 1], share * _INVERSE[j + 2], share * _INVERSE[j + 3]
+        a_rest, b_rest = share * _INVERSE_REST[j], share * _INVERSE_REST[j + 1]
+        c_rest, d_rest = share * _INVERSE_REST[j + 2], share * _INVERSE_REST[j + 3]
         unfinished = 0
         for lane in range(LANES):
             state, v = load_lane(model, y, lane), load_lane(model, work, lane)
@@ -123,12 +127,10 @@ def sum_series(model, share, work, y, longest):
             fourth = next_term(model, third, v, d, d_rest)
             store_lane(work, term + lane, fourth)
             four = add_scaled(first, 1.0, add_scaled(second, 1.0, add_scaled(third, 1.0, fourth)))
-            store_lane(work, change + lane, add_scaled(load_lane(model, work, change + lane), 1.0, four))
-            length, whole = dot(fourth, fourth), dot(state, state)
-            unfinished += 1 if length > _NEGLIGIBLE * whole else 0
-            too_long += 1 if length + dot(first, first) > longest * whole else 0
-        terms += 4
-    return too_long > 0
+            store_lane(work, sum_ + lane, four)
+            unfinished += 1 if dot(fourth, fourth) > _NEGLIGIBLE * dot(state, state) else 0
+        fours += 1
+    return unfinished, fours
 
 
 @inlined
@@ -139,12 +141,22 @@ def next_term(model, term, v, inverse, rest):
 
 
 @inlined
-def add_change(model, work, y):
-    """Add what a series sums up to, or NaN in lanes where its last term was not small."""
-    term = dimension(model) * LANES
-    change = 2 * term
+def add_sums(model, fours, work, y):
+    """Add the sums to y, or NaN in lanes where the last term was not small.
+
+    The last sum comes first: added to a larger one it would be lost by a rounding that is the same in every step.
+    """
+    size = dimension(model) * LANES
+    for n in range(fours - 1, 0, -1):
+        small, large = (2 + n) * size, (1 + n) * size
+        for lane in range(LANES):
+            store_lane(
+                work,
+                large + lane,
+                add_scaled(load_lane(model, work, large + lane), 1.0, load_lane(model, work, small + lane)),
+            )
     for lane in range(LANES):
-        state, last = load_lane(model, y, lane), load_lane(model, work, term + lane)
+        state, last = load_lane(model, y, lane), load_lane(model, work, size + lane)
         converged = dot(last, last) <= _NEGLIGIBLE * dot(state, state)
-        moved = load_lane(model, work, change + lane)
-        store_lane(y, lane, add_scaled(state, 1.0 if converged else np.nan, moved))
+        change = load_lane(model, work, 2 * size + lane)
+        store_lane(y, lane, add_scaled(state, 1.0 if converged else np.nan, change))

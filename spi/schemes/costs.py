@@ -14,7 +14,7 @@ import numpy as np
 from ..angles import TINY_ANGLES
 from ..fields import step_field_derivative, step_gradient, unit
 from ..inlining import uncompiled
-from ..protocol import component_indices, dimension, noises
+from ..protocol import component_indices, dimension, noises, structure
 from ..rng import LANES
 from .euler_maruyama import euler_step
 from .rows import PARTS, angle, flow
@@ -28,6 +28,7 @@ _WEIGHTS = {np.divide: 4, np.sqrt: 8, np.sin: 40, np.cos: 40, np.exp: 40, np.log
 _FREE = {np.negative, np.absolute, np.maximum, np.minimum}
 _TAKEN_APART = 20  #: a number whose bits are looked at, as by ``elementary.exp``
 _NEWTON_ITERATIONS = 2.5
+_TERMS = 8  # of an exponential series at small steps
 
 
 class _Counter:
@@ -90,6 +91,16 @@ def euler_cost(model: Any) -> float:
     with _counting(model) as given:
         euler_step(model, 0.01, given.dW, 0, given.y)
     return _OPERATION * given.counter.operations + _COMPONENT * dimension(model)
+
+
+@functools.lru_cache(typed=True)
+def exponential_cost(model: Any) -> float:
+    """Nanoseconds of one exponential of Munthe-Kaas and of what it acts by, which is about a step of Euler-Maruyama."""
+    d = dimension(model)
+    with _counting(model) as given:
+        structure(model, given.y, given.y)
+    term = _OPERATION * (given.counter.operations + 5 * d) + _COMPONENT * d
+    return _TERMS * term + euler_cost(model)
 
 
 @functools.lru_cache(typed=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..dispatch import inlined
 from ..elementary import bits, from_bits
-from ..fields import add_noise_hessians, add_scaled, dot, scaled, squared_distance, step_gradient
+from ..fields import add_noise_hessians, add_scaled, dot, scaled, step_gradient
 from ..lanes import load_lane, store_lane
 from ..protocol import dimension, drift_hessian, structure
 from ..rng import LANES

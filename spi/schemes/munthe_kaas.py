@@ -8,17 +8,25 @@ from typing import NamedTuple
 from ..dispatch import number, unrolled
 from ..fields import add_scaled, noise_field, scaled, step_gradient
 from ..lanes import load_lane, store_lane
-from ..protocol import dimension, noise_hessian, noise_indices, strengths
+from ..protocol import dimension, noise_hessian, noise_indices, noise_structure, strengths
 from ..rng import LANES
 from .coadjoint import act, action_size
 
 
 @unrolled(noise_indices)
-def add_ito_correction(index, model, value, h, y):
-    """value + h/2 sum_k sigma_k^2 Hess Ĥ_k(y) f_k(y), f_k = B grad Ĥ_k: what the exponential does not correct itself."""
+def add_ito_hessians(index, model, value, h, y):
+    """value + h/2 sum_k sigma_k^2 Hess Ĥ_k(y) f_k(y), where f_k = B grad Ĥ_k.
+
+    With what is quadratic in the exponential, this turns the Stratonovich into the Itô drift.
+    """
     k = number(index)
     sigma = strengths(model)[k]
     return add_scaled(value, 0.5 * h * sigma * sigma, noise_hessian(model, k, y, noise_field(model, k, y)))
+
+
+def left_out_by_euler(model, k, y, v):
+    """B(y) Hess Ĥ_k(y) v, the part of f_k'(y) v of which the Euler type takes no more than the mean."""
+    return noise_structure(model, k, y, noise_hessian(model, k, y, v))
 
 
 class MuntheKaasEuler(NamedTuple):
@@ -30,7 +38,7 @@ class MuntheKaasEuler(NamedTuple):
     def advance(scheme, model, h, dW, coins, y, work, report):
         for lane in range(LANES):
             state = load_lane(model, y, lane)
-            store_lane(work, lane, add_ito_correction(model, step_gradient(model, h, dW, lane, state), h, state))
+            store_lane(work, lane, add_ito_hessians(model, step_gradient(model, h, dW, lane, state), h, state))
         act(model, work, y, report)
 
 
