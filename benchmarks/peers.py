@@ -12,7 +12,7 @@ torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, a
 
     python benchmarks/peers.py [error ...]
 
-A time at an error is interpolated between step sizes; outside them it is "not reached".  It goes as error^-2, so that
+A time at an error is interpolated between step sizes; outside them the table says so.  It goes as error^-2, so that
 the errors' standard errors count twice in it.
 """
 
@@ -170,7 +170,7 @@ def print_ratios(target, rows, errors, times):
     for i, (row, h) in enumerate(zip(rows, all_h, strict=True)):
         print(f"{row.program:10}{row.scheme:22}", end="")
         if math.isnan(h):
-            print("not reached")
+            print("not within these steps")
             continue
         print(f"{h:9.5f}", end="")
         ratios = ((vs[i], vs[i] / vs[0], vs[i] / best) for vs, best in zip(values, cheapest, strict=True))
