@@ -20,12 +20,15 @@ from spi.fields import (
     scaled,
     squared_distance,
     step_field,
+    step_gradient,
 )
-from spi.protocol import drift_flow, noise_flow, noise_indices, substeps
+from spi.protocol import drift_flow, noise_flow, noise_indices, structure, substeps
 from spi.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
 from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
+from spi.schemes.isospectral import IsospectralMidpoint
 from spi.schemes.midpoint import Midpoint
+from spi.schemes.munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, add_ito_hessians
 from spi.schemes.rows import compositions
 from spi.schemes.splitting import Splitting
 
@@ -126,9 +129,49 @@ def midpoint(scheme, model, h, y, dW, z, heads):
     return add_scaled(y, 1.0, step_field(model, h, dW, 0, middle))
 
 
+@njit
+def moved(model, v, y):
+    """exp(M(v)) y with M(v) y = B(y) v, term after term."""
+    term, total = y, y
+    for j in range(1, 100):
+        term = scaled(structure(model, term, v), 1.0 / j)
+        total = add_scaled(total, 1.0, term)
+        if dot(term, term) <= 1e-34 * dot(total, total):
+            break
+    return total
+
+
+@njit
+def munthe_kaas_euler(scheme, model, h, y, dW, z, heads):
+    return moved(model, add_ito_hessians(model, step_gradient(model, h, dW, 0, y), h, y), y)
+
+
+@njit
+def munthe_kaas_midpoint(scheme, model, h, y, dW, z, heads):
+    middle = moved(model, scaled(step_gradient(model, h, dW, 0, y), 0.5), y)
+    return moved(model, step_gradient(model, h, dW, 0, middle), y)
+
+
+@njit
+def isospectral_midpoint(scheme, model, h, y, dW, z, heads):
+    bound = math.sqrt(h * 4.0 * abs(math.log(h)))
+    for k in range(0, dW.size, LANES):
+        dW[k] = min(max(dW[k], -bound), bound)
+    u = y
+    for _ in range(100):
+        last, v = u, step_gradient(model, h, dW, 0, u)
+        u = add_scaled(add_scaled(y, 0.5, structure(model, last, v)), -0.25 * dot(v, last), v)
+        if squared_distance(u, last) <= 1e-30 * dot(u, u):
+            break
+    return add_scaled(y, 1.0, structure(model, u, step_gradient(model, h, dW, 0, u)))
+
+
 STEPS = {
     EulerMaruyama: euler_maruyama,
     RenormalisedEulerMaruyama: renormalised_euler_maruyama,
     MultiscaleEuler: multiscale_euler,
     Midpoint: midpoint,
+    MuntheKaasEuler: munthe_kaas_euler,
+    MuntheKaasMidpoint: munthe_kaas_midpoint,
+    IsospectralMidpoint: isospectral_midpoint,
 }

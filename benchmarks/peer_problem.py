@@ -8,7 +8,7 @@ from spi.models import RigidBody
 
 MODEL = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
 INITIAL = (math.cos(1.1), 0.0, math.sin(1.1))
-EXPONENTS = range(3, 9)  # the step sizes are 2^-k
+EXPONENTS = range(2, 11)  # the step sizes are 2^-k
 REFERENCE = 16
 PATHS = 1024  # for the errors
 BATCH = {"spi": 4096, "diffrax": 1024, "torchsde": 4096}  # paths at once when timed: what is best for each

@@ -12,8 +12,8 @@ torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, a
 
     python benchmarks/peers.py [error ...]
 
-A time at an error is interpolated between step sizes, and nan outside them.  It goes as error^-2, so that the errors'
-standard errors count twice in it.
+A time at an error is interpolated between step sizes; outside them the table says so.  It goes as error^-2, so that
+the errors' standard errors count twice in it.
 """
 
 import math
@@ -35,7 +35,7 @@ from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 from spi.schemes import SCHEMES
 
 NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))
-ERRORS = (0.05, 0.02)  # at which times are compared
+ERRORS = (0.05, 0.02, 1e-2, 1e-3, 1e-4)  # at which times are compared
 REPEATS, SECONDS = 7, 5.0  # at least
 
 
@@ -81,7 +81,15 @@ def our_work(scheme, n):
 def our_rows():
     """The rows of spi, and the last states of the reference."""
     rows, reference = [], None
-    for scheme in ("splitting", "euler_maruyama", "midpoint"):
+    schemes = (
+        "splitting",
+        "euler_maruyama",
+        "midpoint",
+        "munthe_kaas_euler",
+        "munthe_kaas_midpoint",
+        "isospectral_midpoint",
+    )
+    for scheme in schemes:
         first, *others = our_states(scheme, REFERENCE, PATHS, (0, *(REFERENCE - k for k in reversed(EXPONENTS))))
         reference = first if reference is None else reference
         states = dict(zip(reversed(EXPONENTS), others, strict=True))  # of the same increments, which need not be fed
@@ -137,12 +145,12 @@ def best_times(rows, threads, cpus):
 
 
 def print_table(rows, errors, times):
-    print(f"\n{'program':10}{'scheme':20}{'h':>5}{'error':>10}{'+-':>9}   us per path,", end="")
+    print(f"\n{'program':10}{'scheme':22}{'h':>5}{'error':>10}{'+-':>9}   us per path,", end="")
     print(" ".join(f"{f'threads: {n}':>12}" for n in times))
     for i, row in enumerate(rows):
         for j, k in enumerate(EXPONENTS):
             error, stderr = errors[i][:, j]
-            print(f"{row.program:10}{row.scheme:20}{f'2^-{k}':>5}{error:10.5f}{stderr:9.5f}{'':14}", end="")
+            print(f"{row.program:10}{row.scheme:22}{f'2^-{k}':>5}{error:10.5f}{stderr:9.5f}{'':14}", end="")
             print("".join(f"{t[i, j]:13.3f}" for t in times.values()))
 
 
@@ -154,13 +162,17 @@ def at_error(target, errors, values):
 
 def print_ratios(target, rows, errors, times):
     """Times at one error, and their ratios to those of our splitting and of our cheapest scheme there."""
-    print(f"\n{f'at error {target:g}':30}{'h':>9}", end="")
+    print(f"\n{f'at error {target:g}':32}{'h':>9}", end="")
     print("".join(f"{f'us, threads: {n}':>17}{'/ splitting':>13}{'/ cheapest':>12}" for n in times))
     all_h = [at_error(target, e, 2.0 ** -np.array(EXPONENTS)) for e in errors]
     values = [[at_error(target, e, t) for e, t in zip(errors, ts, strict=True)] for ts in times.values()]
     cheapest = [np.fmin.reduce([v for v, row in zip(vs, rows, strict=True) if row.program == "spi"]) for vs in values]
     for i, (row, h) in enumerate(zip(rows, all_h, strict=True)):
-        print(f"{row.program:10}{row.scheme:20}{h:9.5f}", end="")
+        print(f"{row.program:10}{row.scheme:22}", end="")
+        if math.isnan(h):
+            print("not within these steps")
+            continue
+        print(f"{h:9.5f}", end="")
         ratios = ((vs[i], vs[i] / vs[0], vs[i] / best) for vs, best in zip(values, cheapest, strict=True))
         print("".join(f"{us:17.3f}{first:13.2f}{best:12.2f}" for us, first, best in ratios))
 

@@ -2,8 +2,19 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from . import elementary
-from .dispatch import word
+from .dispatch import inlined, word
+
+
+@inlined
+def _divided(angles, square):
+    """Sine and versine divided by the angle and its square; the limits at 0."""
+    square += 1e-300
+    angle = np.sqrt(square)
+    s, v = sin_versine(angles, angle)
+    return (s - angle) / angle, v / square
 
 
 class TinyAngles(NamedTuple):
@@ -11,6 +22,9 @@ class TinyAngles(NamedTuple):
 
     def sin_versine(angles, x):
         return elementary.sin_versine_tiny(x)
+
+    def sinc_versinc(angles, square):
+        return elementary.sinc_versinc_tiny(square)
 
     def adding_to_zero(angles, p0, p1, p2):
         return p0, p1, p2
@@ -22,6 +36,9 @@ class SmallAngles(NamedTuple):
     def sin_versine(angles, x):
         return elementary.sin_versine_small(x)
 
+    def sinc_versinc(angles, square):
+        return elementary.sinc_versinc_small(square)
+
     adding_to_zero = TinyAngles.adding_to_zero
 
 
@@ -30,6 +47,9 @@ class ReducedAngles(NamedTuple):
 
     def sin_versine(angles, x):
         return elementary.sin_versine(x)
+
+    def sinc_versinc(angles, square):
+        return _divided(angles, square)
 
     def adding_to_zero(angles, p0, p1, p2):
         """As multiples of one small number, so that additions are exact: of large angles the sum must be 0 indeed."""
@@ -44,6 +64,7 @@ class AnyAngles(NamedTuple):
     def sin_versine(angles, x):
         return elementary.sin_versine_huge(x)
 
+    sinc_versinc = ReducedAngles.sinc_versinc
     adding_to_zero = ReducedAngles.adding_to_zero
 
 
@@ -57,6 +78,11 @@ def sin_versine(angles, x):
     Rotations use the versine, because with a rounded cosine the length drifts systematically (-1e-17 a step), while
     with p += s w - v p, w -= s p + v w its error is an unbiased walk of roundings.
     """
+
+
+@word
+def sinc_versinc(angles, square):
+    """(sin x / x - 1, (1 - cos x) / x^2), given x^2: what Rodrigues' formula for rotations about any axis takes."""
 
 
 @word

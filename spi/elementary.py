@@ -135,6 +135,18 @@ def sin_versine(x):
 
 
 @inlined
+def sinc_versinc_small(z):
+    """(sin x / x - 1, (1 - cos x) / x^2) for z = x^2 and |x| <= pi/4, from the polynomials of sin_versine_small."""
+    return z * _sine_tail(z), 0.5 - z * _cosine_tail(z)
+
+
+@inlined
+def sinc_versinc_tiny(z):
+    """The same for |x| <= 2^-5."""
+    return z * (_S1 + z * (_S2 + z * _S3)), 0.5 - z * (_C1 + z * (_C2 + z * _C3))
+
+
+@inlined
 def sin_versine_huge(x):
     """(sin x, 1 - cos x) for any x by the library's scalar sine: right, and slow."""
     half = np.sin(0.5 * x)

@@ -3,9 +3,10 @@
 All functions act on one state, a tuple of d floats, and are inlined into the loops over lanes.
 """
 
-from .dispatch import inlined, number, tuplewise, unrolled
+from .dispatch import answers, class_of, constant, inlined, number, tuplewise, unrolled
 from .protocol import (
     add_dissipation,
+    axis_inertias,
     drift_gradient,
     drift_hessian,
     noise_gradient,
@@ -18,6 +19,18 @@ from .protocol import (
     structure_derivative,
 )
 from .rng import LANES
+
+
+@constant
+def lie_poisson(model):
+    """Whether B is linear in y: whether a model leaves ``structure_derivative`` as it is by default."""
+    return not answers(structure_derivative, class_of(model))
+
+
+@constant
+def cross_product(model):
+    """Whether B(y) v = y x v, as for every model that answers ``axis_inertias``."""
+    return answers(axis_inertias, class_of(model))
 
 
 @tuplewise("a[i] + c * b[i]")

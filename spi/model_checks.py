@@ -16,6 +16,7 @@ import numpy as np
 from . import SOURCE_DIGEST, modules
 from .compilable import obstacle
 from .differences import derivative, derivative_along, differ, size_of
+from .fields import cross_product
 from .inlining import is_compiling, uncompiled
 from .protocol import (
     casimirs,
@@ -155,6 +156,8 @@ def _structure(model, y):
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
     if differ(structure(model, y, v), B @ v, _EXACT, B @ np.abs(v)):
         yield "structure is not linear in v"
+    if cross_product(model) and differ(structure(model, y, v), np.cross(y, v), _EXACT, B @ np.abs(v)):
+        yield "structure is not y x v, as axis_inertias says"
     derivatives = np.array([_matrix([structure_derivative(model, y, e, w) for w in units]) for e in units])
     for i, e in enumerate(units):
         changed, size = derivative_along(lambda z: _matrix([structure(model, z, w) for w in units]), y, e)

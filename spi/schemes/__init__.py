@@ -1,222 +1,24 @@
 """The schemes, by the names that experiments use."""
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
 
-from ..protocol import (
-    area_pairs,
-    exact_flows,
-    flow_ns,
-    needs_areas,
-    noise_indices,
-    squared_length_is_casimir,
-    substeps,
-)
-from ..registration import check_class
-from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
-from .costs import euler_cost, flow_cost, midpoint_cost
-from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
-from .midpoint import Midpoint
-from .rows import has_loops, is_own_reverse, sweeps
-from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC, splitting
+from ..protocol import exact_flows
+from .costs import typical_ns
+from .rows import has_loops, is_own_reverse
+from .splitting import splitting
+from .table import POISSON, SCHEMES, Scheme, register_scheme
 
-
-class Scheme(NamedTuple):
-    """One row of the table of orders; what theory says where the coefficients are smooth and bounded.
-
-    A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
-    """
-
-    record: NamedTuple
-    label: str
-    formula: str  #: of a step from y to z, one line of plain text
-    reference: str  #: an equation of the paper, or a DOI
-    look: tuple[str, str]  #: marker and colour in figures: the paper's markers, the palette of Okabe and Ito
-    strong_order: float  #: with several noises that do not commute
-    strong_order_commuting: float  #: with one noise, or several that commute
-    weak_order: float
-    preserves: str
-    work: float | None = None  #: of a step, in flows of the model, for estimates of run time; None: flows are counted
-    step_cost: Callable = euler_cost  #: nanoseconds of a step without flows, of a model that does not state ``flow_ns``
-    overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
-    needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
-    multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
-    needs_eps: bool = False  #: whether eps must not be 0
-    needs: Callable | None = None  #: a fact that must hold for the model
-
-    @property
-    def composition(self):
-        """The rows of flows of which a step consists, None for a scheme that is no composition of flows."""
-        return getattr(self.record, "rows", None)
-
-    @property
-    def solvable_without_sampling(self):
-        """Whether ``spi.kolmogorov`` can do it: a composition, its noise flows with increments of Wiener processes."""
-        return self.composition is not None and not self.multiscale and not has_loops(self.composition)
-
-
-SCHEMES: dict[str, Scheme] = {}
-
-
-def register_scheme(name, **row):
-    """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``protocol.py``."""
-    scheme = Scheme(**row)
-    check_class(type(scheme.record), "scheme", name)
-    SCHEMES[name] = scheme
-
-
-_POISSON = {"strong_order": 0.5, "strong_order_commuting": 1.0, "preserves": "Casimirs, Poisson structure"}
-_DRIFT, _NOISE = "exp(h Y_{H_p})...exp(h Y_{H_1})", "exp(sigma_m dW_m Y_{Ĥ_m})...exp(sigma_1 dW_1 Y_{Ĥ_1})"
-
-register_scheme(
-    "splitting",
-    record=LIE_TROTTER,
-    label="splitting",
-    formula=f"z = {_DRIFT} {_NOISE} y",
-    reference="eq. slpI",
-    look=("D", "#009E73"),
-    weak_order=1.0,
-    **_POISSON,
-)
-register_scheme(
-    "splitting_drift_first",
-    record=LIE_TROTTER_EXCHANGED,
-    label="splitting, drift first",
-    formula=f"z = {_NOISE} {_DRIFT} y",
-    reference="remark rem-xchange",
-    look=("s", "#CC79A7"),
-    weak_order=1.0,
-    **_POISSON,
-)
-register_scheme(
-    "splitting_areas",
-    record=LIE_TROTTER_AREAS,
-    label="splitting with Lévy areas",
-    formula=f"z = {_DRIFT} L {_NOISE} y, L a loop exp(-b Y_l) exp(-a Y_k) exp(b Y_l) exp(a Y_k) for each pair k < l, "
-    "a b = -sigma_k sigma_l J_lk",
-    reference="ours; areas as in doi:10.1214/aoap/1015345301",
-    look=("*", "#0072B2"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    preserves=_POISSON["preserves"],
-)
-register_scheme(
-    "splitting_order2",
-    record=ORDER_2,
-    label="splitting, weak order 2",
-    formula="z = S(h/2) N S(h/2) y, S the symmetric composition of the drift flows, N the noise flows in random order",
-    reference="eq. order2",
-    look=("^", "#E69F00"),
-    weak_order=2.0,
-    **_POISSON,
-)
-register_scheme(
-    "splitting_symmetric",
-    record=SYMMETRIC,
-    label="splitting, symmetric",
-    formula="z = D* N D y, D the drift flows over h/2, N the symmetric composition of the noise flows, D* = D reversed",
-    reference="docs/extrapolation.md",
-    look=(">", "#000000"),
-    weak_order=2.0,
-    **_POISSON,
-)
-register_scheme(
-    "euler_maruyama",
-    record=EulerMaruyama(),
-    label="Euler-Maruyama",
-    formula="z = y + h (f(y) + 1/2 sum_k sigma_k^2 f_k'(y) f_k(y)) + sum_k sigma_k dW_k f_k(y)",
-    reference="doi:10.1007/978-3-662-12616-5",
-    look=("x", "#D55E00"),
-    strong_order=0.5,
-    strong_order_commuting=0.5,
-    weak_order=1.0,
-    preserves="nothing",
-    work=5.0,
-)
-register_scheme(
-    "euler_maruyama_renormalised",
-    record=RenormalisedEulerMaruyama(),
-    label="Euler-Maruyama, renormalised",
-    formula="|y| z / |z| with the z of Euler-Maruyama",
-    reference="ours, for comparison",
-    look=("v", "#56B4E9"),
-    strong_order=0.5,
-    strong_order_commuting=0.5,
-    weak_order=1.0,
-    preserves="|y|",
-    work=5.5,
-    needs=squared_length_is_casimir,
-)
-register_scheme(
-    "midpoint",
-    record=Midpoint(),
-    label="midpoint",
-    formula="z = y + h f((y+z)/2) + sum_k sigma_k dW_k f_k((y+z)/2)",
-    reference="doi:10.1137/S0036142901395588",
-    look=("o", "#0072B2"),
-    strong_order=0.5,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    preserves="quadratic Casimirs",
-    work=25.0,
-    step_cost=midpoint_cost,
-    needs_truncation=True,
-)
-register_scheme(
-    "ap_splitting",
-    record=AsymptoticPreserving(0.0, ImplicitEuler()),
-    label="AP splitting",
-    formula="splitting with h xi_k^n / eps for dW_k, xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps",
-    reference="eq. APscheme",
-    look=("h", "#0072B2"),
-    weak_order=1.0,
-    overhead=1.15,
-    multiscale=True,
-    **_POISSON,
-)
-register_scheme(
-    "ap_splitting_midpoint",
-    record=AsymptoticPreserving(0.0, ImplicitMidpoint()),
-    label="AP splitting, midpoint",
-    formula="splitting with h (xi_k^(n-1) + xi_k^n) / (2 eps) for dW_k, xi^n by the midpoint rule",
-    reference="eq. APscheme, its variant",
-    look=("p", "#56B4E9"),
-    weak_order=1.0,
-    overhead=1.15,
-    multiscale=True,
-    **_POISSON,
-)
-register_scheme(
-    "multiscale_euler",
-    record=MultiscaleEuler(0.0, ExplicitEuler()),
-    label="explicit Euler-Maruyama",
-    formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^(n-1) / eps, xi^n = xi^(n-1) - h/eps^2 xi^(n-1) + dW/eps",
-    reference="ours, for comparison",
-    look=("X", "#D55E00"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    preserves="nothing",
-    work=4.0,
-    multiscale=True,
-    needs_eps=True,
-)
-register_scheme(
-    "multiscale_euler_semi_implicit",
-    record=MultiscaleEuler(0.0, ImplicitEuler()),
-    label="semi-implicit Euler-Maruyama",
-    formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^n / eps, xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps",
-    reference="ours, for comparison",
-    look=("P", "#CC79A7"),
-    strong_order=1.0,
-    strong_order_commuting=1.0,
-    weak_order=1.0,
-    preserves="nothing",
-    work=4.0,
-    multiscale=True,
-)
+__all__ = [
+    "SCHEMES",
+    "Scheme",
+    "composed",
+    "has_theory",
+    "register_scheme",
+    "scheme_row",
+    "typical_ns",
+    "weak_exponents",
+    "with_eps",
+]
 
 
 def has_theory(row, model):
@@ -251,7 +53,7 @@ def composed(name, rows, weak_order):
         reference="the experiment",
         look=("", ""),
         weak_order=weak_order,
-        **(_POISSON | (orders if known else dict.fromkeys(orders, math.nan))),
+        **(POISSON | (orders if known else dict.fromkeys(orders, math.nan))),
     )
 
 
@@ -263,24 +65,3 @@ def with_eps(row, eps):
 def scheme_row(name, eps=None):
     """The row of a scheme in the table, for the multiscale system with this eps in its record."""
     return with_eps(SCHEMES[name], eps)
-
-
-_DRAW_NS = 0.85  # an increment
-_TYPICAL_TERMS = 8  # of the Fourier series of areas
-
-
-def typical_ns(row, model):
-    """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
-    stated = flow_ns(model)
-    acting = () if row.composition is None else sweeps(row.composition, model)
-    if stated:
-        step = stated * (len(acting) or row.work)
-    else:
-        try:
-            step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
-        except Exception:  # a word of somebody's fails; what is wrong is told where it is compiled
-            step = 0.5 * (len(acting) or row.work)
-    draws = len(noise_indices(model)) * substeps(row.record)
-    if needs_areas(row.record) and area_pairs(model):
-        draws *= 1 + 2 * _TYPICAL_TERMS
-    return row.overhead * (_DRAW_NS * draws + step)

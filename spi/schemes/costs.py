@@ -14,10 +14,20 @@ import numpy as np
 from ..angles import TINY_ANGLES
 from ..fields import step_field_derivative, step_gradient, unit
 from ..inlining import uncompiled
-from ..protocol import component_indices, dimension, noises
+from ..protocol import (
+    area_pairs,
+    component_indices,
+    dimension,
+    flow_ns,
+    needs_areas,
+    noise_indices,
+    noises,
+    structure,
+    substeps,
+)
 from ..rng import LANES
 from .euler_maruyama import euler_step
-from .rows import PARTS, angle, flow
+from .rows import PARTS, angle, flow, sweeps
 
 # Nanoseconds per path on one thread of a processor with AVX-512 at about 4 GHz, fitted to the models of the package and
 # to rings of up to eight spins.  An operation is an addition or a multiplication; each sweep loads and stores a state.
@@ -28,6 +38,9 @@ _WEIGHTS = {np.divide: 4, np.sqrt: 8, np.sin: 40, np.cos: 40, np.exp: 40, np.log
 _FREE = {np.negative, np.absolute, np.maximum, np.minimum}
 _TAKEN_APART = 20  #: a number whose bits are looked at, as by ``elementary.exp``
 _NEWTON_ITERATIONS = 2.5
+_TERMS = 8  # of an exponential series at small steps
+_DRAW_NS = 0.85  # an increment
+_TYPICAL_TERMS = 8  # of the Fourier series of areas
 
 
 class _Counter:
@@ -93,6 +106,16 @@ def euler_cost(model: Any) -> float:
 
 
 @functools.lru_cache(typed=True)
+def exponential_cost(model: Any) -> float:
+    """Nanoseconds of one exponential of Munthe-Kaas and of what it acts by, which is about a step of Euler-Maruyama."""
+    d = dimension(model)
+    with _counting(model) as given:
+        structure(model, given.y, given.y)
+    term = _OPERATION * (given.counter.operations + 5 * d) + _COMPONENT * d
+    return _TERMS * term + euler_cost(model)
+
+
+@functools.lru_cache(typed=True)
 def midpoint_cost(model: Any) -> float:
     """Nanoseconds of a step of the midpoint rule: a d x d system, set up and solved a few times, and more."""
     d = dimension(model)
@@ -103,3 +126,20 @@ def midpoint_cost(model: Any) -> float:
     # each pair of rows: load and store two entries per column
     elimination = _COMPONENT * sum((d - 1 - c) * (d + 1 - c) for c in range(d))
     return _NEWTON_ITERATIONS * (columns + elimination) + 3 * euler_cost(model)
+
+
+def typical_ns(row, model):
+    """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
+    stated = flow_ns(model)
+    acting = () if row.composition is None else sweeps(row.composition, model)
+    if stated:
+        step = stated * (len(acting) or row.work)
+    else:
+        try:
+            step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
+        except Exception:  # a word of somebody's fails; what is wrong is told where it is compiled
+            step = 0.5 * (len(acting) or row.work)
+    draws = len(noise_indices(model)) * substeps(row.record)
+    if needs_areas(row.record) and area_pairs(model):
+        draws *= 1 + 2 * _TYPICAL_TERMS
+    return row.overhead * (_DRAW_NS * draws + step)

@@ -20,7 +20,7 @@ from ..lanes import load_lane, store_lane
 from ..protocol import component_indices, dimension
 from ..rng import LANES
 
-_ENOUGH = 2.0**-60  # for squares
+ENOUGH = 2.0**-60  # for squares
 
 
 @inlined
@@ -89,7 +89,7 @@ def correct(model, x, correction):
         change = load_lane(model, correction, lane)
         new = add_scaled(load_lane(model, x, lane), 1.0, change)
         store_lane(x, lane, new)
-        unfinished += 1 if dot(change, change) > _ENOUGH * dot(new, new) else 0
+        unfinished += 1 if dot(change, change) > ENOUGH * dot(new, new) else 0
     return unfinished
 
 
@@ -110,6 +110,15 @@ def finish(model, h, dW, y, x, tolerance):
         largest = max(largest, bits(abs(residual / (size + 1e-300))))
         store_lane(y, lane, add_scaled(state, 1.0, change))
     return failures, np.sqrt(from_bits(largest))
+
+
+@inlined
+def report_solves(report, iterations, failures, residual):
+    """Report that the equations of a block were solved, with so many iterations each."""
+    report[0] += LANES
+    report[1] += LANES * iterations
+    report[2] += failures
+    report[3] = np.maximum(report[3], residual)  # keeps NaN
 
 
 class Midpoint(NamedTuple):
@@ -143,7 +152,4 @@ class Midpoint(NamedTuple):
             unfinished = correct(model, x, matrix[d * d * LANES :])
             iterations += 1
         failures, residual = finish(model, h, dW, y, x, scheme.tolerance * scheme.tolerance)
-        report[0] += LANES
-        report[1] += LANES * iterations
-        report[2] += failures
-        report[3] = np.maximum(report[3], residual)  # keeps NaN
+        report_solves(report, iterations, failures, residual)

@@ -15,6 +15,7 @@ from spi.estimators import (
     samples_needed,
 )
 from spi.fields import noise_field, noise_field_derivative
+from spi.inlining import uncompiled
 from spi.kinds.plans import State
 from spi.protocol import noise_indices
 from spi.records import Group, Variables
@@ -115,24 +116,32 @@ def _variables(
 def _expected_order(row: Scheme, case: Any) -> float | None:
     """What theory says; None where it says nothing, because a splitting is not made of exact flows.
 
-    The order with several noises rises to that with one where they commute, f_k' f_l = f_l' f_k, and for every scheme
-    to 1 where f_k' f_l = 0, since Euler-Maruyama is then Milstein's scheme.
+    The order with several noises rises to that with one where they commute, f_k' f_l = f_l' f_k, and to 1 where what a
+    scheme leaves out is 0 as well, f_k' f_l for Euler-Maruyama, which is then Milstein's scheme.
     """
     model = case.model
     if not has_theory(row, model):
         return None
     states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
-    derivative, field = noise_field_derivative.__wrapped__, noise_field.__wrapped__  # not worth compiling
-    products = np.array(
-        [
-            [[derivative(model, k, y, field(model, m, y)) for m in noise_indices(model)] for k in noise_indices(model)]
-            for y in map(tuple, np.abs(states).tolist())  # populations are positive
-        ]
-    )
-    if not np.any(products):
-        return 1.0
-    commute = np.allclose(products, np.swapaxes(products, 1, 2), rtol=1e-12, atol=1e-12)
-    return row.strong_order_commuting if commute else row.strong_order
+    at = list(map(tuple, np.abs(states).tolist()))  # populations are positive
+    products = _products(noise_field_derivative, model, at)
+    swapped = np.swapaxes(products, 1, 2)
+    if not np.allclose(products, swapped, rtol=1e-12, atol=1e-12):
+        return row.strong_order
+    if row.left_out is None:
+        return row.strong_order_commuting
+    left_out = _products(row.left_out, model, at)
+    missed = np.any(np.abs(left_out + np.swapaxes(left_out, 1, 2)) > 1e-12)
+    return row.strong_order_commuting if missed else 1.0
+
+
+def _products(word: Any, model: Any, states: list[tuple[float, ...]]) -> np.ndarray:
+    """word(model, k, y, f_m(y)) for all states y and noises k and m."""
+    noises = noise_indices(model)
+    with uncompiled():  # not worth compiling
+        return np.array(
+            [[[word(model, k, y, noise_field(model, m, y)) for m in noises] for k in noises] for y in states]
+        )
 
 
 def _note(error: np.ndarray, stderr: np.ndarray, resolved: np.ndarray, samples: int) -> str:
