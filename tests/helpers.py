@@ -238,6 +238,7 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     if needs_areas(scheme) and dW.shape[1] == noises(model):
         dW = np.concatenate([dW, np.zeros((len(dW), len(area_pairs(model)), LANES))], axis=1)
     dW = dW.reshape(len(dW), -1)
+    assert dW.shape[1] >= (2 * substeps(scheme) - 1) * noises(model) * LANES
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
     _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report

@@ -29,6 +29,7 @@ FLOORS = [
         "registration",
         "invariants",
         "fields",
+        "areas",
         "increments",
         "steppers",
         "compilable",

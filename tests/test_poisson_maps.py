@@ -6,7 +6,7 @@ import scheme_cases
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, simulate, take_step, take_steps
 from scheme_cases import FAILURES, RENORMALISED, SPLITTINGS, increments, on_the_sphere, relative, tosses
 
-from spi.protocol import area_pairs, needs_areas
+from spi.protocol import area_pairs, needs_areas, substeps
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2
 
 # fixtures
@@ -25,20 +25,28 @@ def structure_matrix(y):
     return np.array([[0, -y3, y2], [y3, 0, -y1], [-y2, y1, 0]])
 
 
+def row_of_increments(scheme, model, h, generator):
+    """What a scheme gets for a step: increments [noise, lane], those of its sub-steps, and areas."""
+    n = substeps(scheme)
+    parts = [increments(generator, h / n) for _ in range(n)]
+    rows = [sum(parts[i : i + n // m]) for m in (1, 2, 4, 8) if m <= n for i in range(0, n, n // m)]
+    pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
+    return np.concatenate([*rows, 0.5 * h * generator.standard_normal((pairs, LANES))])
+
+
 def poisson_defect(scheme, model, h, generator):
     """The largest entry of D B(y) D^T - B(Phi(y)) over random y and dW; D by central differences of fourth order.
 
     All states that belong to one point are lanes of one block with the same increments and coin.
     """
     worst = 0.0
-    pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
-    y, dW, coins = np.ones((3, LANES)), np.zeros((3 + pairs, LANES)), np.ones(LANES)
+    y, coins = np.ones((3, LANES)), np.ones(LANES)
+    dW = np.zeros((len(row_of_increments(scheme, model, h, generator)), LANES))
     offsets = [np.zeros(3)] + [j * DELTA * e for e in np.eye(3) for j in (-2, -1, 1, 2)]
     for point in range(POINTS):
         lanes = slice(point * len(offsets), (point + 1) * len(offsets))
         y[:, lanes] = (generator.standard_normal(3) + np.array(offsets)).T
-        dW[:3, lanes] = increments(generator, h)[:, :1]
-        dW[3:, lanes] = 0.5 * h * generator.standard_normal((pairs, 1))
+        dW[:, lanes] = row_of_increments(scheme, model, h, generator)[:, :1]
         coins[lanes] = (-1) ** point
     new, _ = take_step(scheme, model, h, dW, y, coins)
     for point in range(POINTS):
@@ -84,6 +92,8 @@ def casimir_errors(scheme, h, steps, seed=5):
     generator = np.random.default_rng(seed)
     y = on_the_sphere(generator)
     dW, coins = increments(generator, h, steps), tosses(generator, steps)
+    if substeps(scheme) > 1:
+        dW = np.array([row_of_increments(scheme, RIGID_BODY, h, generator) for _ in range(steps)])
     new, report = take_steps(scheme, RIGID_BODY, h, dW, y, coins)
     before, after = (y**2).sum(axis=0), (new**2).sum(axis=0)
     return np.abs(after - before) / before, report

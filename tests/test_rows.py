@@ -5,7 +5,8 @@ import pytest
 from helpers import LANES, RIGID_BODY, SCHEMES, composed, random_states, take_step
 
 from spi.models import MaxwellBloch
-from spi.schemes import AsymptoticPreserving, ImplicitEuler, typical_ns
+from spi.schemes import typical_ns
+from spi.schemes.asymptotic import AsymptoticPreserving, ImplicitEuler
 from spi.schemes.rows import compositions, flows, sweeps
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_reversed_twin, splitting
 

@@ -89,8 +89,8 @@ def test_a_reading_says_what_its_scheme_preserves():
         *("euler_maruyama", "multiscale_euler", "multiscale_euler_semi_implicit"),
     }
     assert {scheme for scheme, (_, kept) in told.items() if kept} == {
-        *("splitting", "splitting_drift_first", "splitting_order2", "splitting_symmetric"),
-        *("ap_splitting", "ap_splitting_midpoint"),
+        *("splitting", "splitting_drift_first", "splitting_areas", "splitting_order2", "splitting_symmetric"),
+        *("isospectral_midpoint", "ap_splitting", "ap_splitting_midpoint"),
     }
 
 
