@@ -22,7 +22,7 @@ from spi.fields import (
     step_field,
     step_gradient,
 )
-from spi.protocol import drift_flow, noise_flow, noise_indices, structure, substeps
+from spi.protocol import drift_flow, needs_areas, noise_flow, noise_indices, structure, substeps
 from spi.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
 from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
@@ -58,9 +58,9 @@ def twin(scheme, model):
     """``step(scheme, model, h, y, dW, z, heads)`` for one path, or None for a scheme that is not known here.
 
     `z` are the processes of the multiscale system, which it moves; `heads` is the coin.  There is none of a scheme with
-    sub-steps, whose increments would be another array.
+    sub-steps or with Lévy areas, whose increments would be another array.
     """
-    if isinstance(scheme, Splitting) and substeps(scheme) > 1:
+    if isinstance(scheme, Splitting) and (substeps(scheme) > 1 or needs_areas(scheme)):
         return None
     if isinstance(scheme, Splitting):
         return njit(flows_in_turn(scheme, model))

@@ -12,7 +12,6 @@ from helpers import (
     ONE_NOISE,
     RIGID_BODY,
     SCHEMES,
-    WITHOUT_SUBSTEPS,
     LinearlyDamped,
     final_states,
     take_step,
@@ -104,7 +103,7 @@ def test_the_damping_acts_after_the_pieces_in_their_order():
 # --- schemes ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name, row in WITHOUT_SUBSTEPS.items() if row.composition])
+@pytest.mark.parametrize("name", ["splitting", "splitting_drift_first", "splitting_order2"])
 def test_casimirs_decay_to_rounding_and_with_no_other_factor(name):
     generator, h = np.random.default_rng(6), 0.25
     y, dW = generator.standard_normal((3, LANES)), 0.5 * generator.standard_normal((3, LANES))

@@ -47,19 +47,26 @@ def at_time_one():
 STEP_SIZES = 2.0 ** (np.array(LEVELS) - 10)
 
 
+#: Schemes that leave out the same Lévy areas, so that they differ by O(h).
+ALIKE = (
+    {"splitting", "splitting_drift_first"},
+    {"midpoint", "munthe_kaas_midpoint", "isospectral_midpoint"},
+)
+#: Distances in which a term of order h is so large that they fall faster.
+STEEPER = ({"splitting_areas"}, {"euler_maruyama_renormalised", "munthe_kaas_euler"})
+
+
 @compiled_only
 @pytest.mark.parametrize(("a", "b"), list(itertools.combinations(SCHEMES, 2)))
 def test_schemes_approach_each_other(at_time_one, a, b):
-    """The distance of two schemes falls with the smaller of their orders.
-
-    The two splittings differ by one flow of the deterministic part at either end only, hence by O(h).
-    """
+    """The distance of two schemes falls with the smaller of their orders."""
     differences = at_time_one[a] - at_time_one[b]
     distances, errors = root_mean_square(differences)
     order, error = slope(differences, STEP_SIZES)
-    expected = 1.0 if {a, b} == {"splitting", "splitting_drift_first"} else 0.5
+    expected = 1.0 if any({a, b} <= alike for alike in ALIKE) else 0.5
+    more = 0.1 if any(schemes <= {a, b} for schemes in STEEPER) else 0.0
     assert error < 0.02
-    assert abs(order - expected) < 4 * error + 0.01
+    assert -4 * error - 0.01 < order - expected < 4 * error + 0.01 + more
     assert np.all(np.diff(distances) > 0)
     # At h = 2^-10 far below the distance, 0.115, to the wrong equation of the next test.
     assert np.all(distances * (1 - 4 * errors) < 0.4 * STEP_SIZES**expected)

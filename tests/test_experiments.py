@@ -12,8 +12,9 @@ from spi.run import load, run
 
 FOLDER = Path(__file__).parent.parent / "experiments"
 FILES = sorted(FOLDER.glob("*.yaml"))
-#: Of the gallery, what takes long to compile; ``tests/repeats.py`` runs these too.
-LARGE = ("areas_strong", "manakov", "spin_ring", "sine_euler_5", "heavy_top", "toda_strong", "toda_weak")
+#: What takes long to compile and has tests of its own; ``tests/repeats.py`` runs these too.
+LARGE = ("areas_strong", "compositions", "rigid_body_rivals", "manakov", "spin_ring", "sine_euler_5")
+LARGE += ("heavy_top", "toda")
 FIGURES = set(range(1, 18))  # of the paper
 
 

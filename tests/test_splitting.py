@@ -10,7 +10,7 @@ from scheme_cases import LOCKED, SPLITTINGS, increments, relative, tosses
 from spi.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from spi.elementary import REDUCIBLE, SMALL
 from spi.models import RigidBody
-from spi.protocol import drift_flow, noise_flow, noise_indices, strengths
+from spi.protocol import drift_flow, noise_flow, noise_indices, strengths, substeps
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
 
 # fixtures
@@ -54,7 +54,7 @@ def test_splitting_without_time_is_the_noise_flows(name, model, generator):
 def test_no_noise_and_no_time_changes_nothing(generator):
     y = random_states(generator)
     for row in SCHEMES.values():
-        new, _ = take_step(row.record, RIGID_BODY, 0.0, np.zeros((3, LANES)), y)
+        new, _ = take_step(row.record, RIGID_BODY, 0.0, np.zeros((3 * (2 * substeps(row.record) - 1), LANES)), y)
         assert np.array_equal(new, y)
 
 

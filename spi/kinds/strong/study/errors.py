@@ -124,6 +124,8 @@ def _expected_order(row: Scheme, case: Any) -> float | None:
         return None
     states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
     at = list(map(tuple, np.abs(states).tolist()))  # populations are positive
+    if not noise_indices(model):
+        return 1.0
     products = _products(noise_field_derivative, model, at)
     swapped = np.swapaxes(products, 1, 2)
     if not np.allclose(products, swapped, rtol=1e-12, atol=1e-12):
