@@ -15,6 +15,9 @@ Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
 
+#: Seconds without an answer after which it is asked whether the workers are stuck.
+_PATIENCE = 10.0
+
 
 def advance_here(states: Sequence[State], tick: Tick) -> None:
     """Compute all chunks in this process, on all of its threads."""
@@ -45,7 +48,8 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
         if not waiting:
             return
         lost = []
-        for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+        done = wait(waiting, _PATIENCE, return_when=FIRST_COMPLETED).done
+        for future in done:
             number, chunk = task = waiting.pop(future)
             try:
                 states[number].put(chunk, future.result())
@@ -54,7 +58,7 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
                 continue
             queue.done(number)
             tick(number)
-        if lost:
+        if lost or (not done and workers.stuck()):
             lost += workers.renewed(waiting)
         for task in lost:
             losses[task] += 1

@@ -44,6 +44,9 @@ class Workers(Protocol):
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere."""
 
+    def stuck(self) -> bool:
+        """Whether, after a while without an answer, none is to be expected any more."""
+
     def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
         """Replace what was lost; of `waiting`, future -> task, takes out and returns what was lost with it."""
 
@@ -67,9 +70,20 @@ class Processes:
             future.set_exception(error)
             return future
 
+    def stuck(self) -> bool:
+        """Whether one has ended and the executor, which is told at once, has not said so.
+
+        One that is killed while it writes its answer leaves the executor waiting for the rest of it, and the others for
+        the lock that it held.
+        """
+        return any(not process.is_alive() for process in list((self.executor._processes or {}).values()))
+
     def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
         """Start all anew: when one is lost, the executor of the standard library gives up all."""
+        answers: Any = self.executor._result_queue if self.stuck() else None  # type: ignore[attr-defined]
         self.close()
+        if answers:  # nobody is left who could write, so that the executor learns that nothing comes any more
+            answers._writer.close()
         self.executor = self._start()
         lost = list(waiting.values())
         waiting.clear()
@@ -108,6 +122,10 @@ class Dask:
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         return self.executor.submit(compute, source, number, chunk, 1)
+
+    def stuck(self) -> bool:
+        """No: a cluster sees to its own workers."""
+        return False
 
     def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
         """Nothing else: a cluster sees to its own workers."""

@@ -74,7 +74,9 @@ def test_schemes_approach_each_other(at_time_one, a, b):
     more = 0.1 if any(schemes <= {a, b} for schemes in STEEPER) else 0.0
     assert error < 0.02
     assert -4 * error - 0.01 < order - expected < 4 * error + 0.01 + more
-    assert np.all(np.diff(distances) > 0)
+    # sub-steps and areas of the reference step itself are drawn independently
+    first = 1 if {a, b} == {"splitting_areas", "splitting_symmetric"} else 0
+    assert np.all(np.diff(distances[first:]) > 0)
     # At h = 2^-10 far below the distance, 0.115, to the wrong equation of the next test.
     assert np.all(distances * (1 - 4 * errors) < 0.4 * STEP_SIZES**expected)
 

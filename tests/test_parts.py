@@ -1,7 +1,12 @@
 """One set of numbers, to the last bit, however a run is divided: among parts, processes and machines, or over time."""
 
+import gc
 import os
 import signal
+import struct
+import time
+from concurrent.futures import BrokenExecutor
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 
 import numpy as np
@@ -201,6 +206,30 @@ def test_a_process_that_is_killed_is_made_up_for(tmp_path, straight):
         path = runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
     assert killer.killed
     assert numbers(path) == straight["rigid_body_strong"]
+
+
+def die_while_answering():
+    """Run in a worker process: it takes the lock for answers, begins one and is killed."""
+    (answers,) = (q for q in gc.get_objects() if type(q) is SimpleQueue)
+    answers._wlock.acquire()
+    os.write(answers._writer.fileno(), struct.pack("!i", 10**6) + b"the beginning")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_is_killed_while_it_answers_is_made_up_for():
+    """The executor of the standard library waits for the rest of the answer for ever."""
+    with workers.processes(2) as pool:
+        future = pool.executor.submit(die_while_answering)
+        for _ in range(60):
+            if pool.stuck():
+                break
+            time.sleep(0.5)
+        assert pool.stuck() and not future.done()
+        assert pool.renewed({future: "a chunk"}) == ["a chunk"]
+        with pytest.raises(BrokenExecutor):
+            future.result(10)
+        assert pool.executor.submit(os.getppid).result(60) == os.getpid()
+        assert not pool.stuck()
 
 
 def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
