@@ -80,7 +80,7 @@ class Processes:
 
     def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
         """Start all anew: when one is lost, the executor of the standard library gives up all."""
-        answers: Any = self.executor._result_queue if self.stuck() else None  # type: ignore[attr-defined]
+        answers: Any = self.executor._result_queue if self.stuck() else None
         self.close()
         if answers:  # nobody is left who could write, so that the executor learns that nothing comes any more
             answers._writer.close()
