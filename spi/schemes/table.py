@@ -91,7 +91,7 @@ register_scheme(
     formula=f"z = {_DRIFT} L {_NOISE} y, L a loop exp(-b Y_l) exp(-a Y_k) exp(b Y_l) exp(a Y_k) for each pair k < l, "
     "a b = -sigma_k sigma_l J_lk",
     reference="ours; areas as in doi:10.1214/aoap/1015345301",
-    look=("*", "#0072B2"),
+    look=("*", "#000000"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
