@@ -337,7 +337,9 @@ class SampledCase(FunctionsCase):
             able = [name for name, cls in MODELS.items() if can_solve(cls)]
             what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
         elif not any(self.row(s).solvable_without_sampling for s in self.schemes):
-            what = f"is for splitting schemes, which '{self.schemes[0]}' is not"
+            rows = self.row(self.schemes[0]).composition
+            without = " without loops" if rows and has_loops(rows) else ""
+            what = f"is for splitting schemes{without}, which '{self.schemes[0]}' is not"
         elif self.truncate_noise:
             what = "has no truncate_noise"
         elif self.reference_scheme:
