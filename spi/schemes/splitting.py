@@ -111,7 +111,7 @@ def has_reversed_twin(scheme):
 
 
 def run_rows(rows, model, h, dW, coins, y, work, report):
-    """Apply the rows in order to the states `y` of a block, in place; `work` has 3 LANES floats."""
+    """Apply the rows in order to the states `y` of a block, in place; `work` has LANES floats, 3 LANES for loops."""
     _step(sweeps(rows, model))(rows, model, h, dW, coins, y, work, report)
 
 

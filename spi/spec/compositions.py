@@ -93,8 +93,8 @@ def weak_order(rows: Rows, model: Any) -> float:
     """What theory says of rows: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
-    negative fractions.  NaN without noise, where it can.  With loops it is 1: the
-    mean of noise flows and loops together is that of the noise of the equation up to terms of order h^2 only.
+    negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops
+    together is that of the noise of the equation up to terms of order h^2 only.
     """
     if has_loops(rows):
         return 1.0

@@ -177,6 +177,11 @@ def _by_name(value: Any) -> Any:
     return {"phi": value} if isinstance(value, str) else value
 
 
+def _listed(value: Any) -> Any:
+    """A single entry as a list of it."""
+    return value if isinstance(value, list) else [value]
+
+
 def key_of(hint: Any, description: str | None) -> Any:
     """The annotation of a key."""
     return Annotated[_read(hint), Field(description=description)]
@@ -189,16 +194,12 @@ State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type
 _Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
 Eps = Annotated[
     _Eps,
-    BeforeValidator(
-        lambda value: value if isinstance(value, list) else [value], json_schema_input_type=_read(_Eps) | float | str
-    ),
+    BeforeValidator(_listed, json_schema_input_type=_read(_Eps) | float | str),
 ]
 _Levels = Annotated[tuple[Annotated[int, Ge(0), Le(3)], ...], MinLen(1)]
 Levels = Annotated[
     _Levels,
-    BeforeValidator(
-        lambda value: value if isinstance(value, list) else [value], json_schema_input_type=_read(_Levels) | int | str
-    ),
+    BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str),
 ]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]

@@ -2,8 +2,7 @@
 
 ``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step, ``multilevel`` against
 that of weak order 2 where it takes differences to it; what that reference lacks is extrapolated by the scheme's known
-order.  ``kolmogorov`` does not sample and measures against the law of the
-equation.
+order.  ``kolmogorov`` does not sample and measures against the law of the equation.
 """
 
 from collections.abc import Callable
