@@ -4,23 +4,25 @@
 
 No noise, c = N / (2 pi) (the time is that of Euler's equations), a smooth random vorticity of mean square 1, and the
 same two steps h for both.  The rival is the isospectral midpoint rule (doi:10.1007/s10543-019-00792-1) by fixed-point
-iteration, as in the package quflow: two matrix products an iteration in one BLAS thread, one path.  Ours is a step of
-`splitting` per path.  A ratio above 1 is in favour of ours.
+iteration, as in the package quflow: two matrix products an iteration in one BLAS thread, one path.  Ours are steps of
+`splitting`, of order 1, and of `splitting_symmetric`, of order 2 as the rival, per path.  A ratio above 1 is in favour
+of ours.
 
 Operations, with 5 n log2 n for a complex Fourier transform of length n:
 
     rival    iterations (16 N^3 + 5 N (N + 1) log2 N)
-    ours     L ((N - 1) / 2 (10 N log2 N + 6 N) + 2.5 N log2 N + 20 N)
+    ours     L ((N - 1) / 2 (10 N log2 N + 6 N) + 2.5 N log2 N + 20 N), and twice that
 
 for L lines, N + 1 of them where N is prime: (N - 1) / 2 parallel lines there, times phases, and back; and N phases with
-their sines.  The last columns are the largest errors of the Casimirs C_2, ..., C_5 over the steps, C_k = tr W^k / N,
-relative to tr |W|^k / N.
+their sines.  `error` is that of the vorticity at time 0.2, relative, in the root mean square; the last columns are the
+largest errors of the Casimirs C_2, ..., C_5 over the steps, C_k = tr W^k / N, relative to tr |W|^k / N.
 """
 
 import os
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy is imported
 
+import functools
 import math
 import sys
 from typing import NamedTuple
@@ -36,6 +38,9 @@ DEGREES = (2, 3, 4, 5)
 TOLERANCE = 1e-13  # of the rival's equations, relative
 MOST_ITERATIONS = 200
 CHECKED_STEPS = 100  # over which Casimirs are compared
+ERROR_TIME = 0.2
+REFERENCE_STEPS = 200  # up to there, and twice as many
+OURS = {"splitting": 1, "splitting_symmetric": 2}  # and how often a step goes through all lines
 FOURIER_FROM = 63  # from this N on np.fft is faster than products with a dense matrix
 
 
@@ -135,6 +140,8 @@ def casimirs(W):
 
 def casimir_errors(path):
     """The largest errors along a list of matrices, relative to tr |W|^k / N."""
+    if not np.isfinite(path).all():
+        return np.full(len(DEGREES), np.nan)
     scale = [np.mean(np.abs(np.linalg.eigvalsh(path[0])) ** k) for k in DEGREES]
     values = np.array([casimirs(W) for W in path])
     return np.abs(values - values[0]).max(axis=0) / scale
@@ -146,18 +153,40 @@ class Measured(NamedTuple):
     seconds: float  # of a step
     flops: float  # of a step
     bytes: int  # of a state
-    errors: np.ndarray  # of the Casimirs
+    error: float  # of the vorticity
+    casimirs: np.ndarray  # their errors
     iterations: float = 1.0
 
 
-def measure_rival(n, h):
-    """The implicit midpoint rule."""
+def midpoint_path(n, h, steps):
+    """The matrices W of a path from ``typical(n)``, at 0 and after each step, and the mean number of iterations."""
     rival, W = Midpoint(n, h), matrix(typical(n))
-    path, iterations = [W.copy()], []
-    for _ in range(CHECKED_STEPS):
-        iterations.append(rival.step(W))
+    path, iterations = [W.copy()], 0
+    for _ in range(steps):
+        iterations += rival.step(W)
         path.append(W.copy())
-    iterations = np.mean(iterations)
+    return path, iterations / steps
+
+
+@functools.cache
+def reference(n):
+    """W at ERROR_TIME by the midpoint rule with two small steps, extrapolated."""
+    coarse, fine = (
+        midpoint_path(n, ERROR_TIME / count, count)[0][-1] for count in (REFERENCE_STEPS, 2 * REFERENCE_STEPS)
+    )
+    return (4 * fine - coarse) / 3
+
+
+def error(path, h):
+    """The relative error at ERROR_TIME of a path with steps of size h."""
+    exact = reference(len(path[0]))
+    return np.linalg.norm(path[round(ERROR_TIME / h)] - exact) / np.linalg.norm(exact)
+
+
+def measure_rival(n, h):
+    """The implicit midpoint rule, timed from where the path has led."""
+    path, iterations = midpoint_path(n, h, CHECKED_STEPS)
+    rival, W = Midpoint(n, h), path[-1].copy()
     repeats = max(1, round(20 / n))
 
     def steps():
@@ -165,57 +194,55 @@ def measure_rival(n, h):
             rival.step(W)
 
     flops = iterations * (16 * n**3 + 5 * n * (n + 1) * math.log2(n))
-    return Measured(best_time(steps, 25) / repeats, flops, 16 * n * n, casimir_errors(path), iterations)
-
-
-def our_flops(n):
-    """Operations of a step, see above."""
-    transform = 5 * n * math.log2(n)
-    return len(lines(n)) * ((n - 1) / 2 * (2 * transform + 6 * n) + transform / 2 + 20 * n)
+    seconds = best_time(steps, 25) / repeats
+    return Measured(seconds, flops, 16 * n * n, error(path, h), casimir_errors(path), iterations)
 
 
 # --- OURS: to be filled in with the kernels of the model --------------------------------------------------------------
 
 
-def our_step_seconds(n, h):
-    """Seconds of a step of `splitting` per path, without noise; NaN as long as there is no kernel."""
+def our_step_seconds(n, h, scheme="splitting"):
+    """Seconds of a step per path, without noise; NaN as long as there is no kernel."""
     return math.nan
 
 
-def our_path(n, h, steps):
-    """The matrices W of a path from ``typical(n)``, at 0 and after each step; None as long as there is no kernel."""
-    return None
+def our_path(n, h, steps, scheme="splitting"):
+    """The matrices W of a path from ``typical(n)``, at 0 and after each step; NaN as long as there is no kernel."""
+    return [np.full((n, n), math.nan)] * (steps + 1)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def measure_ours(n, h):
-    """A step of `splitting`."""
-    path = our_path(n, h, CHECKED_STEPS)
-    errors = np.full(len(DEGREES), np.nan) if path is None else casimir_errors(path)
-    return Measured(our_step_seconds(n, h), our_flops(n), 8 * (n * n - 1), errors)
+def measure_ours(n, h, scheme):
+    """A splitting of the package."""
+    path, transform = our_path(n, h, CHECKED_STEPS, scheme), 5 * n * math.log2(n)
+    of_line = (n - 1) / 2 * (2 * transform + 6 * n) + transform / 2 + 20 * n
+    flops = OURS[scheme] * len(lines(n)) * of_line
+    return Measured(our_step_seconds(n, h, scheme), flops, 8 * (n * n - 1), error(path, h), casimir_errors(path))
+
+
+def rows(n, h, peak):
+    """The lines of the table for one N and h."""
+    rival = measure_rival(n, h)
+    for name, side in {"midpoint": rival, **{name: measure_ours(n, h, name) for name in OURS}}.items():
+        rate = 1e-9 * side.flops / side.seconds
+        yield (
+            f"{n:4} {name:20}{1e9 * side.seconds:12.0f}{rival.seconds / side.seconds:8.2f}{side.iterations:11.1f}"
+            f"{side.flops:10.2e}{rate:9.2f}{rate / peak:8.1%}{side.bytes:8}{side.error:9.1e}"
+            + "".join(f"{value:9.1e}" for value in side.casimirs)
+        )
 
 
 def main():
-    sizes = tuple(map(int, sys.argv[1:])) or SIZES
-    peak = arithmetic_peak()
-    print(f"one core: {peak:.1f} GFlop/s in multiply-adds; {CHECKED_STEPS} steps for the Casimirs\n")
-    columns = ("ns per step", "iterations", "flops", "GFlop/s", "of peak", "bytes", *(f"C_{k}" for k in DEGREES))
-    widths = (13, 10, 10, 8, 8, 8, 8, 8, 8, 8)
-    heading = "".join(f"{column:>{width + 1}}" for column, width in zip(columns, widths, strict=True))
+    sizes, peak = tuple(map(int, sys.argv[1:])) or SIZES, arithmetic_peak()
+    print(f"one core: {peak:.1f} GFlop/s in multiply-adds; {CHECKED_STEPS} steps for the Casimirs")
+    heading = f"{'ns per step':>12}{'ratio':>8}{'iterations':>11}{'flops':>10}{'GFlop/s':>9}{'of peak':>8}{'bytes':>8}"
+    heading += f"{'error':>9}" + "".join(f"{f'C_{k}':>9}" for k in DEGREES)
     for h in STEPS:
-        print(f"h = {h}\n{'N':>4} {'':8}{heading}")
+        print(f"\nh = {h}\n{'N':>4} {'':20}{heading}")
         for n in sizes:
-            rival, ours = measure_rival(n, h), measure_ours(n, h)
-            for name, side in (("ours", ours), ("midpoint", rival)):
-                rate = 1e-9 * side.flops / side.seconds
-                print(
-                    f"{n:4} {name:8} {1e9 * side.seconds:13.0f} {side.iterations:10.1f} {side.flops:10.3g} "
-                    f"{rate:8.2f} {rate / peak:8.1%} {side.bytes:8}",
-                    *(f"{error:8.1e}" for error in side.errors),
-                )
-            print(f"{'':4} {'ratio':8} {rival.seconds / ours.seconds:13.1f}\n")
+            print(*rows(n, h, peak), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

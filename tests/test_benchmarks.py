@@ -117,16 +117,19 @@ def test_matrices_of_the_midpoint_rule_for_fluids(n):
 
 
 def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
-    n, model, errors = 7, Zeitlin(7, normalisation="zeitlin"), []
+    n, model = 7, Zeitlin(7, normalisation="zeitlin")
     y, W0 = fluids.state(n, zeitlin.typical(n)), zeitlin.matrix(zeitlin.typical(n))
-    exact = solve_ivp(lambda t, y: fluids.drift_field(model, y), (0, 1), y, rtol=1e-11, atol=1e-11).y[:, -1]
-    for count in (16, 32):
-        rival, W = zeitlin.Midpoint(n, 1 / count), W0.copy()
-        assert all(rival.step(W) > 1 for _ in range(count))
-        assert np.all(zeitlin.casimir_errors([W0, W]) < 1e-12) and np.array_equal(W, W.conj().T)
-        errors.append(np.linalg.norm(fluids.state(n, fluids.table_of(n, W)) - exact))
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
-    assert np.linalg.norm(y - exact) > 0.1
+    times = (0, zeitlin.ERROR_TIME)
+    exact = solve_ivp(lambda t, y: fluids.drift_field(model, y), times, y, rtol=1e-12, atol=1e-12).y[:, -1]
+    assert np.allclose(fluids.state(n, fluids.table_of(n, zeitlin.reference(n))), exact, rtol=0, atol=1e-11)
+    assert np.linalg.norm(y - exact) > 0.01
+    errors = []
+    for h in zeitlin.STEPS:
+        path, iterations = zeitlin.midpoint_path(n, h, 10)
+        errors.append(zeitlin.error(path, h))
+        assert np.all(zeitlin.casimir_errors(path) < 1e-13) and iterations > 1
+        assert np.array_equal(path[0], W0) and np.array_equal(path[-1], path[-1].conj().T)
+    assert np.log(errors[1] / errors[0]) / np.log(np.divide(*zeitlin.STEPS[::-1])) == pytest.approx(2, abs=0.1)
     monkeypatch.setattr(zeitlin, "MOST_ITERATIONS", 2)
     with pytest.raises(RuntimeError, match="N = 7, h = 1: no solution after 2 iterations"):
         zeitlin.Midpoint(n, 1).step(W0)
