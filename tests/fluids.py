@@ -134,12 +134,11 @@ def noise_fields(model, y):
 
 
 def ito_correction(model, y):
-    """1/2 sum_k sigma_k^2 f_k'(y) f_k(y); all second derivatives of Ĥ_k are constant."""
+    """1/2 sum_k sigma_k^2 f_k'(y) f_k(y), where f_k' f_k = B(f_k) grad Ĥ_k, for f_k has no part on the line of Ĥ_k."""
     total = np.zeros(np.shape(y))
     for p in processes(model):
-        f = structure(model, y, p.gradient(y))
-        turned = p.gradient(f) - p.gradient(np.zeros_like(f))
-        total += p.sigma**2 / 2 * (structure(model, f, p.gradient(y)) + structure(model, y, turned))
+        v = p.gradient(y)
+        total += p.sigma**2 / 2 * structure(model, structure(model, y, v), v)
     return total
 
 
