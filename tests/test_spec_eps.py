@@ -216,7 +216,9 @@ def test_the_panel_eps_needs_several(error):
     right = "panels: has 'eps'; needs several values of eps, as in eps: [1, 0.1]"
     assert error(WEAK, EPS, "eps: 0.1\n") == f"12: {right}"
     assert error(WEAK, EPS, "", BOTH, SPLITTING) == f"11: {right}"
-    known = "casimirs, casimir_errors, hamiltonian, components, populations, sphere, phase"
+    known = (
+        "casimirs, casimir_errors, hamiltonian, components, populations, sphere, phase, vorticity, spectrum, enstrophy"
+    )
     assert error(TRAJECTORY, "[casimirs]", "[eps]").endswith(f"panels: entry 1 is 'eps'; known: {known}")
 
 
@@ -257,7 +259,8 @@ def test_bad_reference_scheme(error, name, what):
 def test_a_trajectory_is_not_too_long(error):
     overrides = ["final_time=10^8", "step=1"]
     assert error(TRAJECTORY, overrides=overrides).endswith(
-        "step: gives more than 10^7 steps, all of which are kept; must be at least 10"
+        "every: is 1, so that 100000001 states of 3 numbers would be stored; "
+        "must be at least 2, for 2*10^8 numbers in all"
     )
 
 
