@@ -54,7 +54,7 @@ ORDERED = FLOORS[0] + FLOORS[1]
 ONE_THING = ["expressions", "systems", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "cli"]
 ONE_THING += ["models.zeitlin"]
 
-#: Members of a package of strangers that know others of it: fields are those of every model on the lattice, damped or not.
+#: Members of a package of strangers that know others of it: fields are those of every model on the lattice.
 KNOWS = {"models.zeitlin.fields": ["models.zeitlin", "models.sine_euler", "models.damped"]}
 
 #: What each module of a kind of experiment may import of floor 3, and of its own kind.

@@ -7,7 +7,6 @@ import pytest
 from spi.kinds import KINDS
 from spi.run import layers
 from spi.schemes import SCHEMES, scheme_row
-from spi.spec import SpecError
 
 WEAK = """\
 kind: weak
@@ -35,21 +34,6 @@ EPS, SPLITTING = "eps: [1e-2, 1e-5]\n", "schemes: [splitting]\n"
 BOTH, PANEL = "schemes: [ap_splitting, splitting]\n", "panels: [eps]\n"
 MULTISCALE = "ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
 NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
-
-
-@pytest.fixture
-def error(spec):
-    """The message about such a spec, without the name of the file."""
-
-    def message_of(*arguments, **options):
-        with pytest.raises(SpecError) as caught:
-            spec(*arguments, **options)
-        message = str(caught.value)
-        assert len(message.splitlines()) == 1
-        assert message.startswith("s.yaml:")
-        return message.removeprefix("s.yaml:")
-
-    return message_of
 
 
 # --- what is right ---------------------------------------------------------------------------------------------------

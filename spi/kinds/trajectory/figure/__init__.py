@@ -18,6 +18,7 @@ from spi.records import Description
 from ..reading import Trajectory
 from .curves import Path
 from .fields import Fields
+from .film import film as film
 from .panels import WORDS, Panel
 
 #: Inches of a panel, by the number of panels side by side.

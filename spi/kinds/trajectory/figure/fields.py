@@ -107,7 +107,7 @@ def colour_range(readings: Sequence[Trajectory], fields: Sequence[np.ndarray]) -
 
 def draw_field(ax: Axes, field: np.ndarray, largest: float) -> AxesImage:
     """The vorticity (G, G) on the torus, x_1 to the right and x_2 up."""
-    look: dict[str, Any] = {"cmap": COLOURS, "vmin": -largest, "vmax": largest}
+    look: dict[str, Any] = {"cmap": COLOURS, "vmin": -largest, "vmax": largest, "interpolation": "bilinear"}
     image = ax.imshow(field.T, origin="lower", extent=(0, _CYCLE, 0, _CYCLE), aspect="equal", **look)
     if not np.isfinite(field).all():
         ax.text(0.5, 0.5, "not finite", transform=ax.transAxes, ha="center", va="center", color="#777777")
