@@ -27,7 +27,7 @@ TIMES = "viridis"  #: of spectra, from early to late
 SIDES = {1: 3.2, 2: 2.9, 3: 2.6, 4: 2.3}
 SMALLEST, LARGEST = 1.9, 3.3
 MARGIN = 1.6  # inches beside the fields of a row: labels, numbers, the colour bar
-ABOVE = 0.45  # inches above and below a field
+AROUND, BETWEEN = 0.75, 0.1  # inches above and below all fields of a case, and between two of them
 
 _CYCLE = 2 * np.pi
 _DEEPEST = 1e-20  # of the largest energy, in spectra
@@ -55,7 +55,7 @@ class Fields(NamedTuple):
 
     def height(self, width: float) -> float:
         """Inches of one line of fields in a figure of some width."""
-        return ABOVE + min(LARGEST, (width - MARGIN) / self.columns)
+        return AROUND / len(self.paths) + BETWEEN + min(LARGEST, (width - MARGIN) / self.columns)
 
     def draw(self, fig: Figure, place: GridSpecBase) -> Axes:
         """Draw all fields in a place of len(paths) lines, with one colour bar; returns the first axes."""
