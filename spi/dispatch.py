@@ -48,31 +48,40 @@ def inlined(function):
     Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk, except
     within :func:`uncompiled`; ``__wrapped__`` is the bare function.
     """
+    # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
+    return _callable(function, jit_options=INLINED, strict=False, prefer_literal=True)
 
+
+def called(function):
+    """Decorator: the same for a large function, which compiled code calls, and not within a loop over lanes."""
+    return _callable(function, jit_options={**INLINED, "forceinline": False}, strict=False)
+
+
+def _callable(function, **options):
     by_itself = njit(**OPTIONS)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
         keep_in_shared_cache(by_itself)
 
     @functools.wraps(function)
-    def called(*arguments, **named):
+    def from_python(*arguments, **named):
         return (function if runs_uncompiled() else by_itself)(*arguments, **named)
 
-    # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
-    overload(called, jit_options=INLINED, strict=False, prefer_literal=True)(lambda *arguments, **named: function)
-    return called
+    overload(from_python, **options)(lambda *arguments, **named: function)
+    return from_python
 
 
 def instructions(function):
     """Decorator: the decorated function says what `function` is in compiled code, in instructions of LLVM.
 
     Given the Numba types of the arguments it returns a signature and a function that writes the instructions, as for
-    ``numba.extending.intrinsic``.  Unlike an overload this is no function that has to be compiled.
+    ``numba.extending.intrinsic``, or None for types that are not its own.  Unlike an overload this is no function that
+    has to be compiled.
     """
 
     def decorate(write):
         @type_callable(function)
         def types_of_call(context):
-            types_of_arguments = functools.partial(lambda *arguments: write(*arguments)[0])
+            types_of_arguments = functools.partial(lambda *arguments: (write(*arguments) or (None,))[0])
             types_of_arguments.pysig = inspect.signature(function)
             return types_of_arguments
 
@@ -176,12 +185,30 @@ def constant(declaration):
 
     @instructions(chosen)
     def chosen_while_compiling(record):
-        value = declaration(record)
-        return typeof(value)(record), lambda context, builder, signature, arguments: context.get_constant_generic(
-            builder, signature.return_type, value
-        )
+        return _constant(record, declaration(record))
 
     return chosen
+
+
+def _constant(record, value):
+    """The instructions of a function of a record whose value is known while compiling."""
+    return typeof(value)(record), lambda context, builder, signature, arguments: context.get_constant_generic(
+        builder, signature.return_type, value
+    )
+
+
+def _field(record, name):
+    """The instructions of a function of a record whose value is a field of it, an int."""
+    place = record.fields.index(name)
+    return types.int64(record), lambda context, builder, signature, arguments: builder.extract_value(
+        arguments[0], place
+    )
+
+
+class FieldOf(NamedTuple):
+    """In place of the value of a fact: it is a field of the record, an int, known only when the kernel runs."""
+
+    field: str
 
 
 def fact(of, **default):
@@ -189,21 +216,29 @@ def fact(of, **default):
 
     The declaration carries only the documentation.  The fact is asked like a word, of a record or of its class, and is
     a constant in compiled code.  In place of the value a class may have a method that finds it from the type of a
-    record; the method is given a record or the Numba type of one.
+    record; the method is given a record or the Numba type of one.  A large model may have :class:`FieldOf`.
     """
 
     def decorate(declaration):
         name = declaration.__name__
 
-        @constant
-        @functools.wraps(declaration)
-        def told(record):
+        def find(record):
             value = getattr(class_of(record), name, default.get("default"))
             if inspect.isfunction(value):
                 value = value(record)
             if value is None:
                 raise TypeError(f"{name} has no meaning for {class_of(record).__qualname__}")
             return value
+
+        @functools.wraps(declaration)
+        def told(record):
+            value = find(record)
+            return getattr(record, value.field) if isinstance(value, FieldOf) else value
+
+        @instructions(told)
+        def told_while_compiling(record):
+            value = find(record)
+            return _field(record, value.field) if isinstance(value, FieldOf) else _constant(record, value)
 
         told.declared = Declared(*inspect.signature(declaration).parameters, 0, not default, of)
         return told
@@ -219,10 +254,18 @@ INDICES = tuple(collections.namedtuple(f"Index{k}", (), module=__name__) for k i
 globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache looks for them
 
 
-@constant
 def number(index):
-    """The integer that one of :data:`INDICES` stands for."""
-    return INDICES.index(class_of(index))
+    """The integer that one of :data:`INDICES` stands for; an integer stands for itself."""
+    return index if isinstance(index, int) else INDICES.index(class_of(index))
+
+
+@instructions(number)
+def _(index):
+    if isinstance(index, types.Integer):
+        return types.int64(index), lambda context, builder, signature, arguments: context.cast(
+            builder, arguments[0], index, types.int64
+        )
+    return _constant(index, INDICES.index(class_of(index)))
 
 
 def unrolled(indices):
@@ -234,21 +277,35 @@ def unrolled(indices):
     Numba compiles and optimises every function on its own before it inlines it, so that a loop over lanes must see k
     as a constant from the start, as here it does: with a run-time k it would be unrolled a little, not vectorised, and
     then spoilt for good.
+
+    Of a large model, for which ``indices.count`` says how many indices there are when the kernel runs, k is an integer
+    in a loop.
     """
 
     def decorate(body):
         compiled_body = inlined(body)
         _, record, value, *others = inspect.signature(body).parameters
         others = "".join(f", {name}" for name in others)
+        loop = [
+            f"def in_a_loop({record}, {value}{others}):",
+            f"for k in range(count({record})):",
+            f"    {value} = body(k, {record}, {value}{others})",
+            f"return {value}",
+        ]
+        names = {"body": compiled_body, "count": getattr(indices, "count", None)}
+        exec("\n    ".join(loop), names)
+        in_a_loop = names["in_a_loop"]
 
         @functools.wraps(body)
         def f(record, value, *arguments):
             for k in indices(record):
-                value = body(INDICES[k](), record, value, *arguments)
+                value = body(INDICES[k]() if k <= MOST else k, record, value, *arguments)
             return value
 
         @overload(f, jit_options=INLINED, strict=False)
         def f_while_compiling(record_type, *types_of_arguments):
+            if getattr(class_of(record_type), "large", False):
+                return in_a_loop
             calls = value
             for k in indices(record_type):
                 calls = f"body(index_{k}, {record}, {calls}{others})"
@@ -265,7 +322,7 @@ def tuplewise(expression, total=False):
 
     ``expression`` is Python source in the function's own argument names, in which a tuple ``x`` appears as ``x[i]``;
     in compiled code it is written out for each i, without a loop.  With ``total`` the components are added up, from
-    the first on.
+    the first on; then the states may also be those of a large model, arrays.
     """
 
     def decorate(declaration):
@@ -277,13 +334,24 @@ def tuplewise(expression, total=False):
             body = " + ".join(parts) if total else "(" + "".join(f"{part}, " for part in parts) + ")"
             return eval(f"lambda {', '.join(names)}: {body}")
 
+        loop = [
+            f"def in_a_loop({', '.join(names)}):",
+            "total = 0.0",
+            f"for i in range(len({names[a_tuple]})):",
+            f"    total += {expression}",
+            "return total",
+        ]
+        of_arrays = {}
+        exec("\n    ".join(loop), of_arrays)
+        in_a_loop = of_arrays["in_a_loop"] if total else None
+
         @functools.wraps(declaration)
         def f(*arguments):
             return write(len(arguments[a_tuple]))(*arguments)
 
         @overload(f, jit_options=INLINED, strict=False)
         def f_while_compiling(*arguments):
-            return write(len(arguments[a_tuple]))
+            return in_a_loop if isinstance(arguments[a_tuple], types.Array) else write(len(arguments[a_tuple]))
 
         return f
 

@@ -103,7 +103,7 @@ def brownian(seed):
 
 def begin(model, initial, row, y):
     """Put the initial state, one for all lanes or the row of this block, into `y`."""
-    if isinstance(initial, tuple):
+    if isinstance(initial, tuple) or initial.ndim == 1:
         for lane in range(LANES):
             store_lane(y, lane, initial)
     else:
@@ -112,7 +112,7 @@ def begin(model, initial, row, y):
 
 @overload(begin, jit_options=INLINED)
 def _(model, initial, row, y):
-    if isinstance(initial, types.BaseTuple):
+    if isinstance(initial, types.BaseTuple) or initial.ndim == 1:
 
         def one_for_all(model, initial, row, y):
             for lane in range(LANES):
@@ -181,6 +181,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                         scheme,
                         grid.by_reference[level],
                         model,
+                        paths,
                         h,
                         dW[increments],
                         coins[side],
@@ -205,9 +206,10 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
 def integrate(scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
     """Integrate the paths of `blocks` blocks, from block `first_block` on; paths from number `samples` on are idle.
 
-    `initial` is a state, or states to go on from after `grid.first_step` steps: an array (blocks, dimension * LANES +
-    memory) as :class:`FinalStates` keeps them.  `observer` and `report` (shape blocks x step sizes x len(REPORT)) have
-    one row per block, so that nothing depends on threads; to be added up outside, in the order of blocks.
+    `initial` is a state, a tuple or of a large model an array, or states to go on from after `grid.first_step` steps:
+    an array (blocks, dimension * LANES + memory) as :class:`FinalStates` keeps them.  `observer` and `report` (shape
+    blocks x step sizes x len(REPORT)) have one row per block, so that nothing depends on threads; to be added up
+    outside, in the order of blocks.
     """
     records = [(scheme, model, initial, grid, noise, observer)]  # Numba's prange cannot take nested tuples, but a list
     for row in prange(blocks):

@@ -12,7 +12,7 @@ from numba.extending import overload
 
 from .dispatch import INLINED, number, unrolled
 from .lanes import load_lane
-from .protocol import casimir_indices, casimirs, decay_rates
+from .protocol import casimir_indices, casimirs, decay_rates, large
 from .rng import LANES
 
 
@@ -58,11 +58,7 @@ def _(first):
 
 
 @unrolled(casimir_indices)
-def watch_casimirs(index, model, worst, first, level, n, y):
-    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers of step n of a level.
-
-    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.
-    """
+def _watch_one(index, model, worst, first, level, n, y):
     c = number(index)
     grown = _growth(first, c, level, n)
     for lane in range(LANES):
@@ -70,3 +66,32 @@ def watch_casimirs(index, model, worst, first, level, n, y):
         if not change <= worst[c, lane]:  # true for NaN
             worst[c, lane] = change
     return worst
+
+
+def _watch_all(model, worst, first, level, n, paths, y):
+    """All Casimir functions of a path at once, as a large model finds them."""
+    for lane in range(paths):
+        values = casimirs(model, load_lane(model, y, lane))
+        for c in range(len(values)):
+            change = abs(values[c] - first[c])
+            if not change <= worst[c, lane]:
+                worst[c, lane] = change
+
+
+def watch_casimirs(model, worst, first, level, n, paths, y):
+    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers of step n of a level.
+
+    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of a large model
+    only the first `paths` lanes are watched.
+    """
+    if large(model):
+        _watch_all(model, worst, first, level, n, paths, y)
+    else:
+        _watch_one(model, worst, first, level, n, y)
+
+
+@overload(watch_casimirs, jit_options=INLINED)
+def _(model, worst, first, level, n, paths, y):
+    if large(model):
+        return _watch_all
+    return lambda model, worst, first, level, n, paths, y: _watch_one(model, worst, first, level, n, y)

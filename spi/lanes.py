@@ -5,25 +5,30 @@ Loops over lanes that load a tuple, compute and store it become vector instructi
 
 from numba import types
 from numba.core import cgutils
+from numba.extending import overload
 
-from .dispatch import instructions
-from .protocol import dimension
+from .dispatch import INLINED, instructions
+from .protocol import dimension, large
 from .rng import LANES
 
 
 def load_lane(model, y, lane):
-    """The state of one lane as a tuple of ``dimension(model)`` floats."""
+    """The state of one lane as a tuple of ``dimension(model)`` floats; of a large model a view of the block."""
+    if large(model):
+        return y[lane : dimension(model) * LANES : LANES]
     return tuple(float(y[i * LANES + lane]) for i in range(dimension(model)))
 
 
 def store_lane(y, lane, state):
-    """Put a tuple of floats into one lane."""
+    """Put a tuple of floats into one lane; of a large model an array."""
     for i, value in enumerate(state):
         y[i * LANES + lane] = value
 
 
 @instructions(load_lane)
 def _(model, y, lane):
+    if large(model):
+        return None
     d = dimension(model)
 
     def code(context, builder, signature, arguments):
@@ -37,8 +42,16 @@ def _(model, y, lane):
     return types.UniTuple(types.float64, d)(model, y, types.int64), code
 
 
+@overload(load_lane, jit_options=INLINED)
+def _(model, y, lane):
+    return (lambda model, y, lane: y[lane : dimension(model) * LANES : LANES]) if large(model) else None
+
+
 @instructions(store_lane)
 def _(y, lane, state):
+    if isinstance(state, types.Array):
+        return None
+
     def code(context, builder, signature, arguments):
         data = cgutils.create_struct_proxy(signature.args[0])(context, builder, arguments[0]).data
         lane = arguments[1]
@@ -47,3 +60,12 @@ def _(y, lane, state):
         return context.get_dummy_value()
 
     return types.void(y, types.int64, state), code
+
+
+@overload(store_lane, jit_options=INLINED)
+def _(y, lane, state):
+    def store_array(y, lane, state):
+        for i in range(len(state)):
+            y[i * LANES + lane] = state[i]
+
+    return store_array if isinstance(state, types.Array) else None

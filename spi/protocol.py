@@ -15,8 +15,8 @@ into which a study collects what it needs.
 A word marked ``@word`` must be answered, ``@word_with_default`` need not, and ``@capability`` says what only some
 models can; a ``@fact`` is required unless it has a default.  ``registration.py`` checks classes against this file.
 
-A state y is a tuple of d floats.  In kernels LANES paths travel together: their states are one array of d * LANES
-floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
+A state y is a tuple of d floats, of a large model an array.  In kernels LANES paths travel together: their states are
+one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
 """
 
 import itertools
@@ -25,6 +25,7 @@ from typing import Annotated
 import annotated_types
 from numba import types
 from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
 
 from .dispatch import capability, constant, fact, field_type, instructions, word, word_with_default
 
@@ -90,6 +91,11 @@ def commuting_noises(model):
     """Pairs (k, l), k < l, of noises whose flows are known to commute; schemes need no Lévy areas of theirs."""
 
 
+@fact(bool, default=False)
+def large(model):
+    """Whether states are arrays, of any length, and flows move whole blocks; see the words of a large model below."""
+
+
 def piece_indices(model):
     """(0, ..., p-1)."""
     return tuple(range(pieces(model)))
@@ -107,7 +113,9 @@ def casimir_indices(model):
 
 
 def noise_indices(model):
-    """The noises that are on, those whose sigma_k is not None."""
+    """The noises that are on, those whose sigma_k is not None; all of a large model."""
+    if large(model):
+        return tuple(range(noises(model)))
     if isinstance(model, types.Type):
         off = [t == types.none for t in field_type(model, "sigma").types]
     else:
@@ -115,20 +123,36 @@ def noise_indices(model):
     return tuple(k for k, is_off in enumerate(off) if not is_off)
 
 
+piece_indices.count, component_indices.count = pieces, dimension
+casimir_indices.count, noise_indices.count = conserved, noises
+
+
 def area_pairs(model):
-    """((k, l), ...), k < l: the pairs of noises that are on and do not commute, whose Lévy areas schemes may need."""
+    """((k, l), ...), k < l: the pairs of noises that are on and do not commute, whose Lévy areas schemes may need.
+
+    None of a large model, for which no scheme has areas.
+    """
+    if large(model):
+        return ()
     commuting = commuting_noises(model)
     return tuple(pair for pair in itertools.combinations(noise_indices(model), 2) if pair not in commuting)
 
 
 def strengths(model):
-    """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off."""
-    return tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
+    """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off; an array of a large model."""
+    return model.sigma if large(model) else tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
 
 
 @instructions(strengths)
 def _(model):
     sigma = field_type(model, "sigma")
+    if large(model):
+
+        def field(context, builder, signature, arguments):
+            array = builder.extract_value(arguments[0], model.fields.index("sigma"))
+            return impl_ret_borrowed(context, builder, sigma, array)
+
+        return sigma(model), field
 
     def code(context, builder, signature, arguments):
         values = cgutils.unpack_tuple(builder, builder.extract_value(arguments[0], model.fields.index("sigma")))
@@ -236,6 +260,21 @@ def decay_rates(model):
     return ()
 
 
+@word_with_default
+def in_kernels(model):
+    """The record that kernels are given; of a large model one with its tables, a class that answers the words below.
+
+    Asked in Python only.
+    """
+    return model
+
+
+@word_with_default
+def fault(model):
+    """(key, what is wrong with it, what would be right) of the parameters, or None.  Asked in Python only."""
+    return None
+
+
 @capability
 def axis_inertias(model):
     """((I_1, I_2, I_3), (Î_1, Î_2, Î_3)) where B(y) v = y x v, H_k = y_k^2 / (2 I_k) and Ĥ_k = y_k^2 / (2 Î_k).
@@ -254,6 +293,51 @@ def rotation_shear_rates(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
+# Words that a large model answers: the record that ``in_kernels`` gives
+# ---------------------------------------------------------------------------------------------------------------------
+
+# Its facts may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
+# is an array of strengths.  It answers ``hamiltonian`` and ``casimirs`` for a state that is an array, the latter with
+# an array.  Its flows move `width` states at once, 1 or ``vectors.WIDTH``, component i of state j at y[i * width + j].
+# Noises whose flows are made as one, because they commute, are a group.
+
+
+@word
+def block_drift_flow(large_model, k, t, width, y, work):
+    """The flow of H_k for the time t, in place; returns the largest |angle| of a rotation, or a bound of it."""
+
+
+@word
+def block_noise_flow(large_model, group, times, width, y, work):
+    """The flow of the noises of a group, noise k of state j for the time times[k * width + j], in place; likewise."""
+
+
+@word
+def noise_groups(large_model):
+    """How many groups of noises there are, at most as many as noises."""
+
+
+@word
+def block_work(large_model):
+    """How many floats of scratch the words of a block need."""
+
+
+@word
+def add_block_drift(large_model, t, width, y, out, work):
+    """out + t B(y) grad H(y), in place."""
+
+
+@word
+def add_block_noises(large_model, times, width, y, out, work):
+    """out + sum_k t_k B(y) grad Ĥ_k(y), in place, noise k of state j with t_k = times[k * width + j]."""
+
+
+@word
+def add_block_ito_correction(large_model, h, width, y, out, work):
+    """out + h/2 sum_k sigma_k^2 f_k'(y) f_k(y), f_k = B grad Ĥ_k, in place."""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
 # Words that a scheme answers
 # ---------------------------------------------------------------------------------------------------------------------
 
@@ -268,6 +352,11 @@ def advance(scheme, model, h, dW, coins, y, work, report):
     `coins`, one of 1.0 or -1.0 per lane, is filled only if the scheme :func:`tosses`.  `work` is scratch of
     ``work_size(scheme, model)`` floats; the scheme adds to `report` what :data:`REPORT` says.
     """
+
+
+@capability
+def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
+    """The same of a large model, for the first `paths` of the LANES paths; the others may stay where they are."""
 
 
 @fact(bool, default=False)

@@ -6,6 +6,8 @@ import inspect
 from . import protocol
 from .dispatch import MOST
 
+_OF_PARAMETERS = ("in_kernels", "fault")
+
 
 def vocabulary(asked):
     """{name: word or fact} of all that a "model", a "scheme" or an "observer" is asked."""
@@ -20,6 +22,8 @@ def check_class(cls, asked, name):
     nothing public that nobody asks for, because that is a word misspelt.
     """
     words, members = vocabulary(asked), _members(cls)
+    if getattr(cls, "large", False):  # the record with its parameters; kernels are given another
+        words = {name: word for name, word in words.items() if name in _OF_PARAMETERS or word.declared.of}
     wrong = [
         f"lacks {word}" for word, asking in words.items() if asking.declared.required and members.get(word) is None
     ]
@@ -40,7 +44,11 @@ def _members(cls):
     members = {}
     for base in reversed([base for base in cls.__mro__ if base not in (tuple, object)]):
         members |= vars(base)
-    return {name: value for name, value in members.items() if not name.startswith("_") and name not in cls._fields}
+    return {
+        name: value
+        for name, value in members.items()
+        if not name.startswith("_") and name not in cls._fields and not isinstance(value, property)
+    }
 
 
 def _disagreement(name, value, declared):

@@ -6,7 +6,7 @@ from numba.extending import overload
 from .areas import Areas, NoAreas
 from .dispatch import INDICES, INLINED
 from .increments import Kept
-from .protocol import advance, area_pairs, memory_size, needs_areas, substeps, tosses, work_size
+from .protocol import advance, advance_large, area_pairs, large, memory_size, needs_areas, substeps, tosses, work_size
 
 
 def largest_sizes(reference_scheme, scheme, model):
@@ -60,23 +60,42 @@ def _kept(schemes, model):
     return Kept(INDICES[max(substeps(s) for s in schemes)](), Areas() if areas else NoAreas())
 
 
-def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
+def advance_path(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
     """One step of the scheme, or by the reference scheme if there is one."""
     stepper = reference_scheme if by_reference and reference_scheme is not None else scheme
-    advance(stepper, model, h, dW, coins, y, work, report)
+    _advance(stepper, model, paths, h, dW, coins, y, work, report)
+
+
+def _advance(scheme, model, paths, h, dW, coins, y, work, report):
+    """One step of at least the first `paths` paths of a block."""
+    if large(model):
+        advance_large(scheme, model, paths, h, dW, coins, y, work, report)
+    else:
+        advance(scheme, model, h, dW, coins, y, work, report)
+
+
+@overload(_advance, jit_options=INLINED)
+def _(scheme, model, paths, h, dW, coins, y, work, report):
+    if large(model):
+        return lambda scheme, model, paths, h, dW, coins, y, work, report: advance_large(
+            scheme, model, paths, h, dW, coins, y, work, report
+        )
+    return lambda scheme, model, paths, h, dW, coins, y, work, report: advance(
+        scheme, model, h, dW, coins, y, work, report
+    )
 
 
 @overload(advance_path, jit_options=INLINED)
-def _(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
+def _(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
     if reference_scheme == types.none:
-        return lambda reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report: advance(
-            scheme, model, h, dW, coins, y, work, report
+        return lambda reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report: _advance(
+            scheme, model, paths, h, dW, coins, y, work, report
         )
 
-    def either(reference_scheme, scheme, by_reference, model, h, dW, coins, y, work, report):
+    def either(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
         if by_reference:
-            advance(reference_scheme, model, h, dW, coins, y, work, report)
+            _advance(reference_scheme, model, paths, h, dW, coins, y, work, report)
         else:
-            advance(scheme, model, h, dW, coins, y, work, report)
+            _advance(scheme, model, paths, h, dW, coins, y, work, report)
 
     return either

@@ -10,18 +10,23 @@ import subprocess
 import sys
 from pathlib import Path
 
+import fluids
 import numpy as np
 import pytest
 from helpers import take_step
+from scipy.integrate import solve_ivp
 
 from spi.models import MODELS
+from spi.models.zeitlin import Zeitlin
 from spi.protocol import needs_areas, noises, substeps
 from spi.rng import LANES
 from spi.schemes import SCHEMES
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(FOLDER))  # no package: programs, and what they share
-examples, generic, machine, naive = map(importlib.import_module, ("examples", "generic", "machine", "naive"))
+examples, generic, machine, naive, zeitlin = map(
+    importlib.import_module, ("examples", "generic", "machine", "naive", "zeitlin")
+)
 
 
 def states_and_steps(name):
@@ -96,3 +101,35 @@ def test_width_of_vectors_in_assembly():
     assert machine.vector_width("\n".join(f"\t{line}" for line in lines)) == (512, 2 / 3)
     assert machine.vector_width("\tmulpd\t%xmm0, %xmm1\n") == (128, 1.0)
     assert machine.vector_width("\tfmla\tv0.2d, v1.2d, v2.2d\n") is None
+
+
+@pytest.mark.parametrize("n", [7, 31, zeitlin.FOURIER_FROM])
+def test_matrices_of_the_midpoint_rule_for_fluids(n):
+    omega, model = zeitlin.typical(n), Zeitlin(n, normalisation="zeitlin")
+    y, rival = fluids.state(n, omega), zeitlin.Midpoint(n, 0.1)
+    assert np.allclose(omega, fluids.table(n, y), atol=1e-15) and np.linalg.norm(omega) == pytest.approx(1)
+    rival.X[:] = zeitlin.matrix(omega)
+    assert np.allclose(rival.X, fluids.matrix(n, omega), atol=1e-13)
+    assert np.allclose(zeitlin.casimirs(rival.X), fluids.casimirs(model, y, zeitlin.DEGREES), rtol=1e-12, atol=1e-12)
+    rival.find_stream()
+    assert np.allclose(rival.Q, 0.05 * fluids.generator(model, fluids.drift_gradient(model, y)), atol=1e-13)
+    assert zeitlin.casimir_errors([rival.X, 1.01 * rival.X])[0] == pytest.approx(0.0201)
+
+
+def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
+    n, model = 7, Zeitlin(7, normalisation="zeitlin")
+    y, W0 = fluids.state(n, zeitlin.typical(n)), zeitlin.matrix(zeitlin.typical(n))
+    times = (0, zeitlin.ERROR_TIME)
+    exact = solve_ivp(lambda t, y: fluids.drift_field(model, y), times, y, rtol=1e-12, atol=1e-12).y[:, -1]
+    assert np.allclose(fluids.state(n, fluids.table_of(n, zeitlin.reference(n))), exact, rtol=0, atol=1e-11)
+    assert np.linalg.norm(y - exact) > 0.01
+    errors = []
+    for h in zeitlin.STEPS:
+        path, iterations = zeitlin.midpoint_path(n, h, 10)
+        errors.append(zeitlin.error(path, h))
+        assert np.all(zeitlin.casimir_errors(path) < 1e-13) and iterations > 1
+        assert np.array_equal(path[0], W0) and np.array_equal(path[-1], path[-1].conj().T)
+    assert np.log(errors[1] / errors[0]) / np.log(np.divide(*zeitlin.STEPS[::-1])) == pytest.approx(2, abs=0.1)
+    monkeypatch.setattr(zeitlin, "MOST_ITERATIONS", 2)
+    with pytest.raises(RuntimeError, match="N = 7, h = 1: no solution after 2 iterations"):
+        zeitlin.Midpoint(n, 1).step(W0)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from spi.ensemble import Grid, RandomStream, brownian, empty_report, integrate, shortest
+from spi.protocol import in_kernels, large
 from spi.records import Group, Part, describe
 from spi.rng import LANES
 from spi.schemes import Scheme
@@ -109,13 +110,13 @@ class PartPlan:
 
     @property
     def model(self) -> Any:
-        """The record of the model."""
-        return self.case.model
+        """The record of the model, as kernels are given it."""
+        return in_kernels(self.case.model)
 
     @property
-    def initial(self) -> tuple[float, ...]:
-        """y_0."""
-        return self.case.initial
+    def initial(self) -> Any:
+        """y_0, a tuple of floats or of a large model an array."""
+        return np.array(self.case.initial) if large(self.case.model) else self.case.initial
 
     @property
     def row(self) -> Scheme:

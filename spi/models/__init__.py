@@ -7,6 +7,7 @@ from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
 from .rigid_body import RigidBody, RigidBodySharedNoise
 from .sine_euler import SineEuler
+from .zeitlin import Zeitlin
 
 #: name in a spec file -> class
 MODELS: dict[str, type] = {}
@@ -17,6 +18,8 @@ def check_model_class(name, cls):
     if not (isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")):
         raise TypeError(f"model '{name}' is no class derived from NamedTuple")
     check_class(cls, "model", name)
+    if getattr(cls, "large", False):
+        return
     sigma = get_type_hints(cls).get("sigma")
     if len(get_args(sigma)) != cls.noises:
         right = f"must have a field sigma, a tuple of {cls.noises} strengths"
@@ -34,3 +37,4 @@ register_model("maxwell_bloch", MaxwellBloch)
 register_model("rigid_body", RigidBody)
 register_model("rigid_body_shared_noise", RigidBodySharedNoise)
 register_model("sine_euler", SineEuler)
+register_model("zeitlin", Zeitlin)

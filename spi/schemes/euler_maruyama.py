@@ -3,11 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
-from ..dispatch import inlined
+from ..dispatch import INLINED, inlined
 from ..fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
 from ..lanes import load_lane, store_lane
+from ..protocol import large
 from ..rng import LANES
+from .large import euler_step_of_large, large_work
 
 
 @inlined
@@ -27,6 +30,21 @@ class EulerMaruyama(NamedTuple):
     def advance(scheme, model, h, dW, coins, y, work, report):
         for lane in range(LANES):
             store_lane(y, lane, euler_step(model, h, dW, lane, load_lane(model, y, lane)))
+
+    def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
+        euler_step_of_large(model, paths, h, dW, y, work)
+
+    def work_size(scheme, model):
+        return _work(model)
+
+
+def _work(model):
+    return large_work(model) if large(model) else 0
+
+
+@overload(_work, jit_options=INLINED)
+def _(model):
+    return (lambda model: large_work(model)) if large(model) else (lambda model: 0)
 
 
 class RenormalisedEulerMaruyama(NamedTuple):

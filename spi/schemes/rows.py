@@ -146,6 +146,11 @@ class _Row(NamedTuple):
     length: int  #: of noise, in sub-steps of which a step has FINEST
 
 
+def rows_known(rows):
+    """What is known of the rows by their types, (part, order, coin, length) each."""
+    return tuple(_rows(rows))
+
+
 def _rows(rows):
     """The rows by their types, of rows or of the Numba type of some."""
     compiling = isinstance(rows, types.Type)

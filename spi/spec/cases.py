@@ -10,11 +10,12 @@ from pydantic import model_validator
 
 from ..arithmetic import NumberError
 from ..claims import Claim, Sort
+from ..dispatch import answers
 from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
 from ..models.damped import undamped
-from ..protocol import NonNegative, Positive, dimension
+from ..protocol import NonNegative, Positive, advance_large, dimension, large
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
 from ..systems import variables
@@ -44,6 +45,13 @@ from .keys import (
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
+
+
+def _told(value: Any) -> Any:
+    """A parameter of a model, records as text."""
+    if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
+        return "; ".join(map(str, value))
+    return value
 
 
 class BaseCase(Keys):
@@ -115,7 +123,9 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """Those of the model by name, and the damping where there is one."""
-        return undamped(self.model)._asdict() | ({"damping": self.damping} if self.damping else {})
+        return {key: _told(value) for key, value in undamped(self.model)._asdict().items()} | (
+            {"damping": self.damping} if self.damping else {}
+        )
 
     @property
     def last_time(self) -> float:
@@ -154,6 +164,8 @@ class BaseCase(Keys):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
+        if large(self.model):
+            self._check_large()
         for name in self.schemes_used:
             needs = self.row(name).needs
             if needs and not needs(self.model):
@@ -163,6 +175,18 @@ class BaseCase(Keys):
                 what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
                 raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
         return self
+
+    def _check_large(self) -> None:
+        """What cannot be done with a model whose states are arrays."""
+        if self.damping:
+            raise wrong(f"is for models of few components, which {self.model_name} is not", "leave it out", "damping")
+        for name in self.schemes_used:
+            row = self.row(name)
+            if not answers(advance_large, row.record) or (row.composition and has_loops(row.composition)):
+                listed = name in self.schemes
+                what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
+                right = "use euler_maruyama or a splitting without Lévy areas"
+                raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
     @model_validator(mode="after")
     def _check_eps(self) -> Self:

@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..arithmetic import NumberError, parse
@@ -134,9 +134,24 @@ def _read(hint: Any) -> Any:
         return Annotated[_read(base), *hint.__metadata__]
     if origin is dict:
         return dict[arguments[0], _read(arguments[1])]
+    if hasattr(base, "_fields"):
+        return _record_of(base)
+    if origin is tuple and len(arguments) == 2 and arguments[1] is ... and hasattr(arguments[0], "_fields"):
+        return Annotated[tuple[_read(arguments[0]), ...], BeforeValidator(_listed)]
     if origin in (tuple, Union, UnionType):
         return (tuple if origin is tuple else Union)[tuple(map(_read, arguments))]
     return hint
+
+
+def _record_of(cls: Any) -> Any:
+    """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
+    hints = get_type_hints(cls, include_extras=True)
+    fields: dict[str, Any] = {
+        key: (key_of(hint, next(iter(getattr(hint, "__metadata__", ())), None)), cls._field_defaults.get(key, ...))
+        for key, hint in hints.items()
+    }
+    keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
+    return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]
 
 
 def _powers_of_two(value: Any) -> Any:

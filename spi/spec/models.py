@@ -22,6 +22,7 @@ from .. import modules, systems
 from ..model_checks import check_once
 from ..models import MODELS, check_model_class
 from ..models.damped import undamped
+from ..protocol import fault, large
 from .files import Files
 from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, wrong
 from .systems import KEYS, read_system
@@ -49,7 +50,10 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 def _record(cls: Any, parameters: Keys) -> Any:
     """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
-    return model._replace(sigma=tuple(s or None for s in model.sigma))
+    if found := fault(model):
+        key, what, right = found
+        raise wrong(what, right, key)
+    return model._replace(sigma=tuple(s or None for s in model.sigma)) if "sigma" in cls._fields else model
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -196,6 +200,8 @@ def name_of(model: Any) -> str:
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
     """Raise the error about a model that is not built in and fails the generic checks."""
     model = undamped(model)
+    if large(model):
+        return
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"

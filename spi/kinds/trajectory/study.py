@@ -129,7 +129,7 @@ class TrajectoryPlan(PathsPlan):
                 "panels": self.case.panels,
                 "every": self.case.every if self.case.every > 1 else None,
                 "times": self.case.times or None,
-                "lattice": None if lattice_of(self.model) is None else "torus",
+                "lattice": None if lattice_of(self.case.model) is None else "torus",
                 "nonfinite_from": float(t[lost[0]]) if len(lost) else float("nan"),
                 "casimir_drift": tuple(float(x) for x in drift),
                 "wall_seconds": state.seconds,

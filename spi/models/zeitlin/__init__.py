@@ -9,25 +9,101 @@ with c = 1 as in the paper, or c = N / (2 pi) as in Zeitlin (Physica D 49, 1991)
 Euler as N grows; with the paper's they are slower by the factor 2 pi / N.
 """
 
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
-from .lattice import Mode
+from annotated_types import Ge, Gt, Le
+
+from .kernels import tables
+from .lattice import Mode, lines, modes, shell
+
+
+class Process(NamedTuple):
+    """One Wiener process and its Hamiltonian."""
+
+    mode: Mode
+    sigma: float
+    form: Literal["quadratic", "cosine", "sine"]  #: |omega_m|^2 / |m|^2, sqrt(2) Re omega_m / |m|, with Im likewise
 
 
 class Noise(NamedTuple):
-    """The noise of some modes: each has Wiener processes of its own."""
+    """The noise of some modes: each has Wiener processes of its own.
 
-    modes: tuple[Mode, ...]
-    sigma: float
-    #: quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper; linear: two processes, with
-    #: Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|, transport by given fields of root mean square speed 1
-    hamiltonian: Literal["quadratic", "linear"] = "quadratic"
+    quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper.  linear: two processes, with
+    Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|: transport by given fields of root mean square speed 1.
+    """
+
+    sigma: Annotated[float, Gt(0), "strength of the noise"]
+    shell: Annotated[int | None, "all modes with |m| rounded to this"] = None
+    modes: Annotated[tuple[tuple[int, int], ...], "a list of modes such as [[1, 0], [2, 1]]"] = ()
+    hamiltonian: Annotated[Literal["quadratic", "linear"], "quadratic, as in the paper, or linear, transport"] = (
+        "quadratic"
+    )
+
+    def __str__(noise):
+        where = f"shell {noise.shell}" if noise.shell is not None else f"modes {', '.join(map(str, noise.modes))}"
+        return f"{noise.hamiltonian}, {noise.sigma:g} on {where}"
 
 
 class Zeitlin(NamedTuple):
     """A two-dimensional ideal fluid of N^2 - 1 real components, with Casimirs C_k = tr W^k / N, k = 2, 3, ..."""
 
-    n: int
-    noise: tuple[Noise, ...] = ()
-    normalisation: Literal["paper", "zeitlin"] = "paper"
-    casimirs_watched: int = 4
+    n: Annotated[int, Ge(3), Le(255), "N, odd: the modes are those of the torus modulo N"]
+    noise: Annotated[tuple[Noise, ...], "noise of modes or shells, as in {shell: 2, sigma: 0.1}, or a list"] = ()
+    normalisation: Annotated[Literal["paper", "zeitlin"], "of the bracket: with 1, or with N / (2 pi)"] = "paper"
+    casimirs_watched: Annotated[int, Ge(1), Le(16), "how many Casimirs are watched, from C_2 on"] = 4
+
+    large = True
+
+    def dimension(model):
+        return model.n**2 - 1
+
+    def pieces(model):
+        return len(lines(model.n))
+
+    def noises(model):
+        return len(model.processes)
+
+    def conserved(model):
+        return model.casimirs_watched
+
+    def in_kernels(model):
+        return tables(model)
+
+    def fault(model):
+        if model.n % 2 == 0:
+            return "n", f"is {model.n}", f"must be odd, such as {model.n + 1}"
+        half = model.n // 2
+        for noise in model.noise:
+            if (noise.shell is None) == (not noise.modes):
+                return "noise", "has an entry with both or none of shell and modes", "give one of them"
+            for m1, m2 in noise.modes:
+                if (m1, m2) == (0, 0) or max(abs(m1), abs(m2)) > half:
+                    return "noise", f"has the mode [{m1}, {m2}]", f"must have modes from -{half} to {half}, not [0, 0]"
+            if not _modes_of(noise, model.n):
+                shells = max(map(shell, modes(model.n)))
+                return "noise", f"has the shell {noise.shell}, which has no modes", f"must be from 1 to {shells}"
+        if len(model.processes) > _MOST_PROCESSES:
+            return "noise", f"has {len(model.processes)} Wiener processes", f"at most {_MOST_PROCESSES} are possible"
+        return None
+
+    @property
+    def processes(model) -> tuple[Process, ...]:
+        """The Wiener processes in their order."""
+        forms = {"quadratic": ("quadratic",), "linear": ("cosine", "sine")}
+        return tuple(
+            Process(mode, noise.sigma, form)
+            for noise in model.noise
+            for mode in _modes_of(noise, model.n)
+            for form in forms[noise.hamiltonian]
+        )
+
+
+_MOST_PROCESSES = 4096  # channels of the random numbers
+
+
+def _modes_of(noise: Noise, n: int) -> tuple[Mode, ...]:
+    """The modes of a noise, each one that stands for two: of a shell in the order of the state."""
+    if noise.shell is not None:
+        return tuple(m for m in modes(n) if shell(m) == noise.shell)
+    known = set(modes(n))
+    return tuple(m if m in known else (-m[0], -m[1]) for m in noise.modes)

@@ -28,7 +28,7 @@ class Extremes(NamedTuple):
 
     def observe(observer, model, row, paths, level, n, y, reference):
         if level > 0:
-            watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, level, n, y)
+            watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, level, n, paths, y)
             square, least = observer.square[row, level], observer.least[row, level]
             for lane in range(LANES):
                 state = scaled(load_lane(model, y, lane), observer.inverse)

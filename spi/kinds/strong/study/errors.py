@@ -17,7 +17,7 @@ from spi.estimators import (
 from spi.fields import noise_field, noise_field_derivative
 from spi.inlining import uncompiled
 from spi.kinds.plans import State
-from spi.protocol import noise_indices
+from spi.protocol import in_kernels, large, noise_groups, noise_indices
 from spi.records import Group, Variables
 from spi.schemes import Scheme, has_theory
 
@@ -122,6 +122,8 @@ def _expected_order(row: Scheme, case: Any) -> float | None:
     model = case.model
     if not has_theory(row, model):
         return None
+    if large(model):  # noises of one group commute, and f_k' f_k, which Euler-Maruyama leaves out, is not 0
+        return row.strong_order_commuting if noise_groups(in_kernels(model)) <= 1 else row.strong_order
     states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
     at = list(map(tuple, np.abs(states).tolist()))  # populations are positive
     if not noise_indices(model):

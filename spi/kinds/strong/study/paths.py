@@ -47,7 +47,7 @@ class StrongSums(NamedTuple):
                     squares[part] += square if lane < paths else 0.0
         last = n == observer.steps[level]
         if level > 0 or last:
-            watch_casimirs(model, observer.drift[row, level], observer.initial_casimirs, level, n, y)
+            watch_casimirs(model, observer.drift[row, level], observer.initial_casimirs, level, n, paths, y)
         if last:
             for lane in range(paths):
                 observer.nonfinite[row, level] += 0 if _zero_if_finite(load_lane(model, y, lane)) == 0.0 else 1

@@ -1,0 +1,176 @@
+"""The sine-Euler equations as kernels see them: a large model, see ``spi.protocol``."""
+
+import functools
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ...dispatch import FieldOf, called, inlined
+from ...vectors import TILE, WIDTH
+from .casimirs import first_casimirs
+from .flows import add_field, turn, turn_work
+from .lattice import lines, modes, places
+from .tables import Lattice, lattice, on_lines
+
+#: How the amplitude of a noise depends on the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2) |m|).
+QUADRATIC, REAL, IMAGINARY = range(3)
+
+
+class Noises(NamedTuple):
+    """The Wiener processes line by line: those of the same line are a group, whose flows are one flow."""
+
+    line: np.ndarray  #: (groups,) the line
+    first: np.ndarray  #: (groups + 1,) where the processes of a group begin in the arrays that follow
+    process: np.ndarray  #: its number
+    mode: np.ndarray  #: number of the mode
+    multiple: np.ndarray  #: a - 1 of the mode a g, or of its conjugate, a = 1, ..., M
+    sign: np.ndarray  #: -1.0 where it is the conjugate
+    form: np.ndarray  #: QUADRATIC, REAL or IMAGINARY
+    weight: np.ndarray  #: what the amplitude is multiplied with
+
+
+class ZeitlinTables(NamedTuple):
+    """The sine-Euler equations of one N, with their noise."""
+
+    lattice: Lattice
+    noise: Noises
+    sigma: np.ndarray  #: (m,)
+    d: int
+    p: int
+    m: int
+    c: int
+    scale: float  #: of the bracket: 1, or N / (2 pi)
+
+    large = True
+    dimension, pieces, noises, conserved = FieldOf("d"), FieldOf("p"), FieldOf("m"), FieldOf("c")
+
+    def flow_ns(model):
+        """Fitted to N = 5, ..., 127 on a processor with AVX-512; transforms dominate from N = 31 on."""
+        return 40.0 + 4.0 * model.lattice.n**1.5 + 0.04 * model.lattice.n**3
+
+    def noise_groups(model):
+        return len(model.noise.line)
+
+    def block_work(model):
+        return turn_work(model.lattice.n) + model.d * WIDTH
+
+    def block_drift_flow(model, k, t, width, y, work):
+        drift_amplitudes(model, k, t, width, y, work)
+        return turn(model.lattice, k, width, y, work)
+
+    def block_noise_flow(model, group, times, width, y, work):
+        clear_amplitudes(model, work)
+        for e in range(model.noise.first[group], model.noise.first[group + 1]):
+            add_noise_amplitude(model, e, times, width, y, work)
+        return turn(model.lattice, model.noise.line[group], width, y, work)
+
+    def add_block_drift(model, t, width, y, out, work):
+        for k in range(model.p):
+            drift_amplitudes(model, k, t, width, y, work)
+            add_field(model.lattice, k, width, y, out, work)
+
+    def add_block_noises(model, times, width, y, out, work):
+        for group in range(len(model.noise.line)):
+            clear_amplitudes(model, work)
+            for e in range(model.noise.first[group], model.noise.first[group + 1]):
+                add_noise_amplitude(model, e, times, width, y, work)
+            add_field(model.lattice, model.noise.line[group], width, y, out, work)
+
+    def add_block_ito_correction(model, h, width, y, out, work):
+        # f' f = f twice: the amplitude, of the modes on the line, is the same at y and along f(y), where these are 0
+        field, work = work[: model.d * WIDTH], work[model.d * WIDTH :]
+        times = np.zeros(model.m * WIDTH)
+        for group in range(len(model.noise.line)):
+            for e in range(model.noise.first[group], model.noise.first[group + 1]):
+                process = model.noise.process[e]
+                times[process * width : (process + 1) * width] = np.sqrt(0.5 * h) * model.sigma[process]
+                clear_amplitudes(model, work)
+                add_noise_amplitude(model, e, times, width, y, work)
+                field[:] = 0.0
+                add_field(model.lattice, model.noise.line[group], width, y, field, work)
+                add_field(model.lattice, model.noise.line[group], width, field, out, work)
+
+    def hamiltonian(model, y):
+        energy = 0.0
+        of = model.lattice
+        for e in range(len(of.own_mode)):
+            i = 2 * of.own_mode[e]
+            energy += of.own_weight[e] * (y[i] * y[i] + y[i + 1] * y[i + 1])
+        return energy
+
+    def casimirs(model, y):
+        return first_casimirs(model.lattice, model.c, y)
+
+
+@inlined
+def clear_amplitudes(model, work):
+    """Begin with x = 0."""
+    for i in range((model.lattice.n - 1) * TILE):
+        work[i] = 0.0
+
+
+@called
+def drift_amplitudes(model, k, t, width, y, work):
+    """x = t omega / |m|^2 of the modes that a line moves: dH = sum |omega_m|^2 / |m|^2."""
+    clear_amplitudes(model, work)
+    of, stride = model.lattice, TILE if width == WIDTH else 1
+    for e in range(of.own_first[k], of.own_first[k + 1]):
+        i, a, factor = 2 * of.own_mode[e] * width, 2 * of.own_multiple[e] * stride, t * model.scale * of.own_weight[e]
+        for path in range(width):
+            work[a + path] = factor * y[i + path]
+            work[a + stride + path] = of.own_sign[e] * factor * y[i + width + path]
+
+
+@called
+def add_noise_amplitude(model, e, times, width, y, work):
+    """Add the amplitude of one process, number e line by line, for the times that words are given."""
+    of, stride = model.noise, TILE if width == WIDTH else 1
+    i, a, process = 2 * of.mode[e] * width, 2 * of.multiple[e] * stride, of.process[e] * width
+    for path in range(width):
+        factor = model.scale * of.weight[e] * times[process + path]
+        if of.form[e] == QUADRATIC:
+            work[a + path] += factor * y[i + path]
+            work[a + stride + path] += of.sign[e] * factor * y[i + width + path]
+        elif of.form[e] == REAL:
+            work[a + path] += factor
+        else:
+            work[a + stride + path] += of.sign[e] * factor
+
+
+@functools.lru_cache(maxsize=32)
+def tables(model) -> ZeitlinTables:
+    """What kernels are given of a ``Zeitlin``."""
+    n, processes = model.n, model.processes
+    m = len(processes)
+    where = on_lines(n)
+    by_line: dict[int, list[int]] = {}
+    for number, process in enumerate(processes):
+        by_line.setdefault(where[process.mode].line, []).append(number)
+    order = [number for numbers in by_line.values() for number in numbers]
+    forms = {"quadratic": QUADRATIC, "cosine": REAL, "sine": IMAGINARY}
+    lengths = [math.hypot(*processes[number].mode) for number in order]
+    return ZeitlinTables(
+        lattice=lattice(n),
+        noise=Noises(
+            line=np.array(list(by_line), np.int64),
+            first=np.cumsum([0, *map(len, by_line.values())]),
+            process=np.array(order, np.int64),
+            mode=np.array([places(n)[processes[number].mode][0] for number in order], np.int64),
+            multiple=np.array([where[processes[number].mode].multiple for number in order], np.int64),
+            sign=np.array([where[processes[number].mode].sign for number in order], float),
+            form=np.array([forms[processes[number].form] for number in order], np.int64),
+            weight=np.array(
+                [
+                    1 / length**2 if processes[number].form == "quadratic" else math.sqrt(0.5) / length
+                    for number, length in zip(order, lengths, strict=True)
+                ]
+            ),
+        ),
+        sigma=np.array([process.sigma for process in processes], float),
+        d=2 * len(modes(n)),
+        p=len(lines(n)),
+        m=m,
+        c=model.casimirs_watched,
+        scale=1.0 if model.normalisation == "paper" else n / (2 * math.pi),
+    )

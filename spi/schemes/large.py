@@ -1,0 +1,204 @@
+"""A step of a large model: a few paths at a time are copied together, make the whole step, and are copied back.
+
+Paths go ``vectors.WIDTH`` at a time, or alone where few are left; where the order of flows depends on a coin, only
+paths with the same coin go together.
+"""
+
+import functools
+
+import numpy as np
+from numba.extending import overload
+
+from ..dispatch import INLINED, called, inlined
+from ..protocol import (
+    REPORT,
+    add_block_drift,
+    add_block_ito_correction,
+    add_block_noises,
+    block_drift_flow,
+    block_noise_flow,
+    block_work,
+    dimension,
+    noise_groups,
+    noises,
+    pieces,
+    strengths,
+)
+from ..rng import LANES
+from ..vectors import WIDTH
+from .rows import FINEST, Backwards, Symmetric, rows_known
+
+_ALONE = 3  #: so many paths at most go one by one, because a vector of eight would take longer
+_LARGEST_ANGLE = REPORT.index("largest_angle")
+_SMALL = 0.25 * np.pi  # angles above it are reported
+
+
+@inlined
+def large_work(model):
+    """How many floats of scratch a step needs: states, field, times, and what the flows need."""
+    return (2 * dimension(model) + noises(model)) * WIDTH + block_work(model)
+
+
+@called
+def lanes_by_coin(paths, coins):
+    """The numbers of the first `paths` lanes, those with the coin 1 first, and how many these are."""
+    lanes = np.empty(paths, np.int64)
+    heads = 0
+    for lane in range(paths):
+        if coins[lane] > 0.0:
+            lanes[heads] = lane
+            heads += 1
+    tails = heads
+    for lane in range(paths):
+        if not coins[lane] > 0.0:
+            lanes[tails] = lane
+            tails += 1
+    return lanes, heads
+
+
+@inlined
+def group_size(left):
+    """(paths, width) of the next group where so many are left."""
+    return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
+
+
+@called
+def take(y, lanes, width, states):
+    """Copy the states of `lanes` to component i of state j at [i * width + j]; the last lane fills what is over."""
+    last = len(lanes) - 1
+    for i in range(len(states) // WIDTH):
+        for j in range(width):
+            states[i * width + j] = y[i * LANES + lanes[min(j, last)]]
+
+
+@called
+def put(y, lanes, width, states):
+    """Copy them back."""
+    for i in range(len(states) // WIDTH):
+        for j in range(len(lanes)):
+            y[i * LANES + lanes[j]] = states[i * width + j]
+
+
+@called
+def take_times(model, dW, lanes, width, first, end, n, times):
+    """sigma_k times the increment of noise k over the sub-steps from `first` to before `end` of n, as for words."""
+    last = len(lanes) - 1
+    for k in range(noises(model)):
+        for j in range(width):
+            increment = 0.0
+            for part in range(first, end):
+                increment += dW[((n - 1 + part) * noises(model) + k) * LANES + lanes[min(j, last)]]
+            times[k * width + j] = strengths(model)[k] * increment
+
+
+@called
+def drift_row(model, backwards, symmetric, t, width, states, work):
+    """All flows of the drift for the time t; returns the largest |angle|."""
+    count, largest = pieces(model), 0.0
+    for i in range(2 * count - 1 if symmetric else count):
+        j = i if i < count else 2 * count - 2 - i
+        share = 0.5 * t if symmetric and j < count - 1 else t
+        k = count - 1 - j if backwards else j
+        largest = max(largest, block_drift_flow(model, k, share, width, states, work))
+    return largest
+
+
+@called
+def noise_groups_row(model, first, end, backwards, times, width, states, work):
+    """The flows of the groups of noises from `first` to before `end`, perhaps backwards."""
+    largest = 0.0
+    for i in range(end - first):
+        group = end - 1 - i if backwards else first + i
+        largest = max(largest, block_noise_flow(model, group, times, width, states, work))
+    return largest
+
+
+@called
+def report_large_angle(largest, report):
+    if largest > _SMALL:
+        report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], largest)
+
+
+def run_rows_of_large(rows, model, paths, h, dW, coins, y, work, report):
+    """Apply the rows of a composition to the first `paths` states of a block, in place."""
+    _step(rows_known(rows))(rows, model, paths, h, dW, coins, y, work, report)
+
+
+@overload(run_rows_of_large, jit_options=INLINED)
+def _(rows, model, paths, h, dW, coins, y, work, report):
+    return _step(rows_known(rows))
+
+
+@functools.lru_cache
+def _step(known):
+    """The Python function :func:`run_rows_of_large` for rows as ``rows_known`` tells them."""
+    coin = any(row.coin for row in known)
+    lines = [
+        "def step(rows, model, paths, h, dW, coins, y, work, report):",
+        "d, m, largest, done = dimension(model), noises(model), 0.0, 0",
+        "states, times = work[: d * WIDTH], work[2 * d * WIDTH : (2 * d + m) * WIDTH]",
+        "scratch = work[(2 * d + m) * WIDTH :]",
+        "lanes, heads = lanes_by_coin(paths, coins)" if coin else "lanes, heads = np.arange(paths), paths",
+        "while done < paths:",
+        "    end = heads if done < heads else paths",
+        "    count, width = group_size(end - done)",
+        "    some = lanes[done : done + count]",
+        "    tails = done >= heads",
+        "    take(y, some, width, states)",
+    ]
+    used = 0
+    for i, row in enumerate(known):
+        backwards = "tails" if row.coin else str(row.order is Backwards)
+        if row.part == "drift":
+            arguments = f"{backwards}, {row.order is Symmetric}, rows[{i}].fraction * h"
+            lines.append(f"    largest = max(largest, drift_row(model, {arguments}, width, states, scratch))")
+        else:
+            lines += _noise_row(used, row, backwards)
+            used += row.length
+    lines += ["    put(y, some, width, states)", "    done += count", "report_large_angle(largest, report)"]
+    names = {"np": np, "WIDTH": WIDTH, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
+    functions = (lanes_by_coin, group_size, take, put, take_times, drift_row, noise_groups_row, report_large_angle)
+    names |= {f.__name__: f for f in functions}
+    exec("\n    ".join(lines), names)
+    return names["step"]
+
+
+def _noise_row(first, row, backwards):
+    """Lines for a row of noise whose increments begin at sub-step `first` of FINEST."""
+    end, half = first + row.length, first + row.length // 2
+    if row.order is Symmetric:
+        groups = "noise_groups(model)"
+        parts = [(first, half, "0", f"{groups} - 1", "False")]
+        parts += [(first, end, f"{groups} - 1", groups, "False"), (half, end, "0", f"{groups} - 1", "True")]
+    else:
+        parts = [(first, end, "0", "noise_groups(model)", backwards)]
+    lines = []
+    for begin, stop, low, high, back in parts:
+        n = FINEST
+        while begin % 2 == 0 and stop % 2 == 0 and n > 1:
+            begin, stop, n = begin // 2, stop // 2, n // 2
+        flows = f"noise_groups_row(model, {low}, {high}, {back}, times, width, states, scratch)"
+        lines += [
+            f"    take_times(model, dW, some, width, {begin}, {stop}, {n}, times)",
+            f"    largest = max(largest, {flows})",
+        ]
+    return lines
+
+
+@called
+def euler_step_of_large(model, paths, h, dW, y, work):
+    """A step of Euler-Maruyama for the first `paths` states of a block, in place."""
+    d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)
+    states, new = work[: d * WIDTH], work[d * WIDTH : 2 * d * WIDTH]
+    times, scratch = work[2 * d * WIDTH : (2 * d + m) * WIDTH], work[(2 * d + m) * WIDTH :]
+    while done < paths:
+        count, width = group_size(paths - done)
+        some = lanes[done : done + count]
+        take(y, some, width, states)
+        new[:] = states
+        add_block_drift(model, h, width, states, new, scratch)
+        add_block_ito_correction(model, h, width, states, new, scratch)
+        take_times(model, dW, some, width, 0, 1, 1, times)
+        add_block_noises(model, times, width, states, new, scratch)
+        put(y, some, width, new)
+        done += count
