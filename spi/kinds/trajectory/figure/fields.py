@@ -20,17 +20,18 @@ from spi.models.zeitlin.fields import energy_spectrum, vorticity
 from ..reading import Trajectory
 from .curves import Path
 
-COLOURS = "RdBu_r"  #: of vorticity: blue turns clockwise, red counter-clockwise
+COLOURS = "RdBu_r"  #: of vorticity: blue negative, white 0, red positive
 TIMES = "viridis"  #: of spectra, from early to late
 
 #: Inches of a field, by the number of fields side by side; more are smaller.
 SIDES = {1: 3.2, 2: 2.9, 3: 2.6, 4: 2.3}
-SMALLEST, LARGEST = 1.9, 3.3
+SMALLEST, LARGEST = 1.9, 3.8
 MARGIN = 1.6  # inches beside the fields of a row: labels, numbers, the colour bar
 AROUND, BETWEEN = 0.75, 0.1  # inches above and below all fields of a case, and between two of them
 
 _CYCLE = 2 * np.pi
 _DEEPEST = 1e-20  # of the largest energy, in spectra
+_SEEN = 0.01  # by which a field must exceed the range of the colours so that the colour bar shows it
 
 
 class Fields(NamedTuple):
@@ -102,7 +103,7 @@ def colour_range(readings: Sequence[Trajectory], fields: Sequence[np.ndarray]) -
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in fields]
     good = [size for one, size in zip(readings, sizes, strict=True) if not one.preserves_nothing]
     largest = float(max(good or sizes)) or 1.0
-    return largest, "both" if max(sizes) > largest else "neither"
+    return largest, "both" if max(sizes) > (1 + _SEEN) * largest else "neither"
 
 
 def draw_field(ax: Axes, field: np.ndarray, largest: float) -> AxesImage:
