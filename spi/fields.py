@@ -3,7 +3,10 @@
 All functions act on one state, a tuple of d floats, and are inlined into the loops over lanes.
 """
 
-from .dispatch import answers, class_of, constant, inlined, number, tuplewise, unrolled
+from numba import types
+from numba.extending import overload
+
+from .dispatch import INLINED, answers, class_of, constant, inlined, number, tuplewise, unrolled
 from .protocol import (
     add_dissipation,
     axis_inertias,
@@ -51,6 +54,21 @@ def dot(a, b):
 @tuplewise("(a[i] - b[i]) * (a[i] - b[i])", total=True)
 def squared_distance(a, b):
     """|a - b|^2."""
+
+
+@tuplewise("(c * b[i]) * (c * b[i])", total=True)
+def scaled_square(b, c):
+    """|c b|^2."""
+
+
+def smallest_component(b):
+    """min_i b_i."""
+    return min(b)
+
+
+@overload(smallest_component, jit_options=INLINED)
+def _(b):
+    return (lambda b: b.min()) if isinstance(b, types.Array) else (lambda b: min(b))
 
 
 @tuplewise("1.0 if indices[i] == j else 0.0")

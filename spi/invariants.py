@@ -36,6 +36,13 @@ def growth(model, t):
         return np.exp(np.multiply.outer(t, rates)) if rates else 1.0
 
 
+def casimirs_of_states(model, states):
+    """(C, paths) the Casimir functions of states (d, paths)."""
+    if large(model):
+        return np.array([casimirs(model, state) for state in np.ascontiguousarray(states.T)]).T
+    return np.array(casimirs(model, tuple(states)))
+
+
 def _growth(first, c, level, n):
     """The factor of Casimir function c after n steps of a level."""
     return np.exp(first.exponents[level, c] * n) if isinstance(first, Decaying) else 1.0

@@ -14,6 +14,7 @@ FLOORS = [
         "modules",
         "inlining",
         "dispatch",
+        "vectors",
         "elementary",
         "rng",
         "arithmetic",
@@ -51,8 +52,8 @@ FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
 ORDERED = FLOORS[0] + FLOORS[1]
 
 # Packages that are one module in several files; the members of the others (models) are strangers.
-ONE_THING = ["expressions", "systems", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "cli"]
-ONE_THING += ["models.zeitlin"]
+_PARTS = ["expressions", "systems", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "cli"]
+ONE_THING = [*_PARTS, "models.zeitlin"]
 
 #: Members of a package of strangers that know others of it: fields are those of every model on the lattice.
 KNOWS = {"models.zeitlin.fields": ["models.zeitlin", "models.sine_euler", "models.damped"]}

@@ -116,7 +116,7 @@ class PartPlan:
     @property
     def initial(self) -> Any:
         """y_0, a tuple of floats or of a large model an array."""
-        return np.array(self.case.initial) if large(self.case.model) else self.case.initial
+        return np.array(self.case.initial) if large(self.model) else self.case.initial
 
     @property
     def row(self) -> Scheme:

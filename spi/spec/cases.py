@@ -15,7 +15,7 @@ from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
 from ..models.damped import undamped
-from ..protocol import NonNegative, Positive, advance_large, dimension, large
+from ..protocol import NonNegative, Positive, advance_large, dimension, in_kernels, large
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
 from ..systems import variables
@@ -164,7 +164,7 @@ class BaseCase(Keys):
 
     @model_validator(mode="after")
     def _check_needs(self) -> Self:
-        if large(self.model):
+        if large(in_kernels(self.model)):
             self._check_large()
         for name in self.schemes_used:
             needs = self.row(name).needs

@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, PlainSerializer
 
 from ..arithmetic import NumberError, parse
 from ..kolmogorov import backward
-from ..models.sine_euler import SineEuler
+from ..models import MODELS
 from ..protocol import large, noise_indices, noises
 from ..schemes import SCHEMES
 from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows, has_loops
@@ -100,7 +100,7 @@ def weak_order(rows: Rows, model: Any) -> float:
     if has_loops(rows):
         return 1.0
     if large(model):  # of hundreds of flows four tell the same
-        model = SineEuler(tuple(1.0 if k < noises(model) else None for k in range(4)))
+        model = MODELS["sine_euler"](sigma=tuple(1.0 if k < noises(model) else None for k in range(4)))
     return _weak_order(compositions(rows, model)) if noise_indices(model) else math.nan
 
 

@@ -143,12 +143,16 @@ def _read(hint: Any) -> Any:
     return hint
 
 
+def text_in(hint: Any) -> str | None:
+    """The text in an annotation, which says what it is."""
+    return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
+
+
 def _record_of(cls: Any) -> Any:
     """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
     hints = get_type_hints(cls, include_extras=True)
     fields: dict[str, Any] = {
-        key: (key_of(hint, next(iter(getattr(hint, "__metadata__", ())), None)), cls._field_defaults.get(key, ...))
-        for key, hint in hints.items()
+        key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints.items()
     }
     keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
     return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]

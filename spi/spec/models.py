@@ -24,7 +24,7 @@ from ..models import MODELS, check_model_class
 from ..models.damped import undamped
 from ..protocol import fault, large
 from .files import Files
-from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, text_in, wrong
 from .systems import KEYS, read_system
 
 GROUP = "spi.models"  #: of the entry points by which packages register models
@@ -39,9 +39,8 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
     """The keys of a model: those that tell which it is, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     for key, hint in get_type_hints(cls, include_extras=True).items():
-        text = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
         default = cls._field_defaults.get(key, ...) if complete else ABSENT
-        fields[key] = (key_of(hint, text), default)
+        fields[key] = (key_of(hint, text_in(hint)), default)
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
         name = cls.__qualname__ + ("" if complete else "Part")
         return create_model(name, __base__=Keys, __doc__=cls.__doc__, **fields)

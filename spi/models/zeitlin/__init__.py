@@ -9,10 +9,13 @@ with c = 1 as in the paper, or c = N / (2 pi) as in Zeitlin (Physica D 49, 1991)
 Euler as N grows; with the paper's they are slower by the factor 2 pi / N.
 """
 
+from collections import Counter
 from typing import Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Gt, Le
 
+from ...protocol import casimirs
+from ..sine_euler import SineEuler, Strength
 from .kernels import tables
 from .lattice import Mode, lines, modes, shell
 
@@ -64,10 +67,10 @@ class Zeitlin(NamedTuple):
         return len(model.processes)
 
     def conserved(model):
-        return model.casimirs_watched
+        return min(model.casimirs_watched, model.n - 1)
 
     def in_kernels(model):
-        return tables(model)
+        return _three(model) or tables(model)
 
     def fault(model):
         if model.n % 2 == 0:
@@ -82,6 +85,10 @@ class Zeitlin(NamedTuple):
             if not _modes_of(noise, model.n):
                 shells = max(map(shell, modes(model.n)))
                 return "noise", f"has the shell {noise.shell}, which has no modes", f"must be from 1 to {shells}"
+        twice = Counter((process.mode, process.form) for process in model.processes).most_common(1)
+        if twice and twice[0][1] > 1:
+            ((mode, _), _) = twice[0]
+            return "noise", f"has the mode [{mode[0]}, {mode[1]}] twice", "add up the squares of the strengths instead"
         if len(model.processes) > _MOST_PROCESSES:
             return "noise", f"has {len(model.processes)} Wiener processes", f"at most {_MOST_PROCESSES} are possible"
         return None
@@ -96,6 +103,37 @@ class Zeitlin(NamedTuple):
             for mode in _modes_of(noise, model.n)
             for form in forms[noise.hamiltonian]
         )
+
+
+class ZeitlinThree(NamedTuple):
+    """N = 3, the paper's case, by the flows of the built-in model, whose states are few enough for registers."""
+
+    sigma: tuple[Strength, Strength, Strength, Strength]
+
+    dimension, pieces, noises, conserved = SineEuler.dimension, SineEuler.pieces, SineEuler.noises, SineEuler.conserved
+    casimir_degrees, flow_ns = SineEuler.casimir_degrees, SineEuler.flow_ns
+    drift_angle, drift_flow = SineEuler.drift_angle, SineEuler.drift_flow
+    noise_angle, noise_flow = SineEuler.noise_angle, SineEuler.noise_flow
+    structure, hamiltonian = SineEuler.structure, SineEuler.hamiltonian
+    noise_structure = SineEuler.noise_structure
+    noise_structure_derivative = SineEuler.noise_structure_derivative
+    drift_gradient, drift_hessian = SineEuler.drift_gradient, SineEuler.drift_hessian
+    noise_gradient, noise_hessian = SineEuler.noise_gradient, SineEuler.noise_hessian
+
+    def casimirs(model, y):
+        """(tr W^2 / 3, tr W^3 / 3): twice the first of the built-in model, and the second."""
+        first, second = casimirs(SineEuler(model.sigma), y)
+        return 2.0 * first, second
+
+
+def _three(model: Zeitlin) -> ZeitlinThree | None:
+    """The record of the paper's case, if it is that: at most one quadratic noise on each mode."""
+    numbers = [modes(3).index(process.mode) for process in model.processes] if model.n == 3 else []
+    quadratic = all(process.form == "quadratic" for process in model.processes)
+    if model.n != 3 or model.normalisation != "paper" or not quadratic or len(set(numbers)) < len(numbers):
+        return None
+    strengths = {number: process.sigma for number, process in zip(numbers, model.processes, strict=True)}
+    return ZeitlinThree(tuple(strengths.get(k) for k in range(4)))
 
 
 _MOST_PROCESSES = 4096  # channels of the random numbers

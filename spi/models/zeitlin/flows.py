@@ -9,7 +9,7 @@ a circulant system: its Fourier components, z_j = sum_q u_q exp(2 pi i j q / N),
 
     u_q(t) = exp(-i t (phi(q + c) - phi(q - c))) u_q(0),    phi(q) = sum_a Re(x_a exp(-2 pi i a q / N)),
 
-so that N phases serve all cosets: in the matrices of ``casimirs.py`` this is W -> U W U* with U diagonal in the basis
+so that N phases serve all cosets: in the matrices of ``matrices.py`` this is W -> U W U* with U diagonal in the basis
 in which the matrices of the line are.  The coset of -c is the complex conjugate of that of c, and that of 0 is at rest.
 
 A transform of length N is a cosine and a sine transform of sums and differences of z_j and z_{N-j}, products of real

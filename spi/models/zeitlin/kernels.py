@@ -8,9 +8,9 @@ import numpy as np
 
 from ...dispatch import FieldOf, called, inlined
 from ...vectors import TILE, WIDTH
-from .casimirs import first_casimirs
 from .flows import add_field, turn, turn_work
 from .lattice import lines, modes, places
+from .matrices import first_casimirs
 from .tables import Lattice, lattice, on_lines
 
 #: How the amplitude of a noise depends on the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2) |m|).
@@ -171,6 +171,6 @@ def tables(model) -> ZeitlinTables:
         d=2 * len(modes(n)),
         p=len(lines(n)),
         m=m,
-        c=model.casimirs_watched,
+        c=min(model.casimirs_watched, n - 1),
         scale=1.0 if model.normalisation == "paper" else n / (2 * math.pi),
     )

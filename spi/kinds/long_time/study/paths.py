@@ -7,7 +7,7 @@ import numpy as np
 
 from spi.areas import fourier_terms
 from spi.ensemble import FinalStates, add_reports, empty_report, grid, integrate
-from spi.invariants import growth
+from spi.invariants import casimirs_of_states, growth
 from spi.protocol import REPORT, casimirs, memory_size
 from spi.rng import LANES, STEPS_PER_TOSS
 from spi.sphere_law import BINS, SphereLaw
@@ -129,7 +129,7 @@ def _recorded(p: "LongTimePlan", known: Paths, h: float, states: np.ndarray) -> 
         return known
     first = np.array(casimirs(p.model, p.initial))[:, None]
     grown = np.reshape(growth(p.model, known.n * h), (-1, 1))
-    change = np.array(casimirs(p.model, tuple(states))) * grown - first
+    change = casimirs_of_states(p.model, states) * grown - first
     casimir = known.casimir.copy()
     casimir[np.searchsorted(p.records, known.n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
     return known._replace(casimir=casimir)

@@ -8,7 +8,7 @@ import numpy as np
 from spi.ensemble import FinalStates, add_reports, empty_report, integrate, step_sizes_of
 from spi.estimators import stderr_of_mean
 from spi.expressions import as_numpy
-from spi.fields import dot, scaled
+from spi.fields import scaled_square, smallest_component
 from spi.invariants import watch_casimirs, watched_casimirs
 from spi.kinds.plans import PathsPlan
 from spi.lanes import load_lane
@@ -31,13 +31,12 @@ class Extremes(NamedTuple):
             watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, level, n, paths, y)
             square, least = observer.square[row, level], observer.least[row, level]
             for lane in range(LANES):
-                state = scaled(load_lane(model, y, lane), observer.inverse)
-                size = dot(state, state)
+                size = scaled_square(load_lane(model, y, lane), observer.inverse)
                 if not size <= square[lane]:
                     square[lane] = size
             if populations(model):
                 for lane in range(LANES):
-                    smallest = min(load_lane(model, y, lane))
+                    smallest = smallest_component(load_lane(model, y, lane))
                     if not smallest >= least[lane]:
                         least[lane] = smallest
         observe(observer.last, model, row, paths, level, n, y, reference)

@@ -119,11 +119,11 @@ def _expected_order(row: Scheme, case: Any) -> float | None:
     The order with several noises rises to that with one where they commute, f_k' f_l = f_l' f_k, and to 1 where what a
     scheme leaves out is 0 as well, f_k' f_l for Euler-Maruyama, which is then Milstein's scheme.
     """
-    model = case.model
+    model = in_kernels(case.model)
     if not has_theory(row, model):
         return None
     if large(model):  # noises of one group commute, and f_k' f_k, which Euler-Maruyama leaves out, is not 0
-        return row.strong_order_commuting if noise_groups(in_kernels(model)) <= 1 else row.strong_order
+        return row.strong_order_commuting if noise_groups(model) <= 1 else row.strong_order
     states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
     at = list(map(tuple, np.abs(states).tolist()))  # populations are positive
     if not noise_indices(model):
