@@ -1,5 +1,6 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from .storage import StorageError, write_all
 
 if TYPE_CHECKING:
     from .drawing import Figure
+    from .drawing.film import Film
 
 
 def readings(results: Results) -> list[Reading]:
@@ -107,6 +109,32 @@ def figure(results: Results) -> "Figure":
         drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), by_case(read))
         drawn_claims.write_under(drawn, _judged(results, read))
         return drawn
+
+
+def film(results: Results) -> "Film":
+    """The film of results; ValueError if there is none for their kind, or nothing that moves."""
+    from .drawing import style
+
+    kind = results.attributes.get("kind")
+    draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
+    if draw is None:
+        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
+    with style.applied():
+        found: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
+        return found
+
+
+def save_film(film: "Film", folder: str | Path, stem: str, form: str, report: Callable[[int, int], None]) -> Path:
+    """Write ``<stem>.gif`` or ``<stem>.mp4`` into ``folder``, whole or not at all.
+
+    `report` is told the frames drawn and how many there are.  ValueError if this form cannot be made here, StorageError
+    if the file cannot be written.
+    """
+    from .drawing.film import as_file
+
+    path = Path(folder, f"{stem}.{form}")
+    write_all({path: as_file(film, form, report)})
+    return path
 
 
 def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:

@@ -49,3 +49,19 @@ def spec(tmp_path, monkeypatch):
         return load("s.yaml", **options)
 
     return write_and_load
+
+
+@pytest.fixture
+def error(spec):
+    """The message about such a spec, without the name of the file."""
+    from spi.spec import SpecError
+
+    def message_of(*arguments, **options):
+        with pytest.raises(SpecError) as caught:
+            spec(*arguments, **options)
+        message = str(caught.value)
+        assert len(message.splitlines()) == 1
+        assert message.startswith("s.yaml:")
+        return message.removeprefix("s.yaml:")
+
+    return message_of

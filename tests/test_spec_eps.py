@@ -7,7 +7,6 @@ import pytest
 from spi.kinds import KINDS
 from spi.run import layers
 from spi.schemes import SCHEMES, scheme_row
-from spi.spec import SpecError
 
 WEAK = """\
 kind: weak
@@ -35,21 +34,6 @@ EPS, SPLITTING = "eps: [1e-2, 1e-5]\n", "schemes: [splitting]\n"
 BOTH, PANEL = "schemes: [ap_splitting, splitting]\n", "panels: [eps]\n"
 MULTISCALE = "ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
 NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
-
-
-@pytest.fixture
-def error(spec):
-    """The message about such a spec, without the name of the file."""
-
-    def message_of(*arguments, **options):
-        with pytest.raises(SpecError) as caught:
-            spec(*arguments, **options)
-        message = str(caught.value)
-        assert len(message.splitlines()) == 1
-        assert message.startswith("s.yaml:")
-        return message.removeprefix("s.yaml:")
-
-    return message_of
 
 
 # --- what is right ---------------------------------------------------------------------------------------------------
@@ -216,7 +200,9 @@ def test_the_panel_eps_needs_several(error):
     right = "panels: has 'eps'; needs several values of eps, as in eps: [1, 0.1]"
     assert error(WEAK, EPS, "eps: 0.1\n") == f"12: {right}"
     assert error(WEAK, EPS, "", BOTH, SPLITTING) == f"11: {right}"
-    known = "casimirs, casimir_errors, hamiltonian, components, populations, sphere, phase"
+    known = (
+        "casimirs, casimir_errors, hamiltonian, components, populations, sphere, phase, vorticity, spectrum, enstrophy"
+    )
     assert error(TRAJECTORY, "[casimirs]", "[eps]").endswith(f"panels: entry 1 is 'eps'; known: {known}")
 
 
@@ -257,7 +243,8 @@ def test_bad_reference_scheme(error, name, what):
 def test_a_trajectory_is_not_too_long(error):
     overrides = ["final_time=10^8", "step=1"]
     assert error(TRAJECTORY, overrides=overrides).endswith(
-        "step: gives more than 10^7 steps, all of which are kept; must be at least 10"
+        "every: is 1, so that 100000001 states of 3 numbers would be stored; "
+        "must be at least 2, for 2*10^8 numbers in all"
     )
 
 

@@ -31,6 +31,11 @@ class Format(StrEnum):
     csv = "csv"
 
 
+class FilmFormat(StrEnum):
+    gif = "gif"
+    mp4 = "mp4"
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         from .. import __version__
@@ -57,10 +62,13 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(help="Folder of results, and of figures (default: results; beside a FILE).")
     ] = None,
+    film: Annotated[bool, typer.Option("--film", help="Also a film of the vorticity: <out>/<name>.gif.")] = False,
+    film_format: Annotated[FilmFormat, typer.Option(help="Of the film; mp4 needs ffmpeg.")] = FilmFormat.gif,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage, views
     from ..run import results_of
+    from .progress import ProgressLine
 
     folder = out or Path("results")
     stored = sources or sorted(folder.glob("*.h5"))
@@ -72,6 +80,11 @@ def plot(
         with _about(path):
             figure = views.figure(results)
         for written in views.save(figure, out or path.parent, path.stem):
+            tell(f"wrote {written}")
+        if film:
+            with _about(path), ProgressLine(path.stem) as line:
+                moving = views.film(results)
+                written = views.save_film(moving, out or path.parent, path.stem, film_format, line.report_frame)
             tell(f"wrote {written}")
 
 

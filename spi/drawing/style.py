@@ -53,8 +53,13 @@ SYMBOLS = {
     "nu": r"\nu",
 }
 
-#: Models whose state is the (Re, Im) of complex modes: symbol and modes.
 _MOST_ENTRIES = 9  # of a tuple that is shown whole
+_MOST_COMPONENTS = 64  # of a state some of whose components are worth telling
+
+#: Parameters of models that change no path.
+_UNTOLD = ("casimirs_watched",)
+
+#: Models whose state is the (Re, Im) of complex modes: symbol and modes.
 COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
 
 
@@ -165,9 +170,11 @@ def facts(
     """The parameters that stand above a figure, name -> mathtext; of the reading's own fields those that are given."""
     told = {}
     for name, value in about.parameters.items():
-        if not isinstance(value, str | bool):
+        if name == "noise" and isinstance(value, str | tuple):  # as text, or none
+            told["model_noise"] = plain(f"noise: {value}") if value else "no noise"
+        elif not isinstance(value, str | bool) and name not in _UNTOLD:
             told[f"model_{name}"] = f"${SYMBOLS.get(name) or upright(name)}={number(value)}$"
-    if about.initial is not None:
+    if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         told["initial"] = f"${initial_value(about)}$"
     if about.final_time is not None:
         told["final_time"] = f"$T={number(about.final_time)}$"

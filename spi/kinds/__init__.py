@@ -65,7 +65,7 @@ class TableModule(Protocol):
 
 
 class FigureModule(Protocol):
-    """``figure``: readings as a figure."""
+    """``figure``: readings as a figure, and as a film where there is a function ``film`` of the same arguments."""
 
     def draw(self, title: str, cases: Sequence[Sequence[Any]]) -> "Figure":
         """The matplotlib figure of the readings of each case."""

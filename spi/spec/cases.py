@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pydantic
 from pydantic import model_validator
@@ -18,11 +18,12 @@ from ..models.damped import undamped
 from ..protocol import NonNegative, Positive, advance_large, dimension, in_kernels, large
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
-from ..systems import expanded, has_range, variables
+from ..systems import variables
 from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
 from .damping import damped_model
 from .expect import Expect, claims
+from .initial import Initial
 from .keys import (
     ESTIMATORS,
     Eps,
@@ -34,7 +35,6 @@ from .keys import (
     SchemeName,
     Schemes,
     Seed,
-    State,
     Steps,
     entries_in,
     key_of,
@@ -45,18 +45,6 @@ from .keys import (
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
-
-
-def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
-    """An initial value in which ``cos(i), 0 for i = 1..n`` is written out with the sizes of the system."""
-    if not isinstance(value, list) or "model" not in info.data:
-        return value
-    if isinstance(info.data["model"], dict):  # of one layer, when it is not known yet which system it is
-        return [entry for entry in value if not has_range(entry)]
-    try:
-        return expanded(value, info.data["model"])
-    except NumberError as error:
-        raise wrong(f"has a range that cannot be read ({error})", "write it as in cos(i), 0 for i = 1..n") from None
 
 
 def _told(value: Any) -> Any:
@@ -74,8 +62,8 @@ class BaseCase(Keys):
     model: Model
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift") = 0.0
     initial: key_of(
-        Annotated[State, pydantic.BeforeValidator(_with_ranges)],
-        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode",
+        Initial,
+        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
@@ -151,8 +139,8 @@ class BaseCase(Keys):
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        """Nothing of what is 0, damping and extrapolation: specs of which these are no keys stay what they were."""
-        said = {"damping": bool, "extrapolate": any}
+        """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
+        said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @model_validator(mode="after")

@@ -1,5 +1,6 @@
 """The keys of an experiment of kind trajectory."""
 
+import math
 from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
@@ -7,18 +8,25 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import model_validator
 
 from spi.claims import AT_LEAST, AT_MOST, Sort
-from spi.protocol import Positive
+from spi.models.zeitlin.fields import lattice_of
+from spi.protocol import NonNegative, Positive, dimension
 from spi.spec.cases import CLIP, BaseCase
-from spi.spec.checks import check_multiple, check_schemes
-from spi.spec.keys import Schemes, key_of, quantity, wrong
+from spi.spec.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
+from spi.spec.keys import Schemes, entries_in, key_of, quantity, wrong
 
 #: What the figure can show.
-PANELS = ("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase")
+OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
+PANELS = (
+    *("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase"),
+    *OF_FIELDS,
+)
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 Path = Annotated[int, Ge(0), Le(10**15)]
+Times = tuple[NonNegative, ...]
 
-_MOST_STORED = 10**7  # states of a trajectory
+_MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
+_MOST_TIMES = 8  # at which fields stand side by side
 
 
 class Case(BaseCase):
@@ -30,6 +38,8 @@ class Case(BaseCase):
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+    every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
+    times: key_of(Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end") = ()
 
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
@@ -41,11 +51,51 @@ class Case(BaseCase):
         """T."""
         return self.final_time
 
+    @property
+    def steps_stored(self) -> int:
+        """How many states are stored after the initial one."""
+        return round(self.final_time / self.step) // self.every
+
     @model_validator(mode="after")
     def _check_step(self) -> Self:
-        if self.final_time / self.step > _MOST_STORED:
-            least = quantity(self.final_time / _MOST_STORED)
-            raise wrong("gives more than 10^7 steps, all of which are kept", f"must be at least {least}", "step")
+        check_count(self.final_time, self.step, "step")
         check_multiple(self.final_time, self.step, "step", "is")
         check_schemes(self, self.schemes, self.step, "step")
+        return self
+
+    @model_validator(mode="after")
+    def _check_every(self) -> Self:
+        steps, d = round(self.final_time / self.step), dimension(self.model)
+        if steps % self.every:
+            what = f"is {self.every}, of which the number of steps, {steps}, is no multiple"
+            raise wrong(what, f"take {math.gcd(steps, self.every)}, which divides both", "every")
+        if (self.steps_stored + 1) * d > _MOST_NUMBERS:
+            what = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"
+            least = -(-steps // (_MOST_NUMBERS // d - 1))
+            raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
+        return self
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        """The case with times that are exactly those of stored states."""
+        between = self.every * self.step
+        if len(self.times) > _MOST_TIMES:
+            raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
+        for i, t in enumerate(self.times):
+            if t > self.final_time * (1 + ROUNDING):
+                right = f"must not exceed final_time, which is {quantity(self.final_time)}"
+                raise wrong(f"is {quantity(t)}", right, "times", i)
+            if abs(round(t / between) * between - t) > ROUNDING * t:
+                lower = math.floor(t / between) * between
+                what = f"is {quantity(t)}, no multiple of {quantity(between)}, the time between stored states"
+                raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(lower + between)}", "times", i)
+        numbers = [round(t / between) for t in self.times]
+        check_once([quantity(n * between) for n in numbers], "times")
+        return self.model_copy(update={"times": tuple(n * between for n in sorted(numbers))})
+
+    @model_validator(mode="after")
+    def _check_panels(self) -> Self:
+        for i, panel in enumerate(self.panels):
+            if panel in OF_FIELDS and lattice_of(self.model) is None:
+                raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
         return self

@@ -13,6 +13,7 @@ from spi.ensemble import empty_report, grid, integrate, report_columns, thread_c
 from spi.invariants import growth
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
 from spi.lanes import load_lane
+from spi.models.zeitlin.fields import lattice_of
 from spi.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian
 from spi.records import Group, Part
 from spi.rng import LANES
@@ -21,14 +22,16 @@ from spi.tallies import Chunk, PathSet
 
 
 class Recorder(NamedTuple):
-    """The states of one lane after every step."""
+    """The states of one lane after every so many steps."""
 
-    y: np.ndarray  #: (steps + 1, d)
+    y: np.ndarray  #: (stored + 1, d)
     lane: int
+    every: int
 
     def observe(observer, model, row, paths, level, n, y, reference):
-        for i in range(observer.y.shape[1]):
-            observer.y[n, i] = y[i * LANES + observer.lane]
+        if n % observer.every == 0:
+            for i in range(observer.y.shape[1]):
+                observer.y[n // observer.every, i] = y[i * LANES + observer.lane]
 
 
 class Path(NamedTuple):
@@ -36,7 +39,7 @@ class Path(NamedTuple):
 
     paths: int
     seconds: float  #: wall clock
-    y: np.ndarray  #: (steps + 1, d), at first (0, d)
+    y: np.ndarray  #: (stored + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),) of the whole block
 
     def plus(self, later: "Path") -> "Path":
@@ -64,7 +67,7 @@ class TrajectoryPlan(PathsPlan):
         """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
         seconds = steps * LANES * 1e-9 * typical_ns(self.row, self.model)
-        return Cost(steps * LANES, seconds, 8 * (steps + 1) * (len(self.initial) + 4))
+        return Cost(steps * LANES, seconds, 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4))
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:
         """One path."""
@@ -79,18 +82,17 @@ class TrajectoryPlan(PathsPlan):
         y = np.zeros((2, len(self.initial)))
         energy, conserved = np.empty(2), np.empty((2, len(casimir_indices(self.model))))
         of_states = KernelCall(invariants, (self.model, y, energy, conserved))
-        return [self.least.integration(Recorder(y, 0)), of_states]
+        return [self.least.integration(Recorder(y, 0, 1)), of_states]
 
     def advance(self, chunks: Sequence[Chunk], known: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
         """Run the path, at once."""
         began = time.perf_counter()
         block, lane = divmod(self.case.path, LANES)
-        y = np.empty((self.grid.reference_steps + 1, len(self.initial)))
+        y = np.empty((self.case.steps_stored + 1, len(self.initial)))
         y[0] = self.initial
         report, end = empty_report(1, 1), self.case.path + 1
-        integrate(
-            self.scheme, self.model, self.initial, self.grid, self.stream, Recorder(y, lane), report, block, 1, end
-        )
+        recorder = Recorder(y, lane, self.case.every)
+        integrate(self.scheme, self.model, self.initial, self.grid, self.stream, recorder, report, block, 1, end)
         path = Path(paths=1, seconds=time.perf_counter() - began, y=y, report=report[0, 0])
         yield [(chunks[0], path)]
 
@@ -104,7 +106,7 @@ class TrajectoryPlan(PathsPlan):
         n, d = path.y.shape
         energy, conserved = np.empty(n), np.empty((n, len(casimir_indices(self.model))))
         invariants(self.model, path.y, energy, conserved)
-        t = np.arange(n) * self.case.step
+        t = np.arange(n) * self.case.every * self.case.step
         lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
@@ -125,6 +127,9 @@ class TrajectoryPlan(PathsPlan):
                 "step": self.case.step,
                 "path": self.case.path,
                 "panels": self.case.panels,
+                "every": self.case.every if self.case.every > 1 else None,
+                "times": self.case.times or None,
+                "lattice": None if lattice_of(self.case.model) is None else "torus",
                 "nonfinite_from": float(t[lost[0]]) if len(lost) else float("nan"),
                 "casimir_drift": tuple(float(x) for x in drift),
                 "wall_seconds": state.seconds,

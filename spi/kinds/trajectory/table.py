@@ -38,7 +38,7 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
         table.add_row(
             Text(reading.about.label),
             power_of_two(reading.step),
-            str(len(reading.y) - 1),
+            str((len(reading.y) - 1) * reading.every),
             short(float(reading.hamiltonian[-1]), ".6g"),
             *map(short, reading.casimir_drift),
             short(float(reading.lowest.min()), ".3g"),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,47 +17,72 @@ from spi.records import Description
 
 from ..reading import Trajectory
 from .curves import Path
+from .fields import Fields
+from .film import film as film
 from .panels import WORDS, Panel
 
 #: Inches of a panel, by the number of panels side by side.
 SIZES = {1: (5.6, 3.6), 2: (4.2, 3.1), 3: (3.5, 2.8), 4: (3.0, 2.6)}
 
 
+class Places(NamedTuple):
+    """Where the panels of all cases stand."""
+
+    columns: int
+    width: float  #: inches of a column
+    heights: np.ndarray  #: (lines,) inches
+    first: list[int]  #: of the panels of each case, counted along the lines; its fields stand above it
+
+
 def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
     """The figure of a study of kind trajectory."""
     rows = _rows(cases)
-    columns, lines, places = _places([len(row) for row in rows])
-    if len(rows) == 1 and len(rows[0]) == 4 and cases[0][0].panels == ("components",):
-        columns, lines = 2, 2
-    width, height = SIZES[columns]
+    columns, width, heights, places = _places(rows, four=cases[0][0].panels == ("components",))
     shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
     fig = Figure()
-    grid = fig.add_gridspec(lines, columns)
-    below, above = np.zeros(lines), np.zeros(lines)
+    grid = fig.add_gridspec(len(heights), columns, height_ratios=heights)
+    below, above = np.zeros(len(heights)), np.zeros(len(heights))
     shown: dict[str, Path] = {}
     for readings, facts, row, place in zip(cases, own, rows, places, strict=True):
-        for i, panel in enumerate(row):
+        fields, panels = _parted(row)
+        first = []  # of each kind: line, axes, and room for a title
+        line = place // columns - _lines(fields)
+        for one in fields:
+            ax = one.draw(fig, grid[line : line + len(one.paths), :].subgridspec(len(one.paths), one.columns))
+            first.append((line, ax, columns * width))
+            line += len(one.paths)
+        for i, panel in enumerate(panels):
             line, column = divmod(place + i, columns)
             ax = fig.add_subplot(grid[line, column], projection="3d" if panel.solid else None)
             ax.set_title(panel.title)
             below[line] = max(below[line], _legend(ax, panel.draw(ax), width))
-            if i == 0 and len(cases) > 1:
-                room = width * (1 if place % columns else min(len(row), columns))
-                above[line] = max(above[line], _case_title(ax, readings[0].about, facts, room))
+            first.append((line, ax, width * (1 if place % columns else min(len(panels), columns))))
             shown |= {path.label: path for path in panel.schemes}
+        if len(cases) > 1:
+            line, ax, room = first[0]
+            above[line] = max(above[line], _case_title(ax, readings[0].about, facts, room))
     if shown:
         handles = [Line2D([], [], **(path.look(0) | {"markevery": None})) for path in shown.values()]
         fig.legend(handles, list(shown), loc="outside lower center", ncols=len(shown), frameon=False, handlelength=2.4)
-    total = lines * height + LINE * (below.sum() + above.sum()) + (0.3 if shown else 0)
+    total = heights.sum() + LINE * (below.sum() + above.sum()) + (0.3 if shown else 0)
     style.dress(fig, columns * width, total, title, shared)
     return fig
+
+
+def _parted(row: list[Panel | Fields]) -> tuple[list[Fields], list[Panel]]:
+    return [one for one in row if isinstance(one, Fields)], [one for one in row if isinstance(one, Panel)]
+
+
+def _lines(fields: Iterable[Fields]) -> int:
+    """How many lines the fields of a case take."""
+    return sum(len(one.paths) for one in fields)
 
 
 def _facts(reading: Trajectory) -> dict[str, str]:
     return style.facts(reading.about, step=reading.step, path=reading.path)
 
 
-def _rows(cases: Sequence[Sequence[Trajectory]]) -> list[list[Panel]]:
+def _rows(cases: Sequence[Sequence[Trajectory]]) -> list[list[Panel | Fields]]:
     """The panels of each case."""
     looks = style.looks(cases)
     variants = list(dict.fromkeys(reading.about.variant for readings in cases for reading in readings))
@@ -74,23 +99,34 @@ def _rows(cases: Sequence[Sequence[Trajectory]]) -> list[list[Panel]]:
     return rows
 
 
-def _panels(words: Iterable[str], paths: list[Path]) -> list[Panel]:
+def _panels(words: Iterable[str], paths: list[Path]) -> list[Panel | Fields]:
     """The panels of one case."""
     layout.check_panels(words, WORDS)
     return [panel for word in words for panel in WORDS[word](paths)]
 
 
-def _places(counts: list[int]) -> tuple[int, int, list[int]]:
-    """Columns, lines and where each case starts, for cases of ``counts`` panels each.
+def _places(rows: list[list[Panel | Fields]], four: bool) -> Places:
+    """Where the panels of each case stand; with `four` four of a single case make a square.
 
     Each case starts a line, unless all of them have one panel: those stand side by side.
     """
-    strip = max(counts) == 1
-    widest = len(counts) if strip else max(counts)
-    columns = math.ceil(widest / math.ceil(widest / max(SIZES)))
+    fields, panels = zip(*map(_parted, rows), strict=True)
+    counts, tall = [len(row) for row in panels], [_lines(row) for row in fields]
+    strip = max(counts) <= 1 and not any(tall)
+    widest = len(counts) if strip else max(1, *counts)
+    columns = 2 if four and counts == [4] else math.ceil(widest / math.ceil(widest / max(SIZES)))
     each = [1] * len(counts) if strip else [columns * math.ceil(count / columns) for count in counts]
-    places = np.cumsum([0, *each])
-    return columns, math.ceil(places[-1] / columns), places[:-1].tolist()
+    ends = np.cumsum(each) + columns * np.cumsum(tall)
+    width, height = SIZES[columns]
+    width = max([columns * width, *(one.width for row in fields for one in row)]) / columns
+    heights = np.full(math.ceil(ends[-1] / columns), height)
+    first = (ends - each).tolist()
+    for place, row in zip(first, fields, strict=True):
+        line = place // columns - _lines(row)
+        for one in row:
+            heights[line : line + len(one.paths)] = one.height(columns * width)
+            line += len(one.paths)
+    return Places(columns, width, heights, first)
 
 
 def _legend(ax: Axes, notes: list[layout.Entry], width: float) -> int:

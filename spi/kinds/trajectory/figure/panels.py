@@ -11,8 +11,10 @@ from matplotlib.patches import Patch
 
 from spi.drawing import style
 from spi.drawing.layout import Entry
+from spi.models.zeitlin.fields import enstrophy
 
 from .curves import Path, curve, departure, dress_axes, dress_time, tamed, window
+from .fields import Fields, draw_spectrum, need_lattice, spectrum_limits
 from .sphere import draw_sphere
 
 OUTSIDE, ZERO = "#f6e6e1", "#555555"  #: negative populations, and the line where they begin
@@ -159,8 +161,35 @@ def _sphere(path: Path, ax: Any) -> list[Entry]:
     return [(Line2D([], [], **START), "start")]
 
 
+def vorticity(paths: list[Path]) -> Iterator[Fields]:
+    """The fields at the chosen times."""
+    need_lattice(paths, "vorticity")
+    yield Fields(paths)
+
+
+def spectrum(paths: list[Path]) -> Iterator[Panel]:
+    """The energy of the shells at the chosen times, an axes per scheme."""
+    need_lattice(paths, "spectrum")
+    limits = spectrum_limits([path.reading for path in paths])
+    for path in paths:
+        yield Panel(path.label, partial(draw_spectrum, path, limits), [])
+
+
+def enstrophies(paths: list[Path]) -> Iterator[Panel]:
+    """How the enstrophy changes over time, relative to that of the first scheme at the start."""
+    need_lattice(paths, "enstrophy")
+    with np.errstate(all="ignore"):
+        values = [enstrophy(path.reading.y) for path in paths]
+        first = float(values[0][0])
+        changes = [one / first - 1 if first else one for one in values]
+    label = "$Z(t)/Z(0)-1$" if first else "$Z(t)$"
+    yield Panel(
+        f"enstrophy $Z$, $Z(0)={style.number(first)}$", partial(_over_time, paths, changes, label, errors=True), paths
+    )
+
+
 #: The panels, by the words of a spec.
-WORDS = {
+WORDS: dict[str, Callable[[list[Path]], Iterator[Panel | Fields]]] = {
     "casimirs": casimirs,
     "casimir_errors": casimir_errors,
     "hamiltonian": hamiltonian,
@@ -168,4 +197,7 @@ WORDS = {
     "populations": populations,
     "sphere": sphere,
     "phase": phase,
+    "vorticity": vorticity,
+    "spectrum": spectrum,
+    "enstrophy": enstrophies,
 }

@@ -1,0 +1,160 @@
+"""Vorticity on the torus: fields side by side, spectra of their energy, and the enstrophy."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpecBase
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from spi.drawing import style
+from spi.drawing.axes import rules
+from spi.drawing.layout import Entry
+from spi.models.zeitlin.fields import energy_spectrum, vorticity
+
+from ..reading import Trajectory
+from .curves import Path
+
+COLOURS = "RdBu_r"  #: of vorticity: blue negative, white 0, red positive
+TIMES = "viridis"  #: of spectra, from early to late
+
+#: Inches of a field, by the number of fields side by side; more are smaller.
+SIDES = {1: 3.2, 2: 2.9, 3: 2.6, 4: 2.3}
+SMALLEST, LARGEST = 1.9, 3.8
+MARGIN = 1.6  # inches beside the fields of a row: labels, numbers, the colour bar
+AROUND, BETWEEN = 0.75, 0.1  # inches above and below all fields of a case, and between two of them
+
+_CYCLE = 2 * np.pi
+_DEEPEST = 1e-20  # of the largest energy, in spectra
+_SEEN = 0.01  # by which a field must exceed the range of the colours so that the colour bar shows it
+
+
+class Fields(NamedTuple):
+    """The fields of one case: a row per scheme, a column per time."""
+
+    paths: Sequence[Path]
+
+    @property
+    def columns(self) -> int:
+        """How many fields stand side by side."""
+        return max(len(path.reading.shown) for path in self.paths)
+
+    @property
+    def least(self) -> float:
+        """Inches of the side of a field, at least."""
+        return SIDES.get(self.columns, SMALLEST)
+
+    @property
+    def width(self) -> float:
+        """Inches that all columns need."""
+        return MARGIN + self.columns * self.least
+
+    def height(self, width: float) -> float:
+        """Inches of one line of fields in a figure of some width."""
+        return AROUND / len(self.paths) + BETWEEN + min(LARGEST, (width - MARGIN) / self.columns)
+
+    def draw(self, fig: Figure, place: GridSpecBase) -> Axes:
+        """Draw all fields in a place of len(paths) lines, with one colour bar; returns the first axes."""
+        shown = [field_values(path.reading, path.reading.shown) for path in self.paths]
+        largest, beyond = colour_range([path.reading for path in self.paths], shown)
+        axes = place.subplots(squeeze=False)
+        for path, fields, row in zip(self.paths, shown, axes, strict=True):
+            for ax, field in zip(row, fields, strict=True):
+                image = draw_field(ax, field, largest)
+            label = "\n".join(style.wrapped(path.label.split(), " ", 10, self.least))
+            row[0].set_ylabel(f"{label}\n$x_2$")
+        for ax, t in zip(axes[0], self.paths[0].reading.t[self.paths[0].reading.shown].tolist(), strict=True):
+            ax.set_title(f"$t={style.number(t)}$")
+        for ax in axes[:, 1:].flat:
+            ax.tick_params(labelleft=False)
+        for ax in axes[:-1].flat:
+            ax.tick_params(labelbottom=False)
+        for ax in axes[-1]:
+            ax.set_xlabel("$x_1$")
+        fig.colorbar(image, ax=axes, label=r"vorticity $\omega$", extend=beyond, shrink=0.9, aspect=22, pad=0.015)
+        return axes[0, 0]
+
+
+def need_lattice(paths: Sequence[Path], panel: str) -> int:
+    """N of the lattice of paths; ValueError if their states are no vorticity."""
+    n = paths[0].reading.lattice
+    if n is None:
+        raise ValueError(f"the panel '{panel}' needs a vorticity on the torus, as of sine_euler and zeitlin")
+    return n
+
+
+def field_values(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
+    """(states, G, G) the fields of some states, on a grid that is finer than the smallest waves."""
+    n = reading.lattice or 3
+    with np.errstate(all="ignore"):
+        return vorticity(reading.y[list(states)], max(128, 1 << (4 * n - 1).bit_length()))
+
+
+def colour_range(readings: Sequence[Trajectory], fields: Sequence[np.ndarray]) -> tuple[float, Any]:
+    """The largest value of the colours, and on which sides fields go beyond it, as matplotlib calls that.
+
+    It suits the schemes that preserve something, if there are any, and the others may leave it.
+    """
+    sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in fields]
+    good = [size for one, size in zip(readings, sizes, strict=True) if not one.preserves_nothing]
+    largest = float(max(good or sizes)) or 1.0
+    return largest, "both" if max(sizes) > (1 + _SEEN) * largest else "neither"
+
+
+def draw_field(ax: Axes, field: np.ndarray, largest: float) -> AxesImage:
+    """The vorticity (G, G) on the torus, x_1 to the right and x_2 up."""
+    look: dict[str, Any] = {"cmap": COLOURS, "vmin": -largest, "vmax": largest, "interpolation": "bilinear"}
+    image = ax.imshow(field.T, origin="lower", extent=(0, _CYCLE, 0, _CYCLE), aspect="equal", **look)
+    if not np.isfinite(field).all():
+        ax.text(0.5, 0.5, "not finite", transform=ax.transAxes, ha="center", va="center", color="#777777")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_ticks([0, np.pi, _CYCLE], ["0", r"$\pi$", r"$2\pi$"])
+    return image
+
+
+def draw_spectrum(path: Path, limits: tuple[float, float], ax: Axes) -> list[Entry]:
+    """Energy by shell at the chosen times, and what the colours mean."""
+    chosen = path.reading.shown
+    spectra = spectra_of(path.reading)
+    k = np.arange(1, spectra.shape[1] + 1)
+    entries: list[Entry] = []
+    for energies, number, colour in zip(
+        spectra, chosen, matplotlib.colormaps[TIMES](np.linspace(0, 0.88, len(chosen))), strict=True
+    ):
+        there = np.isfinite(energies) & (energies > 0)
+        (line,) = ax.plot(k[there], energies[there], "o-", markersize=3, color=colour)
+        lost = "" if np.isfinite(energies).all() else ", not finite"
+        entries.append((Line2D([], [], **_look(line)), f"$t={style.number(float(path.reading.t[number]))}${lost}"))
+    ax.set(xscale="log", yscale="log", xlim=(0.9, max(2.2, 1.1 * k[-1])), ylim=limits)
+    ax.set(xlabel="wave number $k$", ylabel="energy $E(k)$")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    rules(ax)
+    return entries
+
+
+def _look(line: Line2D) -> dict[str, Any]:
+    return {"color": line.get_color(), "marker": line.get_marker(), "markersize": line.get_markersize()}
+
+
+def spectra_of(reading: Trajectory) -> np.ndarray:
+    """(times, shells) the energy of each shell at the chosen times."""
+    with np.errstate(all="ignore"):
+        return energy_spectrum(reading.y[reading.shown])
+
+
+def spectrum_limits(readings: Sequence[Trajectory]) -> tuple[float, float]:
+    """The limits of energies in spectra, which suit the schemes that preserve something, if there are any."""
+    good = [one for one in readings if not one.preserves_nothing] or readings
+    values = np.concatenate([spectra_of(one).ravel() for one in good])
+    values = values[np.isfinite(values) & (values > 0)]
+    if not values.size:
+        return 0.1, 10.0
+    largest = float(values.max())
+    return max(float(values.min()), _DEEPEST * largest) / 3, 3 * largest

@@ -1,0 +1,124 @@
+"""Vorticity on the torus: from a state to a field and back, spectra, and random states.
+
+A state is (Re omega_m, Im omega_m) of the modes of ``lattice.py``, shape (..., d) with d = N^2 - 1, and
+
+    omega(x) = sum_m omega_m exp(i m.x),    x in [0, 2 pi)^2,    omega_{-m} the complex conjugate of omega_m.
+
+A field has the values omega(2 pi i / G, 2 pi j / G) at [..., i, j], i, j = 0, ..., G - 1.
+"""
+
+import functools
+import math
+from typing import Any
+
+import numpy as np
+
+from ..damped import undamped
+from ..sine_euler import SineEuler
+from . import Zeitlin
+from .lattice import modes, shell
+
+#: What counts as rounding in samples of a field, relative to the largest of them: of its mean, and of a mode.
+MEAN_ROUNDING, MODE_ROUNDING = 1e-12, 1e-15
+
+
+def lattice_of(model: Any) -> int | None:
+    """N of a model whose state is a vorticity on the lattice modulo N, damped or not; None of every other model."""
+    model = undamped(model)
+    if isinstance(model, SineEuler):
+        return 3
+    return model.n if isinstance(model, Zeitlin) else None
+
+
+def size_of(y: np.ndarray) -> int:
+    """N of the states `y` (..., N^2 - 1)."""
+    return math.isqrt(y.shape[-1] + 1)
+
+
+def vorticity(y: np.ndarray, points: int) -> np.ndarray:
+    """The fields (..., G, G) of states (..., d) on G = `points` points a side; ValueError if those are fewer than N."""
+    y = np.asarray(y, float)
+    _check_points(points, size_of(y))
+    m1, m2 = _frequencies(size_of(y))
+    spectrum = np.zeros((*y.shape[:-1], points, points // 2 + 1), complex)
+    omega = y[..., ::2] + 1j * y[..., 1::2]
+    spectrum[..., m1, m2] = omega
+    real = m2 == 0  # a real transform has both of m and -m on this line
+    spectrum[..., -m1[real], 0] = omega[..., real].conj()
+    return np.fft.irfft2(spectrum, s=(points, points), norm="forward")
+
+
+def projected(field: np.ndarray, n: int) -> np.ndarray:
+    """The states (..., N^2 - 1) with the modes of fields (..., G, G) on the lattice modulo N = `n`.
+
+    Parts of modes that are rounding errors, below 1e-15 of the largest value, are 0.  ValueError if G < N or if a mean
+    is not 0.
+    """
+    field = np.asarray(field, float)
+    _check_points(field.shape[-1], n)
+    m1, m2 = _frequencies(n)
+    largest = np.abs(field).max(axis=(-2, -1))
+    if (np.abs(field.mean(axis=(-2, -1))) > MEAN_ROUNDING * largest).any():
+        raise ValueError("the mean of a vorticity on the torus must be 0")
+    omega = np.fft.rfft2(field, norm="forward")[..., m1, m2]
+    y = np.stack([omega.real, omega.imag], axis=-1).reshape(*omega.shape[:-1], -1)
+    return np.where(np.abs(y) > MODE_ROUNDING * largest[..., None], y, 0.0)
+
+
+def energy_spectrum(y: np.ndarray) -> np.ndarray:
+    """E(k) = 1/2 sum |omega_m|^2 / |m|^2 over the modes m and -m of shell k = 1, 2, ..., (..., shells) of states."""
+    lengths, shells = _lengths(size_of(y)), shells_of(size_of(y))
+    energies = _squares(y) / lengths**2
+    return np.stack([energies[..., shells == k].sum(axis=-1) for k in range(1, shells.max() + 1)], axis=-1)
+
+
+def energy(y: np.ndarray) -> np.ndarray:
+    """H = 1/2 sum over all m of |omega_m|^2 / |m|^2, (...,) of states (..., d)."""
+    return (_squares(y) / _lengths(size_of(y)) ** 2).sum(axis=-1)
+
+
+def enstrophy(y: np.ndarray) -> np.ndarray:
+    """1/2 sum over all m of |omega_m|^2, (...,) of states (..., d)."""
+    return _squares(y).sum(axis=-1)
+
+
+def random_state(n: int, spectrum: np.ndarray, energy_wanted: float, seed: int) -> np.ndarray:
+    """A state (N^2 - 1,) with random phases and Gaussian amplitudes, whose H is as wanted.
+
+    On average the energy of the shells k = 1, 2, ... is proportional to `spectrum` (shells,).  The normal numbers go to
+    the modes in the order of the state, so that large scales are the same for every N, but for the common factor.
+    """
+    shells = shells_of(n)
+    each = np.asarray(spectrum, float) / np.bincount(shells)[1:]
+    normal = np.random.Generator(np.random.Philox(seed)).standard_normal((len(shells), 2))
+    y = (normal * (_lengths(n) * np.sqrt(each)[shells - 1])[:, None]).ravel()
+    return y * np.sqrt(energy_wanted / energy(y))
+
+
+@functools.cache
+def shells_of(n: int) -> np.ndarray:
+    """(d / 2,) the shell of each mode."""
+    return np.array([shell(m) for m in modes(n)])
+
+
+@functools.cache
+def _lengths(n: int) -> np.ndarray:
+    """(d / 2,) |m| of each mode."""
+    return np.hypot(*np.array(modes(n)).T)
+
+
+def _squares(y: np.ndarray) -> np.ndarray:
+    """(..., d / 2) |omega_m|^2 of each mode that stands for two."""
+    return np.square(y[..., ::2]) + np.square(y[..., 1::2])
+
+
+def _frequencies(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """m1 and m2 of all modes, as indices of arrays whose negative frequencies stand at the end."""
+    m1, m2 = np.array(modes(n)).T
+    return m1, m2
+
+
+def _check_points(points: int, n: int) -> None:
+    """ValueError unless a grid of so many points a side tells the modes apart."""
+    if points < n:
+        raise ValueError(f"{points} points a side are too few for the lattice modulo {n}")
