@@ -52,7 +52,7 @@ def test_the_ring_is_what_it_says(ring):
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_more_than_sixteen_components_compile_and_keep_their_casimirs(tmp_path):
     """By itself, with a cache of its own: no other process could load what is cached for a model of a passing file."""
-    command = [sys.executable, FOLDER / "spin_ring.py", "--here", "--spins", "6", "midpoint"]
+    command = [sys.executable, FOLDER / "spin_ring.py", "--here", "--spins", "6", "--noises", "2", "midpoint"]
     run = subprocess.run(
         command, env={**os.environ, "SPI_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=True
     )
