@@ -31,7 +31,7 @@ def pytest_collection_finish():
     """What has been imported by now stays: the garbage collector, busy while kernels are compiled, may pass it by."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(20_000, 20, 20)
+    gc.set_threshold(50_000, 20, 50)
 
 
 @pytest.fixture(autouse=True)
