@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..dispatch import MOST
 from ..protocol import area_pairs, needs_areas
 from ..richardson import places
 from ..schemes import SCHEMES, weak_exponents
+from ..systems.keys import MOST
 from .keys import quantity, shown, suggestion, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
