@@ -22,9 +22,9 @@ SIZES = (3, 5, 7, 9)
 SIGMA = (0.5, 0.75, 1.0, 1.25)
 SINE_EULER = SineEuler(SIGMA)
 #: Its modes are the four noises, one after the other.
-ITS_TWIN = Zeitlin(3, tuple(Noise((m,), s) for m, s in zip(modes(3), SIGMA, strict=True)))
+ITS_TWIN = Zeitlin(3, tuple(Noise(s, modes=(m,)) for m, s in zip(modes(3), SIGMA, strict=True)))
 #: Several noises of both kinds on the line of (1, 0), beside one on another line.
-MIXED = (Noise(((-1, 0), (0, 1)), 0.5, "linear"), Noise(((1, 0), (2, 0)), 0.75))
+MIXED = (Noise(0.5, modes=((-1, 0), (0, 1)), hamiltonian="linear"), Noise(0.75, modes=((1, 0), (2, 0))))
 
 
 def largest(difference):
