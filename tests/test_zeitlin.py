@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from helpers import COMPILED, composed
 from zeitlin_cases import (
-    CASIMIRS,
     DRIFT_FIELD,
     DRIFT_FLOW,
     ITO_CORRECTION,
@@ -14,13 +13,11 @@ from zeitlin_cases import (
     SIZES,
     STEPPERS,
     apart,
-    casimirs_of,
-    energy_of,
+    coins_of,
     field,
     increments,
     moved,
     noisy,
-    quadratic,
     states,
     take,
 )
@@ -31,9 +28,11 @@ from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.models.zeitlin.lattice import lines, modes
-from spi.protocol import advance_large, casimirs, drift_flow, hamiltonian, in_kernels, noise_flow, work_size
+from spi.protocol import drift_flow, in_kernels, noise_flow
 from spi.rng import LANES
 from spi.schemes.rows import compositions
+
+pytestmark = pytest.mark.xdist_group("zeitlin")
 
 SIGMA = (0.5, 0.75, 1.0, 1.25)
 SINE_EULER = SineEuler(SIGMA)
@@ -48,12 +47,6 @@ BY_REFERENCE = {
     "half_noise": lambda model, h, halves, coin, y: fluids.strang(model, h, halves, y),
     "euler_maruyama": lambda model, h, halves, coin, y: fluids.euler_maruyama(model, h, sum(halves), y),
 }
-SPLITTINGS = [name for name in STEPPERS if name != "euler_maruyama"]
-
-
-def coins_of(paths):
-    """Both sides of the coin, in no regular order."""
-    return np.where(np.arange(paths) % 3 == 1, -1.0, 1.0)
 
 
 # --- N = 3: the built-in model ---------------------------------------------------------------------------------------
@@ -61,53 +54,168 @@ def coins_of(paths):
 
 def test_flows_of_sine_euler():
     y = states(3, 8)
-    with uncompiled():
-        for k, t in enumerate((0.6, -0.4, 0.8, 0.2)):
-            built_in = [drift_flow(SINE_EULER, k, t, tuple(one), ANY_ANGLES) for one in y]
-            assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, t, y)[0], built_in) < 1e-13
-            assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, -t, y)[0], built_in) > 1e-2
-            built_in = [noise_flow(SINE_EULER, k, t, tuple(one), ANY_ANGLES) for one in y]
-            assert apart(moved(ITS_TWIN, NOISE_FLOW, k, np.eye(4)[k] * t, y)[0], built_in) < 1e-13
+    for k, t in enumerate((0.6, -0.4, 0.8, 0.2)):
+        with uncompiled():
+            of_drift = [drift_flow(SINE_EULER, k, t, tuple(one), ANY_ANGLES) for one in y]
+            of_noise = [noise_flow(SINE_EULER, k, t, tuple(one), ANY_ANGLES) for one in y]
+        assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, t, y)[0], of_drift) < 1e-13
+        assert apart(moved(ITS_TWIN, NOISE_FLOW, k, np.eye(4)[k] * t, y)[0], of_noise) < 1e-13
+        assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, -t, y)[0], of_drift) > 1e-2
 
 
 @pytest.mark.parametrize("name", ["splitting", "splitting_order2", "splitting_symmetric"])
 def test_steps_of_sine_euler(name):
-    h, y, coins = 0.1, states(3, 11), coins_of(11)
+    """As compositions of the flows of the built-in model; those of a scheme with a coin differ from side to side."""
+    h, y, coins = 0.5, states(3, 11), coins_of(11)
     dW = increments(ITS_TWIN, h, 1, 11)
     if name == "splitting_symmetric":
-        dW = np.repeat(dW.sum(axis=1, keepdims=True) / 2, 2, axis=1)  # `composed` halves increments
-    by_coin = [flows for _, flows in compositions(STEPPERS[name].rows, SINE_EULER)]
-    ours = take(name, ITS_TWIN, h, dW, y, coins[np.newaxis]).states
-    with uncompiled():
-        for path, coin in enumerate(coins):
-            flows = by_coin[0] if coin == 1 else by_coin[-1]
-            theirs = composed(SINE_EULER, flows, h, tuple(y[path]), dW[0].sum(axis=0)[:, path])
-            assert apart(ours[path], theirs) < 1e-13
-            assert len(by_coin) == 1 or apart(ours[path], composed_wrongly(by_coin, coin, h, y[path], dW)) > 1e-5
+        dW[:] = dW.mean(axis=1, keepdims=True)  # `composed` knows shares of an increment only
+    ours = take(name, ITS_TWIN, h, dW, y, coins).states
+    sides = compositions(STEPPERS[name].rows, SINE_EULER)
+    for path, coin in enumerate(coins):
+        with uncompiled():
+            found = [
+                composed(SINE_EULER, flows, h, tuple(y[path]), dW[0].sum(axis=0)[:, path]) for _, flows in sides
+            ]
+        side = 0 if coin == 1 else len(sides) - 1
+        assert apart(ours[path], found[side]) < 1e-13
+        assert len(sides) == 1 or apart(ours[path], found[1 - side]) > 1e-4
 
 
-def composed_wrongly(by_coin, coin, h, y, dW):
-    raise NotImplementedError
-
-
-def test_three_modes_take_the_flows_of_sine_euler():
-    """The record for kernels has its parameters; other equations of N = 3 take the general code."""
-    y = fluids.random_state(3)
+def test_the_equations_of_sine_euler_are_left_to_its_flows():
+    """The record for kernels is a small model with its parameters; other equations of N = 3 take the general code."""
+    y = tuple(fluids.random_state(3))
     ours = in_kernels(ITS_TWIN)
-    assert ours.sigma == SIGMA and not getattr(type(ours), "large", False)
-    assert drift_flow(ours, 1, 0.3, tuple(y), ANY_ANGLES) == drift_flow(SINE_EULER, 1, 0.3, tuple(y), ANY_ANGLES)
-    for other in (
-        ITS_TWIN._replace(normalisation="zeitlin"),
-        Zeitlin(3, (Noise(0.5, modes=((1, 0),), hamiltonian="linear"),)),
-    ):
-        assert in_kernels(other) is tables(other)
+    assert ours.sigma == SIGMA and not getattr(ours, "large", False)
+    with uncompiled():
+        assert drift_flow(ours, 1, 0.3, y, ANY_ANGLES) == drift_flow(SINE_EULER, 1, 0.3, y, ANY_ANGLES)
     assert in_kernels(Zeitlin(3)).sigma == (None,) * 4
     assert in_kernels(Zeitlin(3, (Noise(0.5, modes=((-1, -1),)),))).sigma == (None, 0.5, None, None)
+    linear = Zeitlin(3, (Noise(0.5, modes=((1, 0),), hamiltonian="linear"),))
+    for other in (ITS_TWIN._replace(normalisation="zeitlin"), linear):
+        assert in_kernels(other) is tables(other) and tables(other).large
+
+
+# --- flows -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
+@pytest.mark.parametrize("n", SIZES)
+def test_flows_of_the_drift(n, normalisation):
+    """Of every line; the angle that is told bounds those by which components turn, and vanishes with t."""
+    model, y = noisy(n, normalisation=normalisation), states(n, 1)
+    for k in range(len(lines(n))):
+        for t in (0.7, 40.0):
+            ours, largest = moved(model, DRIFT_FLOW, k, t, y)
+            assert apart(ours[0], fluids.drift_flow(model, k, t, y[0])) < 2e-13 * max(1, largest)
+            assert largest >= largest_turn(model, k, t, y[0])
+        assert apart(ours, y) > 1e-3
+
+
+def largest_turn(model, k, t, y):
+    """The largest difference of two eigenvalues of the generator of the flow."""
+    generator = fluids.generator(model, t * fluids.drift_gradient(model, y, own=lines(model.n)[k][1]))
+    angles = np.linalg.eigvalsh(1j * generator)
+    return (angles[-1] - angles[0]) * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
+@pytest.mark.parametrize("n", SIZES)
+def test_flows_of_the_noise(n, normalisation):
+    """Groups of one process and of several, quadratic and linear, each path with times of its own."""
+    model, y = noisy(n, normalisation=normalisation), states(n, 8)
+    groups, times = fluids.noise_lines(model), np.random.default_rng(2).standard_normal((tables(model).m, 8))
+    assert sorted(map(len, groups)) == [1, 1, 1, 6] if n == 3 else len(groups) >= 3
+    sigma = tables(model).sigma[:, np.newaxis]
+    for group, numbers in enumerate(groups):
+        ours, _ = moved(model, NOISE_FLOW, group, sigma * times, y)
+        theirs = [fluids.noise_flow(model, numbers, times[:, path], y[path]) for path in range(8)]
+        assert apart(ours, theirs) < 1e-12
+        assert apart(ours, theirs[::-1]) > 1e-2
+        for k in numbers:  # each process of the group counts
+            other = times * (1 + np.eye(len(times))[k][:, np.newaxis])
+            assert apart(moved(model, NOISE_FLOW, group, sigma * other, y)[0], ours) > 1e-3
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_fields(n):
+    model, y = noisy(n, normalisation="zeitlin"), states(n, 8)
+    times = np.random.default_rng(2).standard_normal((tables(model).m, 8))
+    ours = field(model, DRIFT_FIELD, 0.7, y)
+    assert apart(ours, 0.7 * fluids.drift_field(model, y)) < 1e-12
+    ours = field(model, NOISE_FIELDS, times, y)
+    assert apart(ours, np.einsum("kp,kpd->pd", times, fluids.noise_fields(model, y))) < 1e-12
+    ours = field(model, ITO_CORRECTION, 0.7, y)
+    assert apart(ours, 0.7 * fluids.ito_correction(model, y)) < 1e-12
+    assert apart(field(model, ITO_CORRECTION, 0.7, y[:1])[0], ours[0]) < 1e-12
+
+
+@pytest.mark.parametrize("n", SIZES)
+def test_a_path_alone_and_in_company_has_the_same_bits(n):
+    """Also where the angles of one path, but not of the others, are beyond reduction in three products."""
+    model, y = noisy(n), states(n, 8)
+    for scale in (1.0, 1e9):
+        y[3] *= scale
+        together, _ = moved(model, DRIFT_FLOW, 1, 0.3, y)
+        alone = [moved(model, DRIFT_FLOW, 1, 0.3, one[np.newaxis])[0][0] for one in y]
+        assert np.array_equal(together, alone)
+        assert np.all(np.isfinite(together)) and apart(together, y) > 1e-3
+
+
+@pytest.mark.parametrize("n", SIZES if COMPILED else SIZES[:1])
+@pytest.mark.parametrize("name", STEPPERS)
+def test_paths_do_not_depend_on_how_many_there_are(n, name):
+    """Whether they go by eights or alone, and whatever the coins of others are."""
+    model, h, most = noisy(n), 0.1, LANES if COMPILED else 11
+    y, coins, dW = states(n, most), coins_of(most), increments(noisy(n), h, 2, most)
+    whole = take(name, model, h, dW, y, coins).states
+    for paths in (1, 3, 4, 8, 11):
+        part = take(name, model, h, dW[..., :paths], y[:paths], coins[:paths]).states
+        assert np.array_equal(part, whole[:paths])
+    assert len(np.unique(whole, axis=0)) == most
+
+
+# --- steps -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", SIZES)
+@pytest.mark.parametrize("name", STEPPERS)
+def test_steps(n, name):
+    """Two steps of several paths with coins on both sides, in both normalisations, against the reference."""
+    h, y, coins = 0.1, states(n, 5), coins_of(5)
+    for normalisation in ("paper", "zeitlin"):
+        model = noisy(n, normalisation=normalisation)
+        dW = increments(model, h, 2, 5)
+        ours = take(name, model, h, dW, y, coins).states
+        for path in range(5 if n < 9 else 2):
+            theirs = y[path]
+            for halves in dW[..., path]:
+                theirs = BY_REFERENCE[name](model, h, halves, coins[path], theirs)
+            assert apart(ours[path], theirs) < 1e-12
+        wrong = take(name, model, h, dW[..., ::-1], y, coins).states
+        assert apart(wrong, ours) > 1e-2
+
+
+def test_coins_and_halves_of_increments_count_where_they_should():
+    """Negative control: what one scheme must look at changes its step, and nothing of the others."""
+    model, h, y, coins = noisy(7), 0.1, states(7, 8), coins_of(8)
+    dW = increments(model, h, 1, 8)
+    even = np.broadcast_to(dW.mean(axis=1, keepdims=True), dW.shape)
+    for name in STEPPERS:
+        step = take(name, model, h, dW, y, coins).states
+        of_coins = apart(take(name, model, h, dW, y, -coins).states, step)
+        of_halves = apart(take(name, model, h, even, y, coins).states, step)
+        assert of_coins > 1e-4 if name == "splitting_order2" else of_coins == 0
+        assert of_halves > 1e-4 if name in ("splitting_symmetric", "half_noise") else of_halves < 1e-15
 
 
 @pytest.mark.parametrize("name", STEPPERS)
-def test_without_the_compiler(name):
-    """The words in Python, vectors being arrays, give what they give compiled."""
-    model, h, y, coins = noisy(5), 0.1, states(5, 4), coins_of(4)
-    of, scheme, dW = tables(model), STEPPERS[name], increments(model, h, 1, 4)
-    raise NotImplementedError
+def test_steps_without_the_compiler(name):
+    """The words in Python, in which vectors are arrays, give what kernels give."""
+    model, h, y, coins = ITS_TWIN, 0.1, states(3, 4), coins_of(4)
+    dW = increments(model, h, 1, 4)
+    compiled = take(name, model, h, dW, y, coins)
+    with uncompiled():
+        plain = take(name, model, h, dW, y, coins, in_python=True)
+    assert apart(plain.states, compiled.states) < 1e-14 < apart(plain.states, y)
+    assert np.array_equal(plain.report, compiled.report)

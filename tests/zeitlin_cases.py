@@ -106,6 +106,11 @@ def increments(model, h, steps, paths, seed=1):
     return math.sqrt(h / 2) * np.random.default_rng(seed).standard_normal((steps, 2, tables(model).m, paths))
 
 
+def coins_of(paths):
+    """Coins on both sides, in no regular order."""
+    return np.where(np.random.default_rng(3).random(paths) < 0.5, 1.0, -1.0)
+
+
 def apart(a, b):
     """The largest distance of two states, relative to the length of the second."""
     return np.max(np.linalg.norm(np.asarray(a) - b, axis=-1) / np.linalg.norm(b, axis=-1))
@@ -166,10 +171,10 @@ class Taken(NamedTuple):
     report: np.ndarray
 
 
-def take(name, model, h, halves, states, coins=None):
+def take(name, model, h, halves, states, coins=1.0, in_python=False):
     """The states (paths, d) after steps of size h with increments `halves` (steps, 2, m, paths) over their halves.
 
-    ``coins`` (steps, paths) are 1 unless given.  What belongs to no path, and scratch, are NaN.
+    `coins` are those of the paths, in all steps.  What belongs to no path, and scratch, are NaN.
     """
     scheme, of = STEPPERS[name], tables(model)
     steps, _, m, paths = halves.shape
@@ -178,10 +183,11 @@ def take(name, model, h, halves, states, coins=None):
         rows += [halves[:, 0], halves[:, 1]]
     dW, tossed = np.full((steps, len(rows) * m, LANES), np.nan), np.full((steps, LANES), np.nan)
     dW[:, :, :paths] = np.concatenate(rows, axis=1)
-    tossed[:, :paths] = 1.0 if coins is None else coins
+    tossed[:, :paths] = coins
     y = np.full((of.d, LANES), np.nan)
     y[:, :paths] = np.transpose(states)
     y, report, work = y.ravel(), np.zeros(len(REPORT)), np.full(work_size(scheme, of), np.nan)
     number = list(STEPPERS).index(name)
-    _ask(STEPS, _SCHEMES, of, number, h, paths, dW.reshape(steps, -1), tossed, y, report, work)
+    asked = _ask.py_func if in_python else _ask
+    asked(STEPS, _SCHEMES, of, number, h, paths, dW.reshape(steps, -1), tossed, y, report, work)
     return Taken(y.reshape(of.d, LANES)[:, :paths].T, report)
