@@ -3,7 +3,7 @@
 import fluids
 import numpy as np
 import pytest
-from helpers import COMPILED, composed
+from helpers import COMPILED
 from zeitlin_cases import (
     DRIFT_FIELD,
     DRIFT_FLOW,
@@ -63,20 +63,24 @@ def test_flows_of_sine_euler():
         assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, -t, y)[0], of_drift) > 1e-2
 
 
+def composed(flows, h, y, dW):
+    """A step by flows of the built-in model, with shares of the time and of the increments."""
+    for part, k, share in flows:
+        flow, t = (drift_flow, h) if part == "drift" else (noise_flow, SIGMA[k] * dW[k])
+        y = flow(SINE_EULER, k, share * t, y, ANY_ANGLES)
+    return y
+
+
 @pytest.mark.parametrize("name", ["splitting", "splitting_order2", "splitting_symmetric"])
 def test_steps_of_sine_euler(name):
-    """As compositions of the flows of the built-in model; those of a scheme with a coin differ from side to side."""
+    """With equal increments over both halves; the compositions of a scheme with a coin differ from side to side."""
     h, y, coins = 0.5, states(3, 11), coins_of(11)
-    dW = increments(ITS_TWIN, h, 1, 11)
-    if name == "splitting_symmetric":
-        dW[:] = dW.mean(axis=1, keepdims=True)  # `composed` knows shares of an increment only
-    ours = take(name, ITS_TWIN, h, dW, y, coins).states
+    half = increments(ITS_TWIN, h, 1, 11).mean(axis=1)
+    ours = take(name, ITS_TWIN, h, np.stack([half, half], axis=1), y, coins).states
     sides = compositions(STEPPERS[name].rows, SINE_EULER)
     for path, coin in enumerate(coins):
         with uncompiled():
-            found = [
-                composed(SINE_EULER, flows, h, tuple(y[path]), dW[0].sum(axis=0)[:, path]) for _, flows in sides
-            ]
+            found = [composed(flows, h, tuple(y[path]), 2 * half[0, :, path]) for _, flows in sides]
         side = 0 if coin == 1 else len(sides) - 1
         assert apart(ours[path], found[side]) < 1e-13
         assert len(sides) == 1 or apart(ours[path], found[1 - side]) > 1e-4
@@ -125,7 +129,7 @@ def test_flows_of_the_noise(n, normalisation):
     """Groups of one process and of several, quadratic and linear, each path with times of its own."""
     model, y = noisy(n, normalisation=normalisation), states(n, 8)
     groups, times = fluids.noise_lines(model), np.random.default_rng(2).standard_normal((tables(model).m, 8))
-    assert sorted(map(len, groups)) == [1, 1, 1, 6] if n == 3 else len(groups) >= 3
+    assert len(groups) > 2 and max(map(len, groups)) > 4
     sigma = tables(model).sigma[:, np.newaxis]
     for group, numbers in enumerate(groups):
         ours, _ = moved(model, NOISE_FLOW, group, sigma * times, y)

@@ -26,6 +26,8 @@ from ...vectors import TILE, WIDTH, load, multiply_tile, store
 # Scratch of a flow: amplitudes, N - 1 rows of TILE; phases, N rows; sines and versines, each twice; tiles, 4 parts of
 # M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows for a transform by blocks.
 
+_REDUCIBLE = 0.5 * REDUCIBLE
+
 
 @inlined
 def phases_at(n):
@@ -77,13 +79,20 @@ def _find_phases(lattice, width, work):
 
 
 @inlined
-def _sines(angles, n, width, work):
-    """Sines and versines of the phases, always eight together, so that each is rounded alike at any width."""
+def _sines(largest, n, width, work):
+    """Sines and versines of the phases, always eight together, so that each is rounded alike at any width.
+
+    Phases beyond reduction go to the library's sine, each for itself: what others are must not change a path's bits.
+    """
     first, begin, size = phases_at(n), sines_at(n), sines_length(n)
     for i in range(0, n * width, WIDTH):
         phases, sines, versines = work[first + i :], work[begin + i :], work[begin + size + i :]
         for lane in range(WIDTH):
-            sines[lane], versines[lane] = sin_versine(angles, phases[lane])
+            sines[lane], versines[lane] = sin_versine(REDUCED_ANGLES, phases[lane])
+    if largest > _REDUCIBLE:
+        for i in range(n * width):
+            if abs(work[first + i]) > _REDUCIBLE:
+                work[begin + i], work[begin + size + i] = sin_versine(ANY_ANGLES, work[first + i])
 
 
 @inlined
@@ -270,10 +279,8 @@ def _turn(exact, lattice, k, width, y, out, work):
     largest = _find_phases(lattice, width, work)
     if not exact:
         work[sines_at(n) : sines_at(n) + n * width] = work[phases_at(n) : phases_at(n) + n * width]
-    elif largest <= 0.5 * REDUCIBLE:
-        _sines(REDUCED_ANGLES, n, width, work)
     else:
-        _sines(ANY_ANGLES, n, width, work)
+        _sines(largest, n, width, work)
     _repeat_sines(n, width, work)
     for c in range(1, n // 2 + 1, WIDTH if width == 1 else 1):
         if width == 1:
