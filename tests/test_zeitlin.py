@@ -28,6 +28,7 @@ from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.models.zeitlin.lattice import lines, modes
+from spi.models.zeitlin.tables import lattice
 from spi.protocol import drift_flow, in_kernels, noise_flow
 from spi.rng import LANES
 from spi.schemes.rows import compositions
@@ -116,6 +117,20 @@ def test_flows_of_the_drift(n, normalisation):
         assert apart(ours, y) > 1e-3
 
 
+@pytest.mark.skipif(not COMPILED, reason="millions of operations")
+@pytest.mark.parametrize("n", [67, 71])
+def test_flows_by_transforms_in_blocks(n):
+    """N is a prime for which matrices of length N are split into blocks."""
+    assert lattice(n).blocks_of < n // 2 and lattice(31).blocks_of == 15
+    model, y = Zeitlin(n), states(n, 8)
+    for k in (0, 1, n // 2, n):
+        ours, _ = moved(model, DRIFT_FLOW, k, 0.7, y)
+        alone, _ = moved(model, DRIFT_FLOW, k, 0.7, y[5:6])
+        assert np.array_equal(alone[0], ours[5])
+        assert apart(ours[5], fluids.drift_flow(model, k, 0.7, y[5])) < 1e-12
+        assert apart(ours, y) > 1e-3
+
+
 def largest_turn(model, k, t, y):
     """The largest difference of two eigenvalues of the generator of the flow."""
     generator = fluids.generator(model, t * fluids.drift_gradient(model, y, own=lines(model.n)[k][1]))
@@ -129,7 +144,7 @@ def test_flows_of_the_noise(n, normalisation):
     """Groups of one process and of several, quadratic and linear, each path with times of its own."""
     model, y = noisy(n, normalisation=normalisation), states(n, 8)
     groups, times = fluids.noise_lines(model), np.random.default_rng(2).standard_normal((tables(model).m, 8))
-    assert len(groups) > 2 and max(map(len, groups)) > 4
+    assert sorted(map(len, groups)) == [1, 2, 2, 4]
     sigma = tables(model).sigma[:, np.newaxis]
     for group, numbers in enumerate(groups):
         ours, _ = moved(model, NOISE_FLOW, group, sigma * times, y)

@@ -59,7 +59,7 @@ def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
         out[: model.c] = casimirs(model, y)
     elif what == ENERGY:
         return hamiltonian(model, y)
-    for n in range(len(coins)):
+    for n in range(len(coins)):  # none but for STEPS
         if k == 0:
             advance_large(schemes[0], model, width, t, times[n], coins[n], y, work, out)
         elif k == 1:
@@ -79,7 +79,7 @@ def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
 def noisy(n, **options):
     """A model with noises of both kinds, on four lines.
 
-    On the line of (1, 0) are five processes, among them both kinds on one mode; on that of (1, 1) are two, one of them
+    On the line of (1, 0) are four processes, among them both kinds on one mode; on that of (1, 1) are two, one of them
     given by the mode opposite to the one that stands for both.
     """
     noise = (
@@ -189,5 +189,5 @@ def take(name, model, h, halves, states, coins=1.0, in_python=False):
     y, report, work = y.ravel(), np.zeros(len(REPORT)), np.full(work_size(scheme, of), np.nan)
     number = list(STEPPERS).index(name)
     asked = _ask.py_func if in_python else _ask
-    asked(STEPS, _SCHEMES, of, number, h, paths, dW.reshape(steps, -1), tossed, y, report, work)
+    asked(STEPS, _SCHEMES, of, number, h, paths, dW.reshape(steps, len(rows) * m * LANES), tossed, y, report, work)
     return Taken(y.reshape(of.d, LANES)[:, :paths].T, report)

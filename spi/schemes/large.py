@@ -167,9 +167,9 @@ def _noise_row(first, row, backwards):
     """Lines for a row of noise whose increments begin at sub-step `first` of FINEST."""
     end, half = first + row.length, first + row.length // 2
     if row.order is Symmetric:
-        groups = "noise_groups(model)"
-        parts = [(first, half, "0", f"{groups} - 1", "False")]
-        parts += [(first, end, f"{groups} - 1", groups, "False"), (half, end, "0", f"{groups} - 1", "True")]
+        last = "max(noise_groups(model) - 1, 0)"  # there may be none
+        parts = [(first, half, "0", last, "False")]
+        parts += [(first, end, last, "noise_groups(model)", "False"), (half, end, "0", last, "True")]
     else:
         parts = [(first, end, "0", "noise_groups(model)", backwards)]
     lines = []
