@@ -122,7 +122,7 @@ def test_flows_of_the_drift(n, normalisation):
 def test_flows_by_transforms_in_blocks(n):
     """N is a prime for which matrices of length N are split into blocks."""
     assert lattice(n).blocks_of < n // 2 and lattice(31).blocks_of == 15
-    model, y = Zeitlin(n), states(n, 8)
+    model, y = Zeitlin(n, normalisation="zeitlin"), states(n, 8)
     for k in (0, 1, n // 2, n):
         ours, _ = moved(model, DRIFT_FLOW, k, 0.7, y)
         alone, _ = moved(model, DRIFT_FLOW, k, 0.7, y[5:6])
