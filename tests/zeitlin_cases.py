@@ -154,9 +154,7 @@ def casimirs_of(model, y):
 
 def energy_of(model, y):
     """H by the kernel."""
-    return _ask(
-        ENERGY, _SCHEMES, tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), np.zeros(1), np.zeros(1)
-    )
+    return _ask(ENERGY, _SCHEMES, tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), np.zeros(1), np.zeros(1))
 
 
 # --- steps -----------------------------------------------------------------------------------------------------------
