@@ -88,13 +88,20 @@ def _find_phases(line, width, work):
 
 
 @inlined
-def _sines(angles, n, width, work):
-    """Sines and versines of the phases, always LANES together, so that each is rounded alike at any width."""
+def _sines(largest, n, width, work):
+    """Sines and versines of the phases, always LANES together, so that each is rounded alike at any width.
+
+    Phases beyond reduction go to the library's sine, each for itself: what others are must not change a path's bits.
+    """
     first, begin, size = phases_at(n), sines_at(n), sines_length(n)
     for i in range(0, n * width, LANES):
         phases, sines, versines = work[first + i :], work[begin + i :], work[begin + size + i :]
         for lane in range(LANES):
-            sines[lane], versines[lane] = sin_versine(angles, phases[lane])
+            sines[lane], versines[lane] = sin_versine(REDUCED_ANGLES, phases[lane])
+    if largest > REDUCIBLE:
+        for i in range(n * width):
+            if abs(work[first + i]) > REDUCIBLE:
+                work[begin + i], work[begin + size + i] = sin_versine(ANY_ANGLES, work[first + i])
 
 
 @inlined
@@ -450,10 +457,8 @@ def _prepare(exact, line, width, work):
     largest = _find_phases(line, width, work)
     if not exact:
         work[sines_at(n) : sines_at(n) + n * width] = work[phases_at(n) : phases_at(n) + n * width]
-    elif largest <= REDUCIBLE:  # no shorter polynomials for small angles: paths that go together would round otherwise
-        _sines(REDUCED_ANGLES, n, width, work)
     else:
-        _sines(ANY_ANGLES, n, width, work)
+        _sines(largest, n, width, work)
     if width == 1:
         _repeat_sines(n, work)
     return largest
