@@ -124,40 +124,40 @@ _arithmetic(operator.sub, "fsub")
 _arithmetic(operator.mul, "fmul")
 
 
-def multiply_tile(matrix, first, columns, x, x_first, stride, out, out_first, rows):
+def multiply_tile(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, rows):
     """out = A x for A (rows, columns) and a tile x of `columns` rows, all in flat arrays of float64.
 
     A[r, c] is matrix[first + r * columns + c], x[c, j] is x[x_first + c * stride + j] for j < TILE, and out[r, j] goes
-    to out[out_first + r * TILE + j].  Sums are from c = 0 on, each product and sum rounded once.
+    to out[out_first + r * out_stride + j].  Sums are from c = 0 on, each product and sum rounded once.
     """
     for r in range(rows):
         for j in range(TILE):
             total = 0.0
             for c in range(columns):
                 total += matrix[first + r * columns + c] * x[x_first + c * stride + j]
-            out[out_first + r * TILE + j] = total
+            out[out_first + r * out_stride + j] = total
 
 
 @instructions(multiply_tile)
-def _(matrix, first, columns, x, x_first, stride, out, out_first, rows):
+def _(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, rows):
     number = types.int64
-    signature = types.void(matrix, number, number, x, number, number, out, number, number)
+    signature = types.void(matrix, number, number, x, number, number, out, number, number, number)
 
     def code(context, builder, signature, arguments):
-        _, first, columns, _, x_first, stride, _, out_first, rows = arguments
+        _, first, columns, _, x_first, stride, _, out_first, out_stride, rows = arguments
         a, b, c = (
             cgutils.create_struct_proxy(signature.args[i])(context, builder, arguments[i]).data for i in (0, 3, 6)
         )
         a, b, c = (builder.gep(data, [i]) for data, i in ((a, first), (b, x_first), (c, out_first)))
         done = cgutils.alloca_once_value(builder, ir.Constant(ir.IntType(64), 0))
         for height in (4, 2, 1):  # rows that go together: more would need more registers than AVX2 has
-            _rows_together(builder, height, a, columns, b, stride, c, rows, done)
+            _rows_together(builder, height, a, columns, b, stride, c, out_stride, rows, done)
         return context.get_dummy_value()
 
     return signature, code
 
 
-def _rows_together(builder, height, matrix, columns, x, stride, out, rows, done):
+def _rows_together(builder, height, matrix, columns, x, stride, out, out_stride, rows, done):
     """The rows from `done` on, `height` at a time while there are so many."""
     integer, vector = ir.IntType(64), ir.VectorType(ir.DoubleType(), TILE)
     together, one = ir.Constant(integer, height), ir.Constant(integer, 1)
@@ -194,7 +194,7 @@ def _rows_together(builder, height, matrix, columns, x, stride, out, rows, done)
 
     builder.position_at_end(store)
     for r, value in enumerate(new):
-        place = builder.mul(builder.add(row, ir.Constant(integer, r)), ir.Constant(integer, TILE))
+        place = builder.mul(builder.add(row, ir.Constant(integer, r)), out_stride)
         builder.store(value, _as_vector(builder, builder.gep(out, [place]), vector), align=8)
     builder.store(builder.add(row, together), done)
     builder.branch(test)

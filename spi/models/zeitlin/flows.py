@@ -24,7 +24,7 @@ from ...elementary import REDUCIBLE
 from ...vectors import TILE, WIDTH, load, multiply_tile, store
 
 # Scratch of a flow: amplitudes, N - 1 rows of TILE; phases, N rows; sines and versines, each twice; tiles, 4 parts of
-# M + 1 rows: sums, differences, their cosine transform, their sine transform.
+# M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows for a transform by blocks.
 
 
 @inlined
@@ -50,7 +50,7 @@ def tiles_at(n):
 @inlined
 def turn_work(n):
     """How many floats of scratch a flow needs."""
-    return tiles_at(n) + 4 * (n // 2 + 1) * TILE
+    return tiles_at(n) + 6 * (n // 2 + 1) * TILE
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -65,9 +65,9 @@ def _find_phases(lattice, width, work):
     if width == 1:
         stride = (n + TILE - 1) // TILE * TILE
         for q in range(0, stride, TILE):
-            multiply_tile(work, 0, columns, lattice.phases_across, q, stride, work, first + q, 1)
+            multiply_tile(work, 0, columns, lattice.phases_across, q, stride, work, first + q, TILE, 1)
     else:
-        multiply_tile(lattice.phases, 0, columns, work, 0, TILE, work, first, n)
+        multiply_tile(lattice.phases, 0, columns, work, 0, TILE, work, first, TILE, n)
         for q in range(1, n):
             store(work, first + q * WIDTH, load(work, first + q * TILE))
     largest = 0.0
@@ -78,11 +78,12 @@ def _find_phases(lattice, width, work):
 
 @inlined
 def _sines(angles, n, width, work):
-    """Sines and versines of the phases."""
+    """Sines and versines of the phases, always eight together, so that each is rounded alike at any width."""
     first, begin, size = phases_at(n), sines_at(n), sines_length(n)
-    phases, sines, versines = work[first:], work[begin:], work[begin + size :]
-    for i in range(n * width):
-        sines[i], versines[i] = sin_versine(angles, phases[i])
+    for i in range(0, n * width, WIDTH):
+        phases, sines, versines = work[first + i :], work[begin + i :], work[begin + size + i :]
+        for lane in range(WIDTH):
+            sines[lane], versines[lane] = sin_versine(angles, phases[lane])
 
 
 @inlined
@@ -117,14 +118,15 @@ def _pack(cosets, n, c, y, work, at):
 
 @inlined
 def _unpack(cosets, n, c, out, work, at):
-    """Add rows of TILE to the z_j of cosets c, c + 1, ... of one path."""
+    """Add 1 / N of rows of TILE to the z_j of cosets c, c + 1, ... of one path."""
+    share = 1.0 / n
     for column in range(min(WIDTH, n // 2 + 1 - c)):
         first = (c + column - 1) * n
         for j in range(n):
             place = cosets[first + j]
             sign = 1.0 - 2.0 * (place & 1)
-            out[place - (place & 1)] += work[at + j * TILE + column]
-            out[place | 1] += sign * work[at + j * TILE + WIDTH + column]
+            out[place - (place & 1)] += share * work[at + j * TILE + column]
+            out[place | 1] += share * (sign * work[at + j * TILE + WIDTH + column])
 
 
 @inlined
@@ -139,7 +141,7 @@ def _row(cosets, n, c, j, width, y, work, at):
 
 @inlined
 def _add_to_row(cosets, n, c, j, width, out, work, at, re, im):
-    """Add to z_j of `out`, or keep for :func:`_unpack` what is to be added."""
+    """Add 1 / N of re + i im to z_j of `out`, or keep it for :func:`_unpack`: both round alike."""
     if width == 1:
         store(work, at + j * TILE, re)
         store(work, at + j * TILE + WIDTH, im)
@@ -147,22 +149,23 @@ def _add_to_row(cosets, n, c, j, width, out, work, at, re, im):
         place = cosets[(c - 1) * n + j]
         sign = 1.0 - 2.0 * (place & 1)
         first, second = (place - (place & 1)) * WIDTH, (place | 1) * WIDTH
-        store(out, first, load(out, first) + re)
-        store(out, second, load(out, second) + sign * im)
+        store(out, first, load(out, first) + 1.0 / n * re)
+        store(out, second, load(out, second) + 1.0 / n * (sign * im))
 
 
 @inlined
-def _fold(cosets, n, c, width, y, work, tiles):
+def _fold(lattice, cosets, c, width, y, work, tiles):
     """Sums and differences of z_j and z_{N-j}."""
-    half = n // 2
+    n, half = lattice.n, lattice.n // 2
     part = (half + 1) * TILE
     re, im = _row(cosets, n, c, 0, width, y, work, tiles + 2 * part)
     store(work, tiles, re)
     store(work, tiles + WIDTH, im)
-    for j in range(1, half + 1):
+    for row in range(1, half + 1):
+        j = lattice.order[row]
         re, im = _row(cosets, n, c, j, width, y, work, tiles + 2 * part)
         other_re, other_im = _row(cosets, n, c, n - j, width, y, work, tiles + 2 * part)
-        at = tiles + j * TILE
+        at = tiles + row * TILE
         store(work, at, re + other_re)
         store(work, at + WIDTH, im + other_im)
         store(work, at + part, re - other_re)
@@ -170,20 +173,19 @@ def _fold(cosets, n, c, width, y, work, tiles):
 
 
 @inlined
-def _unfold(cosets, n, c, width, out, work, tiles):
+def _unfold(lattice, cosets, c, width, out, work, tiles):
     """Add the transform back, divided by N, to the z_j of `out`."""
-    half, share = n // 2, 1.0 / n
+    n, half = lattice.n, lattice.n // 2
     part = (half + 1) * TILE
     cos, sin = tiles + 2 * part, tiles + 3 * part
-    re, im = share * load(work, cos), share * load(work, cos + WIDTH)
+    re, im = load(work, cos), load(work, cos + WIDTH)
     _add_to_row(cosets, n, c, 0, width, out, work, tiles, re, im)
-    for j in range(1, half + 1):
-        a_re, a_im = load(work, cos + j * TILE), load(work, cos + j * TILE + WIDTH)
-        b_re, b_im = load(work, sin + j * TILE), load(work, sin + j * TILE + WIDTH)
-        re, im = share * (a_re - b_im), share * (a_im + b_re)
-        _add_to_row(cosets, n, c, j, width, out, work, tiles, re, im)
-        re, im = share * (a_re + b_im), share * (a_im - b_re)
-        _add_to_row(cosets, n, c, n - j, width, out, work, tiles, re, im)
+    for row in range(1, half + 1):
+        j = lattice.order[row]
+        a_re, a_im = load(work, cos + row * TILE), load(work, cos + row * TILE + WIDTH)
+        b_re, b_im = load(work, sin + row * TILE), load(work, sin + row * TILE + WIDTH)
+        _add_to_row(cosets, n, c, j, width, out, work, tiles, a_re - b_im, a_im + b_re)
+        _add_to_row(cosets, n, c, n - j, width, out, work, tiles, a_re + b_im, a_im - b_re)
 
 
 @inlined
@@ -191,8 +193,37 @@ def _transform(lattice, work, tiles):
     """The cosine transform of the sums and the sine transform of the differences."""
     half = lattice.n // 2
     part = (half + 1) * TILE
-    multiply_tile(lattice.cosines, 0, half + 1, work, tiles, TILE, work, tiles + 2 * part, half + 1)
-    multiply_tile(lattice.sines, 0, half, work, tiles + part + TILE, TILE, work, tiles + 3 * part + TILE, half)
+    cos, sin = tiles + 2 * part, tiles + 3 * part
+    if lattice.blocks_of == half:
+        multiply_tile(lattice.cosines, 0, half + 1, work, tiles, TILE, work, cos, TILE, half + 1)
+        multiply_tile(lattice.sines, 0, half, work, tiles + part + TILE, TILE, work, sin + TILE, TILE, half)
+    else:
+        _transform_by_blocks(lattice, lattice.cosines, work, tiles, cos)
+        _transform_by_blocks(lattice, lattice.sines, work, tiles + part, sin)
+        first, total = (load(work, tiles), load(work, tiles + WIDTH)), (load(work, tiles), load(work, tiles + WIDTH))
+        for row in range(TILE, part, TILE):
+            total = (total[0] + load(work, tiles + row), total[1] + load(work, tiles + row + WIDTH))
+            store(work, cos + row, first[0] + load(work, cos + row))
+            store(work, cos + row + WIDTH, first[1] + load(work, cos + row + WIDTH))
+        store(work, cos, total[0])
+        store(work, cos + WIDTH, total[1])
+
+
+@called
+def _transform_by_blocks(lattice, blocks, work, source, target):
+    """Rows 1, ..., M of `target` from those of `source`; see ``tables.by_blocks``."""
+    half, b = lattice.n // 2, lattice.blocks_of
+    a, stride = half // b, b * TILE
+    between = tiles_at(lattice.n) + 4 * (half + 1) * TILE
+    after = between + half * TILE
+    for row in range(0, stride, TILE):
+        multiply_tile(lattice.fourier, 0, a, work, source + TILE + row, stride, work, between + row, stride, a)
+    multiply_tile(blocks, 0, b, work, between, TILE, work, after, TILE, b)
+    for f in range((a - 1) // 2):
+        row = (1 + 2 * f) * stride
+        multiply_tile(blocks, b * b * (1 + 4 * f), 2 * b, work, between + row, TILE, work, after + row, TILE, 2 * b)
+    for row in range(0, stride, TILE):
+        multiply_tile(lattice.fourier, a * a, a, work, after + row, stride, work, target + TILE + row, stride, a)
 
 
 @inlined
@@ -211,16 +242,16 @@ def _turned(exact, work, up, down, size, re, im):
 
 
 @inlined
-def _turn_components(exact, n, c, width, work, tiles):
+def _turn_components(exact, lattice, c, width, work, tiles):
     """From the transforms of a tile to sums and differences of what is to be added to u_q and u_{-q}."""
-    half, size = n // 2, sines_length(n)
+    n, half, size = lattice.n, lattice.n // 2, sines_length(lattice.n)
     part, up, down = (half + 1) * TILE, sines_at(n), sines_at(n) + 2 * sines_length(n)
     re, im = load(work, tiles + 2 * part), load(work, tiles + 2 * part + WIDTH)
     re, im = _turned(exact, work, up + c * width, down + c * width, size, re, im)
     store(work, tiles, re)
     store(work, tiles + WIDTH, im)
-    for q in range(1, half + 1):
-        at = tiles + q * TILE
+    for row in range(1, half + 1):
+        q, at = lattice.order[row], tiles + row * TILE
         a_re, a_im = load(work, at + 2 * part), load(work, at + 2 * part + WIDTH)
         b_re, b_im = load(work, at + 3 * part), load(work, at + 3 * part + WIDTH)
         plus, minus = (q + c) * width, (n - q + c) * width
@@ -247,11 +278,11 @@ def _turn(exact, lattice, k, width, y, out, work):
     for c in range(1, n // 2 + 1, WIDTH if width == 1 else 1):
         if width == 1:
             _pack(cosets, n, c, y, work, tiles + 2 * (n // 2 + 1) * TILE)
-        _fold(cosets, n, c, width, y, work, tiles)
+        _fold(lattice, cosets, c, width, y, work, tiles)
         _transform(lattice, work, tiles)
-        _turn_components(exact, n, c, width, work, tiles)
+        _turn_components(exact, lattice, c, width, work, tiles)
         _transform(lattice, work, tiles)
-        _unfold(cosets, n, c, width, out, work, tiles)
+        _unfold(lattice, cosets, c, width, out, work, tiles)
         if width == 1:
             _unpack(cosets, n, c, out, work, tiles)
     return largest

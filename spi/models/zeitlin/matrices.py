@@ -38,8 +38,8 @@ def product(n, a_re, a_im, b_re, b_im, re, im, work):
         for r in range(n):
             for j in range(columns):
                 tile[r * TILE + j], tile[r * TILE + WIDTH + j] = b_re[r, begin + j], b_im[r, begin + j]
-        multiply_tile(a_re.ravel(), 0, n, tile, 0, TILE, first, 0, n)
-        multiply_tile(a_im.ravel(), 0, n, tile, 0, TILE, second, 0, n)
+        multiply_tile(a_re.ravel(), 0, n, tile, 0, TILE, first, 0, TILE, n)
+        multiply_tile(a_im.ravel(), 0, n, tile, 0, TILE, second, 0, TILE, n)
         for r in range(n):
             for j in range(columns):
                 re[r, begin + j] = first[r * TILE + j] - second[r * TILE + WIDTH + j]

@@ -1,6 +1,7 @@
 """What kernels must know of the sine-Euler equations for an N: where modes stand, their weights, transforms."""
 
 import functools
+import itertools
 import math
 from typing import NamedTuple
 
@@ -24,8 +25,11 @@ class Lattice(NamedTuple):
     own_weight: np.ndarray  #: 1 / |m|^2
     phases: np.ndarray  #: (N, 2M) cos and sin of 2 pi a q / N, a = 1, ..., M, one after the other
     phases_across: np.ndarray  #: its transpose, with as many columns as fill tiles
-    cosines: np.ndarray  #: (M + 1, M + 1) cos(2 pi j q / N)
-    sines: np.ndarray  #: (M, M) sin(2 pi j q / N), j, q = 1, ..., M
+    order: np.ndarray  #: (M + 1,) 0 and one of j and N - j, j = 1, ..., M, in the order of the rows of transforms
+    blocks_of: int  #: b of :func:`by_blocks`; M where transforms are dense
+    cosines: np.ndarray  #: (M + 1, M + 1) cos(2 pi j q / N), or the blocks of that without the first row and column
+    sines: np.ndarray  #: (M, M) sin(2 pi j q / N) without the first, or its blocks
+    fourier: np.ndarray  #: (2, a, a) the real Fourier matrix of :func:`by_blocks`, and its transpose
     modes: np.ndarray  #: (d/2, 2)
     turns: np.ndarray  #: (N, 2) cos and sin of 2 pi r / N
 
@@ -68,6 +72,58 @@ def _turns(n, rows, columns):
     return (np.array([f(angle) for angle in angles])[reduced] for f in (math.cos, math.sin))
 
 
+def _generator(n):
+    """A number whose powers modulo the prime n = 2M + 1, M odd, are M different ones, no two of which add up to 0."""
+    half = n // 2
+    return next(g * g % n for g in range(2, n) if len({pow(g, 2 * r, n) for r in range(half)}) == half)
+
+
+_WORTHWHILE = 0.75  # of the operations of a dense transform; smaller matrices take longer for each
+
+
+def row_order(n: int) -> tuple[np.ndarray, int]:
+    """The order of the rows of transforms, and b of :func:`by_blocks` where that takes fewer operations; else M."""
+    half = n // 2
+    dense = np.arange(half + 1), half
+    if half % 2 == 0 or any(n % p == 0 for p in range(3, math.isqrt(n) + 1)):
+        return dense
+
+    def cost(b):
+        a = half // b
+        return 2 * b * a * a + (2 * a - 1) * b * b
+
+    b = min((b for b in range(1, half) if half % b == 0), key=cost, default=half)
+    if b == half or cost(b) > _WORTHWHILE * half**2:
+        return dense
+    h = _generator(n)
+    return np.array([0, *(pow(h, r, n) for r in range(half))]), b
+
+
+def real_fourier(a: int) -> np.ndarray:
+    """(a, a) for odd a the orthogonal matrix with rows 1, cos, sin, cos, sin, ... of 2 pi f r / a."""
+    f, r = np.arange(1, a // 2 + 1), np.arange(a)
+    cos, sin = _turns(a, f, r)
+    return np.vstack(
+        [np.full((1, a), math.sqrt(1 / a)), math.sqrt(2 / a) * np.stack([cos, sin], axis=1).reshape(-1, a)]
+    )
+
+
+def by_blocks(matrix: np.ndarray, fourier: np.ndarray) -> np.ndarray:
+    """The blocks of a matrix K of M rows, K[r, s] a function of r + s modulo M, one after the other.
+
+    So are those of a cosine or sine transform of prime length whose rows are in the order of the powers of a number
+    (Rader, Proceedings of the IEEE 56, 1968).  With M = a b, r = r1 + b r2, the Fourier transform over r2 leaves a
+    block of b x b for the frequency 0 and one of 2b x 2b for each pair of frequencies.
+    """
+    a, m = len(fourier), len(matrix)
+    b = m // a
+    both = np.kron(fourier, np.eye(b))
+    full = both @ matrix @ both.T
+    full = 0.5 * (full + full.T)
+    ends = [0, *range(b, m + 1, 2 * b)]
+    return np.concatenate([full[i:j, i:j].ravel() for i, j in itertools.pairwise(ends)])
+
+
 @functools.lru_cache(maxsize=8)
 def lattice(n: int) -> Lattice:
     """The tables of an N."""
@@ -77,8 +133,12 @@ def lattice(n: int) -> Lattice:
     phases = np.stack([cos, sin], axis=2).reshape(n, 2 * half)
     across = np.zeros((2 * half, -(-n // TILE) * TILE))
     across[:, :n] = phases.T
-    cosines, _ = _turns(n, np.arange(half + 1), np.arange(half + 1))
-    _, sines = _turns(n, np.arange(1, half + 1), np.arange(1, half + 1))
+    order, blocks_of = row_order(n)
+    cosines, sines = _turns(n, order, order)
+    sines = sines[1:, 1:]
+    fourier = real_fourier(half // blocks_of)
+    if blocks_of < half:
+        cosines, sines = (by_blocks(matrix, fourier) for matrix in (cosines[1:, 1:], sines))
     return Lattice(
         n=n,
         cosets=np.array([_cosets(n, g) for g, _ in lines(n)], np.int32),
@@ -89,8 +149,11 @@ def lattice(n: int) -> Lattice:
         own_weight=np.array([1.0 / (m1**2 + m2**2) for m1, m2 in own]),
         phases=phases.ravel(),
         phases_across=across.ravel(),
+        order=order,
+        blocks_of=blocks_of,
         cosines=cosines.ravel(),
         sines=sines.ravel(),
+        fourier=np.stack([fourier, fourier.T]).ravel(),
         modes=np.array(modes(n)),
         turns=np.stack(list(_turns(n, np.arange(n), np.array([1]))), axis=2).reshape(n, 2),
     )
