@@ -48,16 +48,15 @@ def inlined(function):
     Called from Python it is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk, except
     within :func:`uncompiled`; ``__wrapped__`` is the bare function.
     """
-    # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
-    return _callable(function, jit_options=INLINED, strict=False, prefer_literal=True)
+    return _callable(function, INLINED)
 
 
 def called(function):
     """Decorator: the same for a large function, which compiled code calls, and not within a loop over lanes."""
-    return _callable(function, jit_options={**INLINED, "forceinline": False}, strict=False)
+    return _callable(function, {**INLINED, "forceinline": False})
 
 
-def _callable(function, **options):
+def _callable(function, options):
     by_itself = njit(**OPTIONS)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
         keep_in_shared_cache(by_itself)
@@ -66,7 +65,8 @@ def _callable(function, **options):
     def from_python(*arguments, **named):
         return (function if runs_uncompiled() else by_itself)(*arguments, **named)
 
-    overload(from_python, **options)(lambda *arguments, **named: function)
+    # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
+    overload(from_python, jit_options=options, strict=False, prefer_literal=True)(lambda *arguments, **named: function)
     return from_python
 
 

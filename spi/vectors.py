@@ -20,7 +20,7 @@ WIDTH = 8  #: floats in a vector
 TILE = 2 * WIDTH  #: columns of a tile
 
 _FUSED = ("contract",)  # a product and a sum in one rounding
-_DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
+_DOUBLES, _TILE = (ir.VectorType(ir.DoubleType(), count) for count in (WIDTH, TILE))
 
 
 class Vector(types.Type):
@@ -49,9 +49,24 @@ def store(array, i, vector):
     array[i : i + WIDTH] = vector
 
 
-def largest(vector):
-    """The largest of the eight; NaN only if the first is."""
-    return max(float(x) for x in vector)
+def load_pairs(array, begin, n, first):
+    """Eight pairs of a ring of n pairs of floats, those from number `first` >= 0 on, as vectors of their two members.
+
+    The ring is array[begin : begin + 2 * n]; n must be at least WIDTH.
+    """
+    places = begin + 2 * ((first + np.arange(WIDTH)) % n)
+    return array[places], array[places + 1]
+
+
+def store_pairs(array, begin, n, first, low, high, a, b):
+    """Put the pairs number `low` to before `high` of two vectors in their places, see :func:`load_pairs`."""
+    places = begin + 2 * ((first + np.arange(WIDTH)) % n)[low:high]
+    array[places], array[places + 1] = a[low:high], b[low:high]
+
+
+def flipped(vector):
+    """The last float first."""
+    return vector[::-1]
 
 
 def _pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
@@ -76,24 +91,85 @@ def _(array, i, vector):
     return types.void(array, types.int64, vector), code
 
 
-@instructions(largest)
+def _shuffled(builder, a, b, places):
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), places)
+    return builder.shuffle_vector(a, b, mask)
+
+
+def _ring(context, builder, array_type, array, begin, n, first):
+    """Where a window on a ring begins, and where it would have to begin for what goes around; which floats do not."""
+    two = ir.Constant(begin.type, 2)
+    starts = [builder.add(begin, builder.mul(two, place)) for place in (first, builder.sub(first, n))]
+    ahead = builder.icmp_signed("<", _numbers(builder, first), _splat(builder, n))
+    return [_pointer(context, builder, array_type, array, start, _TILE) for start in starts], ahead
+
+
+def _numbers(builder, first):
+    """The number of the pair to which each float of a window belongs."""
+    lanes = ir.Constant(ir.VectorType(ir.IntType(64), TILE), [place // 2 for place in range(TILE)])
+    return builder.add(lanes, _splat(builder, first))
+
+
+def _splat(builder, number):
+    return _spread(builder, number, ir.VectorType(ir.IntType(64), TILE))
+
+
+def _masked(builder, what, result, *arguments):
+    """Call LLVM's masked load or store, which leaves memory alone where the mask is 0."""
+    kind = ir.FunctionType(result, [argument.type for argument in arguments])
+    name = f"llvm.masked.{what}.v{TILE}f64.p0"
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments)
+
+
+_ALIGNED = ir.Constant(ir.IntType(32), 8)
+
+
+@instructions(load_pairs)
+def _(array, begin, n, first):
+    def code(context, builder, signature, arguments):
+        (here, around), ahead = _ring(context, builder, array, *arguments)
+        both = _masked(builder, "load", _TILE, here, _ALIGNED, ahead, ir.Constant(_TILE, [0.0] * TILE))
+        both = _masked(builder, "load", _TILE, around, _ALIGNED, builder.not_(ahead), both)
+        nothing = ir.Constant(_TILE, ir.Undefined)
+        parts = [_shuffled(builder, both, nothing, list(range(part, TILE, 2))) for part in (0, 1)]
+        return context.make_tuple(builder, signature.return_type, parts)
+
+    integer = types.int64
+    return types.UniTuple(VECTOR, 2)(array, integer, integer, integer), code
+
+
+@instructions(store_pairs)
+def _(array, begin, n, first, low, high, a, b):
+    def code(context, builder, signature, arguments):
+        (here, around), ahead = _ring(context, builder, array, *arguments[:4])
+        lanes = _numbers(builder, ir.Constant(ir.IntType(64), 0))
+        wanted = builder.and_(
+            builder.icmp_signed(">=", lanes, _splat(builder, arguments[4])),
+            builder.icmp_signed("<", lanes, _splat(builder, arguments[5])),
+        )
+        places = [place for lane in range(WIDTH) for place in (lane, WIDTH + lane)]
+        both = _shuffled(builder, *arguments[6:], places)
+        _masked(builder, "store", ir.VoidType(), both, here, _ALIGNED, builder.and_(ahead, wanted))
+        _masked(builder, "store", ir.VoidType(), both, around, _ALIGNED, builder.and_(builder.not_(ahead), wanted))
+        return context.get_dummy_value()
+
+    integer = types.int64
+    return types.void(array, integer, integer, integer, integer, integer, a, b), code
+
+
+@instructions(flipped)
 def _(vector):
     def code(context, builder, signature, arguments):
-        found = builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), 0))
-        for lane in range(1, WIDTH):
-            other = builder.extract_element(arguments[0], ir.Constant(ir.IntType(32), lane))
-            found = builder.select(builder.fcmp_ordered(">", other, found), other, found)
-        return found
+        return _shuffled(builder, arguments[0], arguments[0], list(range(WIDTH - 1, -1, -1)))
 
-    return types.float64(VECTOR), code
+    return VECTOR(vector), code
 
 
 def _spread(builder, number, vector):
     """A vector of one number."""
-    size, zero = vector.count, ir.Constant(ir.IntType(32), 0)
-    lone = builder.insert_element(ir.Constant(vector, ir.Undefined), number, zero)
-    mask = ir.Constant(ir.VectorType(ir.IntType(32), size), [0] * size)
-    return builder.shuffle_vector(lone, ir.Constant(vector, ir.Undefined), mask)
+    nothing = ir.Constant(vector, ir.Undefined)
+    lone = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
+    return _shuffled(builder, lone, nothing, [0] * vector.count)
 
 
 def _arithmetic(operation, write):

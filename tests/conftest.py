@@ -1,5 +1,6 @@
 """Before any test file is imported: where Numba keeps what the tests compile."""
 
+import gc
 import hashlib
 import os
 from pathlib import Path
@@ -24,6 +25,13 @@ spi._point_cache_at_sources()
 # Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import.
 _paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
 os.environ["PYTHONPATH"] = os.pathsep.join(_paths)
+
+
+def pytest_collection_finish():
+    """What has been imported by now stays: the garbage collector, busy while kernels are compiled, may pass it by."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 50)
 
 
 @pytest.fixture(autouse=True)

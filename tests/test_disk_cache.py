@@ -20,30 +20,41 @@ compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
 # --- the disk cache --------------------------------------------------------------------------------------------------
 
 
-PROGRAM = """
+STATES = """
+import helpers, spi.schemes
+from spi.ensemble import integrate as kernel
+states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4)
+"""
+#: A smaller kernel, which takes less to compile: the Hamiltonian of states of a model.
+ENERGIES = """
+import numpy as np
+from spi.kinds.trajectory.study import invariants as kernel
+from spi.protocol import conserved, dimension
+states = np.empty(2)
+kernel(model, 1.0 + np.arange(2.0 * dimension(model)).reshape(2, -1), states, np.empty((2, conserved(model))))
+"""
+REPORT = """
 import json, sys
-import helpers, spi, spi.schemes
-from spi.ensemble import integrate
-states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4, **options)
+import spi
 count = lambda counter: sum(counter.values())
 json.dump(
     {
         "package": spi.__file__,
         "states": states.ravel().tolist(),
-        "hits": count(integrate.stats.cache_hits),
-        "misses": count(integrate.stats.cache_misses),
+        "hits": count(kernel.stats.cache_hits),
+        "misses": count(kernel.stats.cache_misses),
     },
     sys.stdout,
 )
 """
 
 
-def run(folder, options="options = {}"):
-    """Run PROGRAM in a new process with the package that lies in `folder`, after the line `options`."""
+def run(folder, program):
+    """Run a program, and REPORT after it, in a new process with the package that lies in `folder`."""
     environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
     environment |= {"PYTHONPATH": str(folder), "SPI_CACHE_DIR": str(folder / "cache")}
     answer = subprocess.run(
-        [sys.executable, "-c", f"{options}\n{PROGRAM}"],
+        [sys.executable, "-c", program + REPORT],
         cwd=folder,
         env=environment,
         capture_output=True,
@@ -62,9 +73,9 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
     """One story, since every first run costs a compilation: cold, warm, and after an edit of another file."""
     shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(Path(__file__).with_name("helpers.py"), tmp_path)
-    cold = run(tmp_path)
+    cold = run(tmp_path, STATES)
     assert (cold["hits"], cold["misses"]) == (0, 1)
-    warm = run(tmp_path)
+    warm = run(tmp_path, STATES)
     assert (warm["hits"], warm["misses"]) == (1, 0)
     assert warm["states"] == cold["states"]
 
@@ -73,7 +84,7 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
     source, old, new = edited.read_text(), "c = 1.0 / model.noise_inertia[k]", "c = 2.0 / model.noise_inertia[k]"
     assert source.count(old) == 1, "the model has changed: choose another constant to edit in this test"
     edited.write_text(source.replace(old, new))
-    after = run(tmp_path)
+    after = run(tmp_path, STATES)
     assert (after["hits"], after["misses"]) == (0, 1)
     assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
     assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
@@ -83,28 +94,27 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
 def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_need(tmp_path):
     """An edit of their file is noticed, and a built-in model runs after the file is gone."""
     (tmp_path / "spi").symlink_to(Path(spi.__file__).parent)
-    shutil.copy(Path(__file__).with_name("helpers.py"), tmp_path)
-    file, edited = tmp_path / "my_model.py", OSCILLATOR.replace("return v[1], -v[0]", "return 2.0 * v[1], -2.0 * v[0]")
+    file, edited = tmp_path / "my_model.py", OSCILLATOR.replace("return 0.5 * (y[0]", "return 1.5 * (y[0]")
     assert edited != OSCILLATOR
     by_name = "import my_model as module"
     from_text = (
         "from pathlib import Path; from spi.modules import stored; module = stored('it', Path('{}').read_text())"
     )
 
-    def outcome(imported=None):
-        options = f"{imported}; options = {{'model': module.Oscillator((1.0,)), 'initial': (1.0, 0.5)}}"
-        found = run(tmp_path, options) if imported else run(tmp_path)
+    def outcome(imported="import spi.models", model="spi.models.MaxwellBloch((1.0, 1.0))"):
+        found = run(tmp_path, f"{imported}\nmodel = {model}\n{ENERGIES}")
         return (found["hits"], found["misses"]), found["states"]
 
     file.write_text(OSCILLATOR)
-    first, states = outcome(by_name)
-    again, same_states = outcome(by_name)
+    mine = "module.Oscillator((1.0,))"
+    first, states = outcome(by_name, mine)
+    again, same_states = outcome(by_name, mine)
     assert (first, again) == ((0, 1), (1, 0)) and same_states == states
     file.write_text(edited)
-    after, edited_states = outcome(by_name)
+    after, edited_states = outcome(by_name, mine)
     assert after == (0, 1) and np.abs(np.subtract(edited_states, states)).max() > 0.1
 
-    stored = [outcome(from_text.format(file.name)) for _ in range(2)]
+    stored = [outcome(from_text.format(file.name), mine) for _ in range(2)]
     assert stored == [((0, 1), edited_states), ((1, 0), edited_states)]
     file.unlink()
     shutil.rmtree(tmp_path / "cache" / "modules")

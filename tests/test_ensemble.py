@@ -109,9 +109,12 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
 # --- the slow twin ---------------------------------------------------------------------------------------------------
 
 
-TWIN = {"h": 2.0**-5, "steps": 8, "doublings": (0, 2), "snapshots": 2, "truncate": True, "first_block": 2}
+TWIN = {"h": 2.0**-5, "steps": 8, "doublings": (0, 2), "truncate": True, "first_block": 2}
 TWIN |= {"initial": (1.2, -0.6, 1.5)}  # so that angles at h = 1/8 exceed pi/4
-WATCHED_TWIN = TWIN | {"samples": 3 * LANES}  # by the observer that other tests of increments and coins use
+WATCHED_TWIN = TWIN | {
+    "snapshots": 2,
+    "samples": 3 * LANES,
+}  # by the observer that other tests of increments and coins use
 REVERSED_TWIN = TWIN | {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
 PROGRAM = """
 import json, sys

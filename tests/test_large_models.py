@@ -13,14 +13,16 @@ import pytest
 from helpers import COMPILED, RIGID_BODY
 from model_cases import MODELS_UNDER_TEST, close
 
+from spi import systems
 from spi.angles import SMALL_ANGLES
 from spi.differences import along, derivative
 from spi.dispatch import INDICES, MOST, inlined
 from spi.fields import drift_field, noise_field, unit
 from spi.inlining import uncompiled
 from spi.models import MODELS, register_model
-from spi.protocol import NonNegative, drift_flow, drift_gradient, flow_ns, hamiltonian, noise_flow
+from spi.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, flow_ns, hamiltonian, noise_flow
 from spi.schemes import SCHEMES, costs, typical_ns
+from spi.spec import SpecError
 
 FOLDER = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(FOLDER))
@@ -51,7 +53,7 @@ def test_the_ring_is_what_it_says(ring):
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_more_than_sixteen_components_compile_and_keep_their_casimirs(tmp_path):
     """By itself, with a cache of its own: no other process could load what is cached for a model of a passing file."""
-    command = [sys.executable, FOLDER / "spin_ring.py", "--here", "--spins", "6", "midpoint"]
+    command = [sys.executable, FOLDER / "spin_ring.py", "--here", "--spins", "6", "--noises", "2", "midpoint"]
     run = subprocess.run(
         command, env={**os.environ, "SPI_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=True
     )
@@ -106,7 +108,41 @@ def test_models_that_are_too_large_are_refused_by_name(fact, monkeypatch):
 
 def test_there_are_indices_for_the_largest_models():
     assert len(INDICES) == MOST + 1  # damping is one more piece
+    assert systems.keys.MOST == MOST  # what may be known without the compiler
     assert len({cls.__name__ for cls in INDICES}) == len(INDICES)
+
+
+AXES = ", ".join(f"y1 + {k}*y2 + {k * k}*y3" for k in range(12))
+#: Noises about twelve axes, no two of which commute: 66 pairs.
+PAIRS = f"""\
+model: {{algebra: so(3), hamiltonian: y1^2/2 + y2^2, noises: [{AXES}], sigma: [{", ".join(["1"] * 12)}]}}
+initial: [1, 2, 3]
+final_time: 1
+compositions: {{mine: [drift 1, noise 1, loops]}}
+"""
+STRONG = "kind: strong\n" + PAIRS + "steps: 2^-1 .. 2^-3\nreference_step: 2^-4\nsamples: 64\n"
+TRAJECTORY = "kind: trajectory\n" + PAIRS + "step: 2^-4\npanels: [casimirs]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (STRONG.replace(", loops", "") + "schemes: [mine, splitting_areas]\n", "9: schemes: has 'splitting_areas'"),
+        (STRONG + "schemes: [mine]\n", "9: schemes: has 'mine'"),
+        (STRONG + "schemes: [splitting]\nreference_scheme: mine\n", "10: reference_scheme: has 'mine'"),
+        (TRAJECTORY + "schemes: [mine]\n", "8: schemes: has 'mine'"),
+    ],
+)
+def test_more_pairs_of_noises_than_there_are_indices_are_refused_with_areas(spec, text, place):
+    """And nowhere else: without areas noises have no pairs, and with one noise less there are 55."""
+    message = "which needs the Lévy areas of 66 pairs of noises that do not commute; there may be 64; leave out"
+    with pytest.raises(SpecError, match=f"^s.yaml:{place}, {message}") as refused:
+        spec(text)
+    assert "\n" not in str(refused.value)
+    one_off = spec(text, ", 1]}", ", 0]}").cases[0]
+    assert len(area_pairs(one_off.model)) == 55 <= MOST
+    without = spec(text.replace(", splitting_areas", "").replace(", loops", ""))
+    assert len(area_pairs(without.cases[0].model)) == 66
 
 
 # --- costs -----------------------------------------------------------------------------------------------------------

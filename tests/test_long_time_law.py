@@ -183,7 +183,7 @@ def test_what_the_law_needs_is_said(model, initial, reason):
 
 def test_one_noise_about_an_axis_of_symmetry_keeps_the_component_along_it():
     """Why one noise is not enough: the law of y_3 stays where it was, far from the uniform one."""
-    model = RIGID_BODY._replace(inertia=(1.0, 1.0, 0.5), sigma=(None, None, 1.0))
+    model = RIGID_BODY._replace(inertia=(1.0, 1.0, 0.5), sigma=(0.0, 0.0, 1.0))
     y = final_states(scheme_row("midpoint").record, model, h=0.1, steps=16, blocks=1, initial=(0.6, 0.0, 0.8))[0]
     assert np.abs(y[2] - 0.8).max() < 1e-14
     assert np.ptp(y[0]) > 0.3

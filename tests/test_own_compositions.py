@@ -17,8 +17,8 @@ from spi.spec import SpecError
 
 TEXT = """\
 kind: strong
-model: {name: maxwell_bloch, sigma: [1, 1]}
-initial: [1, 2, 3]
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
 final_time: 1
 steps: 2^-1 .. 2^-3
 reference_step: 2^-4
@@ -80,7 +80,7 @@ def test_a_composition_that_there_is_gives_the_same_bits(spec, tmp_path):
     assert (mine.variant, splitting.variant) == ("mine", "splitting")
     for name in ("error", "error_final", "casimir_drift"):
         assert np.array_equal(mine.arrays[name], splitting.arrays[name])
-    other, _ = storage.read(run(spec(TEXT, MINE, "[drift 1, noise 1]"), tmp_path / "other")).groups
+    other, _ = storage.read(run(spec(TEXT), tmp_path / "other")).groups
     assert not np.array_equal(other.arrays["error"], mine.arrays["error"])  # negative control
 
 
@@ -222,7 +222,7 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path):
 
 def test_an_order_that_no_theory_states_is_measured(spec, tmp_path):
     """Without noise compositions may have any order."""
-    results = storage.read(run(spec(TEXT, "sigma: [1, 1]", "sigma: [0, 0]"), tmp_path))
+    results = storage.read(run(spec(TEXT, "sigma: [1, 1, 1]", "sigma: [0, 0, 0]"), tmp_path))
     text = io.StringIO()
     views.print_tables(results, text)
     assert re.search(r"^mine: order .*\(measured; theory states none\)", text.getvalue(), re.MULTILINE)
@@ -260,10 +260,10 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_kinds_run_compositions(spec, tmp_path, kind):
-    """One of the same kernels as a scheme of the program, except for weak errors."""
+    """One of the same kernels as a scheme of the program, and for weak errors as that of tests/test_substeps.py."""
     common = COMMON if kind == "stability" else COMMON.replace("[s, s, s]", "[1, 1, 1]")
     if kind == "weak":
-        common = common.replace("[noise 1, drift 1]", MINE)
+        common = common.replace("[noise 1, drift 1]", "[noise 1/2, drift 1, noise 1/2 backwards]")
     results = storage.read(run(spec(f"kind: {kind}\n{common}{KINDS[kind]}"), tmp_path))
     assert {group.variant for group in results.groups} == {"mine"}
     text = io.StringIO()

@@ -99,8 +99,9 @@ def test_random_states():
     assert (np.abs(many.mean(axis=0) - wanted) < 4.5 * standard_error + 0.02 * wanted).all()  # H is a ratio of sums
     assert (np.abs(many.mean(axis=0) - wanted[::-1]) > 10 * standard_error)[[0, -1]].all()
     small, large = fields.random_state(5, np.ones(3), 1.0, 7), fields.random_state(9, np.ones(6), 1.0, 7)
-    ratio = large[:16] / small[:16]  # the modes with |m1|, |m2| <= 1, of shell 1: as many on both lattices
-    np.testing.assert_allclose(ratio[:8], ratio[0], rtol=1e-13)
+    first = [(1, 0), (1, 1), (0, 1), (-1, 1)]  # of shell 1: as many on both lattices
+    ratio = [large[2 * modes(9).index(m)] / small[2 * modes(5).index(m)] for m in first]
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-13)
     assert not np.allclose(small, fields.random_state(5, np.ones(3), 1.0, 8))
 
 
@@ -130,6 +131,22 @@ def test_the_numbers_of_a_state_decide_results(spec):
 def test_a_profile_may_have_another_state(spec):
     text = SPEC + "profiles:\n  quick:\n    initial: {vorticity: sin(x1)}\n"
     assert [spec(text, profile=profile).cases[0].initial[0] for profile in ("laptop", "quick")] == [0.1, 0.0]
+
+
+def test_states_of_large_lattices(spec, tmp_path):
+    """Modes far out, a field that has exactly the modes of the lattice, and a state that fits into a results file."""
+    text = SPEC.replace("{name: sine_euler}", "{name: zeitlin, n: 127}")
+    (case,) = spec(text, overrides=['initial={modes: {"-63,-1": 2+1i, "63,63": 3}}']).cases
+    y = np.array(case.initial)
+    there = {m: complex(*y[2 * i : 2 * i + 2]) for i, m in enumerate(modes(127)) if y[2 * i : 2 * i + 2].any()}
+    assert there == {(63, 1): 2 - 1j, (63, 63): 3}
+    (other,) = spec(
+        text, overrides=["initial={vorticity: 4*cos(63*x1 + x2) + 2*sin(63*x1 + x2) + 6*cos(63*x1+63*x2)}"]
+    ).cases
+    np.testing.assert_allclose(other.initial, y, atol=1e-13)
+    group = trajectory_group("splitting", np.arange(2.0), np.stack([y, y]), np.ones((2, 1)), initial=case.initial)
+    storage.write(tmp_path / "a.h5", trajectories(group, spec="y" * 10**6))
+    assert storage.read(tmp_path / "a.h5").groups[0].attributes["initial"] == case.initial
 
 
 RIGHT = "must be an expression in x1 and x2 such as sin(x1)*cos(2*x2)"

@@ -168,8 +168,8 @@ def _noise_row(first, row, backwards):
     end, half = first + row.length, first + row.length // 2
     if row.order is Symmetric:
         groups = "noise_groups(model)"
-        parts = [(first, half, "0", f"{groups} - 1", "False")]
-        parts += [(first, end, f"{groups} - 1", groups, "False"), (half, end, "0", f"{groups} - 1", "True")]
+        last = f"max({groups} - 1, 0)"  # there may be none
+        parts = [(first, half, "0", last, "False"), (first, end, last, groups, "False"), (half, end, "0", last, "True")]
     else:
         parts = [(first, end, "0", "noise_groups(model)", backwards)]
     lines = []

@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from ..dispatch import answers
 from ..fields import cross_product, lie_poisson, noise_field_derivative
-from ..protocol import squared_length_is_casimir
+from ..protocol import advance_large, squared_length_is_casimir
 from ..registration import check_class
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .costs import euler_cost, exponential_cost, midpoint_cost
@@ -49,6 +50,11 @@ class Scheme(NamedTuple):
     def solvable_without_sampling(self):
         """Whether ``spi.kolmogorov`` can do it: a composition, its noise flows with increments of Wiener processes."""
         return self.composition is not None and not self.multiscale and not has_loops(self.composition)
+
+    @property
+    def for_large_models(self):
+        """Whether it can be used with models whose states are arrays."""
+        return answers(advance_large, self.record) and not (self.composition and has_loops(self.composition))
 
 
 SCHEMES: dict[str, Scheme] = {}

@@ -10,12 +10,11 @@ from pydantic import model_validator
 
 from ..arithmetic import NumberError
 from ..claims import Claim, Sort
-from ..dispatch import answers
 from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..kolmogorov import Demands, can_solve, demands
 from ..models import MODELS
 from ..models.damped import undamped
-from ..protocol import NonNegative, Positive, advance_large, dimension, in_kernels, large
+from ..protocol import NonNegative, Positive, dimension, in_kernels, large
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
 from ..systems import variables
@@ -181,8 +180,7 @@ class BaseCase(Keys):
         if self.damping:
             raise wrong(f"is for models of few components, which {self.model_name} is not", "leave it out", "damping")
         for name in self.schemes_used:
-            row = self.row(name)
-            if not answers(advance_large, row.record) or (row.composition and has_loops(row.composition)):
+            if not self.row(name).for_large_models:
                 listed = name in self.schemes
                 what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
                 right = "use euler_maruyama or a splitting without Lévy areas"

@@ -4,8 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from ..protocol import area_pairs, needs_areas
 from ..richardson import places
 from ..schemes import SCHEMES, weak_exponents
+from ..systems.keys import MOST
 from .keys import quantity, shown, suggestion, wrong
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
@@ -41,17 +43,21 @@ def check_names(case: Any) -> None:
 
 
 def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: str) -> None:
-    """No scheme twice; and what the truncation of increments asks for, where some of the schemes are `used`."""
-    listed, truncated = case.schemes, case.truncate_noise
+    """No scheme twice, no Lévy areas of more pairs of noises than compiled code takes; and what the truncation of
+    increments asks for, where some of the schemes are `used`."""
+    listed, truncated, pairs = case.schemes, case.truncate_noise, len(area_pairs(case.model))
     check_once(listed, "schemes")
     if truncated and largest_step >= 1:
         has = "has" if key == "steps" else "is"
         right = "must be below 1 with truncate_noise, whose bound is 0 there"
         raise wrong(f"{has} {quantity(largest_step)}", right, key)
-    for name in used:
-        if case.row(name).needs_truncation and not truncated:
-            key = "schemes" if name in listed else "reference_scheme"
+    for name in case.schemes_used:
+        row, key = case.row(name), "schemes" if name in listed else "reference_scheme"
+        if row.needs_truncation and name in used and not truncated:
             raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)
+        if pairs > MOST and needs_areas(row.record):
+            what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
+            raise wrong(what, f"there may be {MOST}; leave out the scheme or some of the noises", key)
 
 
 def check_extrapolate(case: Any) -> None:

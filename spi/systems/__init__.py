@@ -69,7 +69,7 @@ _REPORTS: dict[Any, list[str]] = {}  # of this process
 
 
 def _key(model: Any) -> Any:
-    return type(model), model._replace(sigma=())
+    return type(model), model._replace(sigma=()) if "sigma" in model._fields else model
 
 
 def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:

@@ -86,11 +86,15 @@ def random_state(n: int, spectrum: np.ndarray, energy_wanted: float, seed: int) 
     """A state (N^2 - 1,) with random phases and Gaussian amplitudes, whose H is as wanted.
 
     On average the energy of the shells k = 1, 2, ... is proportional to `spectrum` (shells,).  The normal numbers go to
-    the modes in the order of the state, so that large scales are the same for every N, but for the common factor.
+    the modes ring by ring, max(|m1|, |m2|) = 1, 2, ..., and counter-clockwise within a ring, so that large scales are
+    the same for every N, but for the common factor.
     """
     shells = shells_of(n)
     each = np.asarray(spectrum, float) / np.bincount(shells)[1:]
-    normal = np.random.Generator(np.random.Philox(seed)).standard_normal((len(shells), 2))
+    m1, m2 = _frequencies(n)
+    normal = np.empty((len(shells), 2))
+    ring_by_ring = np.lexsort((np.arctan2(m2, m1), np.maximum(np.abs(m1), np.abs(m2))))
+    normal[ring_by_ring] = np.random.Generator(np.random.Philox(seed)).standard_normal(normal.shape)
     y = (normal * (_lengths(n) * np.sqrt(each)[shells - 1])[:, None]).ravel()
     return y * np.sqrt(energy_wanted / energy(y))
 

@@ -18,10 +18,14 @@ matrices with as many columns as there are cosets and paths.  What is added to z
 Casimirs do not drift.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from ...angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
-from ...dispatch import called, inlined
+from ...dispatch import called, inlined, word
 from ...elementary import REDUCIBLE
-from ...vectors import TILE, WIDTH, load, multiply_tile, store
+from ...vectors import TILE, WIDTH, flipped, load, load_pairs, multiply_tile, store, store_pairs
 
 # Scratch of a flow: amplitudes, N - 1 rows of TILE; phases, N rows; sines and versines, each twice; tiles, 4 parts of
 # M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows for a transform by blocks.
@@ -104,67 +108,210 @@ def _repeat_sines(n, width, work):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+class Line(NamedTuple):
+    """What tiles must know of a line."""
+
+    n: int
+    places: np.ndarray  #: its row of ``Lattice.cosets``; in rows: the position of c = 0 in row 0, 1, ..., M
+
+
+@word
+def take_pair(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} as vectors: real part, imaginary part, and those of the other."""
+
+
+@word
+def add_pair(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Add 1 / N of these to z_j and z_{N-j}."""
+
+
+@word
+def begin_tile(way, line, c, y, work, tiles):
+    """What comes before :func:`take_pair`; puts z_0 into the first row of sums."""
+
+
+@word
+def end_tile(way, line, c, out, work, tiles):
+    """What comes after :func:`add_pair`; adds 1 / N of the first row of the cosine transform to z_0."""
+
+
 @inlined
-def _pack(cosets, n, c, y, work, at):
-    """The z_j of cosets c, c + 1, ... of one path, in rows of TILE; after the last coset come copies of it."""
+def _place(line, c, j, width):
+    """Where component j of coset c begins, and the sign of its imaginary part."""
+    place = line.places[(c - 1) * line.n + j]
+    return (place - (place & 1)) * width, 1.0 - 2.0 * (place & 1)
+
+
+def _pair_together(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} of the WIDTH paths, real and imaginary parts."""
+    at, sign = _place(line, c, j, WIDTH)
+    other, other_sign = _place(line, c, line.n - j, WIDTH)
+    return load(y, at), sign * load(y, at + WIDTH), load(y, other), other_sign * load(y, other + WIDTH)
+
+
+def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Add 1 / N of these to z_j and z_{N-j}."""
+    share = 1.0 / line.n
+    at, sign = _place(line, c, j, WIDTH)
+    store(out, at, load(out, at) + share * re)
+    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * im))
+    at, sign = _place(line, c, line.n - j, WIDTH)
+    store(out, at, load(out, at) + share * other_re)
+    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * other_im))
+
+
+# The components of one path on the line of (s, 1): in row j of the state, with c = 0 at the position M - s j, z_j
+# stands at the position - c and the conjugate of z_{N-j} at the position + c.
+
+
+@called
+def _middles(n, slope):
+    """(M + 1,) the positions of c = 0 in the rows of the state."""
+    middles = np.empty(n // 2 + 1, np.int64)
+    for row in range(n // 2 + 1):
+        middles[row] = (n // 2 - slope * row) % n
+    return middles
+
+
+@inlined
+def _row_of(line, j):
+    """(where the row begins in the state, position of c = 0) for j or N - j <= M."""
+    row = min(j, line.n - j)
+    return 2 * (line.n // 2 + (row - 1) * line.n), line.places[row]
+
+
+@inlined
+def _around(n, position):
+    """The position modulo n, for one from 1 - n to 2 n - 1."""
+    return position + n if position < 0 else (position - n if position >= n else position)
+
+
+def _pair_in_row(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} of cosets c, c + 1, ..."""
+    n = line.n
+    begin, middle = _row_of(line, j)
+    re, im = load_pairs(y, begin, n, _around(n, middle - c - WIDTH + 1))
+    re, im = flipped(re), flipped(im)
+    other_re, other_im = load_pairs(y, begin, n, _around(n, middle + c))
+    if 2 * j < n:
+        return re, im, other_re, -1.0 * other_im
+    return other_re, -1.0 * other_im, re, im
+
+
+def _add_pair_in_row(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Add 1 / N of these to z_j and z_{N-j} of cosets c, c + 1, ..., M."""
+    n, share = line.n, 1.0 / line.n
+    count = min(WIDTH, n // 2 + 1 - c)
+    begin, middle = _row_of(line, j)
+    if 2 * j > n:
+        re, im, other_re, other_im = other_re, other_im, re, im
+    low, high = _around(n, middle - c - WIDTH + 1), _around(n, middle + c)
+    a, b = load_pairs(out, begin, n, low)
+    store_pairs(out, begin, n, low, WIDTH - count, WIDTH, a + share * flipped(re), b + share * flipped(im))
+    a, b = load_pairs(out, begin, n, high)
+    store_pairs(out, begin, n, high, 0, count, a + share * other_re, b + share * (-1.0 * other_im))
+
+
+# The components of one path on any line, one by one.
+
+
+@inlined
+def _pack(line, c, count, y, work, rows):
+    """z_j, j < `count`, of cosets c, c + 1, ... of one path, in rows of TILE; after the last coset copies of it."""
     for column in range(WIDTH):
-        first = (min(c + column, n // 2) - 1) * n
-        for j in range(n):
-            place = cosets[first + j]
-            sign = 1.0 - 2.0 * (place & 1)
-            work[at + j * TILE + column] = y[place - (place & 1)]
-            work[at + j * TILE + WIDTH + column] = sign * y[place | 1]
+        for j in range(count):
+            place, sign = _place(line, min(c + column, line.n // 2), j, 1)
+            work[rows + j * TILE + column] = y[place]
+            work[rows + j * TILE + WIDTH + column] = sign * y[place + 1]
 
 
 @inlined
-def _unpack(cosets, n, c, out, work, at):
-    """Add 1 / N of rows of TILE to the z_j of cosets c, c + 1, ... of one path."""
-    share = 1.0 / n
-    for column in range(min(WIDTH, n // 2 + 1 - c)):
-        first = (c + column - 1) * n
-        for j in range(n):
-            place = cosets[first + j]
-            sign = 1.0 - 2.0 * (place & 1)
-            out[place - (place & 1)] += share * work[at + j * TILE + column]
-            out[place | 1] += share * (sign * work[at + j * TILE + WIDTH + column])
+def _unpack(line, c, count, out, work, rows):
+    """Add 1 / N of rows of TILE to the z_j, j < `count`, of cosets c, c + 1, ..., M of one path."""
+    share = 1.0 / line.n
+    for column in range(min(WIDTH, line.n // 2 + 1 - c)):
+        for j in range(count):
+            place, sign = _place(line, c + column, j, 1)
+            out[place] += share * work[rows + j * TILE + column]
+            out[place + 1] += share * (sign * work[rows + j * TILE + WIDTH + column])
+
+
+def _pair_packed(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} from their rows."""
+    rows = tiles + 2 * (line.n // 2 + 1) * TILE
+    at, other = rows + j * TILE, rows + (line.n - j) * TILE
+    return load(work, at), load(work, at + WIDTH), load(work, other), load(work, other + WIDTH)
+
+
+def _add_pair_packed(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Keep in rows what is to be added to z_j and z_{N-j}."""
+    at, other = tiles + j * TILE, tiles + (line.n - j) * TILE
+    store(work, at, re)
+    store(work, at + WIDTH, im)
+    store(work, other, other_re)
+    store(work, other + WIDTH, other_im)
+
+
+class Together(NamedTuple):
+    """WIDTH paths in one coset."""
+
+    take_pair, add_pair = _pair_together, _add_pair_together
+
+    def begin_tile(way, line, c, y, work, tiles):
+        at, sign = _place(line, c, 0, WIDTH)
+        store(work, tiles, load(y, at))
+        store(work, tiles + WIDTH, sign * load(y, at + WIDTH))
+
+    def end_tile(way, line, c, out, work, tiles):
+        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
+        at, sign = _place(line, c, 0, WIDTH)
+        store(out, at, load(out, at) + share * load(work, cos))
+        store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * load(work, cos + WIDTH)))
+
+
+class InRows(NamedTuple):
+    """One path on the line of (s, 1)."""
+
+    take_pair, add_pair = _pair_in_row, _add_pair_in_row
+
+    def begin_tile(way, line, c, y, work, tiles):
+        for column in range(WIDTH):
+            place = 2 * max(line.n // 2 - c - column, 0)
+            work[tiles + column], work[tiles + WIDTH + column] = y[place], y[place + 1]
+
+    def end_tile(way, line, c, out, work, tiles):
+        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
+        for column in range(min(WIDTH, line.n // 2 + 1 - c)):
+            place = 2 * (line.n // 2 - c - column)
+            out[place] += share * work[cos + column]
+            out[place + 1] += share * work[cos + WIDTH + column]
+
+
+class Packed(NamedTuple):
+    """One path on any line: the components in rows of TILE before and after."""
+
+    take_pair, add_pair = _pair_packed, _add_pair_packed
+
+    def begin_tile(way, line, c, y, work, tiles):
+        rows = tiles + 2 * (line.n // 2 + 1) * TILE
+        _pack(line, c, line.n, y, work, rows)
+        store(work, tiles, load(work, rows))
+        store(work, tiles + WIDTH, load(work, rows + WIDTH))
+
+    def end_tile(way, line, c, out, work, tiles):
+        cos = tiles + 2 * (line.n // 2 + 1) * TILE
+        store(work, tiles, load(work, cos))
+        store(work, tiles + WIDTH, load(work, cos + WIDTH))
+        _unpack(line, c, line.n, out, work, tiles)
 
 
 @inlined
-def _row(cosets, n, c, j, width, y, work, at):
-    """z_j as vectors of real and imaginary parts."""
-    if width == 1:
-        return load(work, at + j * TILE), load(work, at + j * TILE + WIDTH)
-    place = cosets[(c - 1) * n + j]
-    sign = 1.0 - 2.0 * (place & 1)
-    return load(y, (place - (place & 1)) * WIDTH), sign * load(y, (place | 1) * WIDTH)
-
-
-@inlined
-def _add_to_row(cosets, n, c, j, width, out, work, at, re, im):
-    """Add 1 / N of re + i im to z_j of `out`, or keep it for :func:`_unpack`: both round alike."""
-    if width == 1:
-        store(work, at + j * TILE, re)
-        store(work, at + j * TILE + WIDTH, im)
-    else:
-        place = cosets[(c - 1) * n + j]
-        sign = 1.0 - 2.0 * (place & 1)
-        first, second = (place - (place & 1)) * WIDTH, (place | 1) * WIDTH
-        store(out, first, load(out, first) + 1.0 / n * re)
-        store(out, second, load(out, second) + 1.0 / n * (sign * im))
-
-
-@inlined
-def _fold(lattice, cosets, c, width, y, work, tiles):
+def _fold(way, line, order, c, y, work, tiles):
     """Sums and differences of z_j and z_{N-j}."""
-    n, half = lattice.n, lattice.n // 2
-    part = (half + 1) * TILE
-    re, im = _row(cosets, n, c, 0, width, y, work, tiles + 2 * part)
-    store(work, tiles, re)
-    store(work, tiles + WIDTH, im)
-    for row in range(1, half + 1):
-        j = lattice.order[row]
-        re, im = _row(cosets, n, c, j, width, y, work, tiles + 2 * part)
-        other_re, other_im = _row(cosets, n, c, n - j, width, y, work, tiles + 2 * part)
+    part = (line.n // 2 + 1) * TILE
+    begin_tile(way, line, c, y, work, tiles)
+    for row in range(1, line.n // 2 + 1):
+        re, im, other_re, other_im = take_pair(way, line, c, order[row], y, work, tiles)
         at = tiles + row * TILE
         store(work, at, re + other_re)
         store(work, at + WIDTH, im + other_im)
@@ -173,19 +320,14 @@ def _fold(lattice, cosets, c, width, y, work, tiles):
 
 
 @inlined
-def _unfold(lattice, cosets, c, width, out, work, tiles):
+def _unfold(way, line, order, c, out, work, tiles):
     """Add the transform back, divided by N, to the z_j of `out`."""
-    n, half = lattice.n, lattice.n // 2
-    part = (half + 1) * TILE
-    cos, sin = tiles + 2 * part, tiles + 3 * part
-    re, im = load(work, cos), load(work, cos + WIDTH)
-    _add_to_row(cosets, n, c, 0, width, out, work, tiles, re, im)
-    for row in range(1, half + 1):
-        j = lattice.order[row]
-        a_re, a_im = load(work, cos + row * TILE), load(work, cos + row * TILE + WIDTH)
-        b_re, b_im = load(work, sin + row * TILE), load(work, sin + row * TILE + WIDTH)
-        _add_to_row(cosets, n, c, j, width, out, work, tiles, a_re - b_im, a_im + b_re)
-        _add_to_row(cosets, n, c, n - j, width, out, work, tiles, a_re + b_im, a_im - b_re)
+    part = (line.n // 2 + 1) * TILE
+    for row in range(1, line.n // 2 + 1):
+        j, cos, sin = order[row], tiles + 2 * part + row * TILE, tiles + 3 * part + row * TILE
+        a, a_im, b, b_im = load(work, cos), load(work, cos + WIDTH), load(work, sin), load(work, sin + WIDTH)
+        add_pair(way, line, c, j, out, work, tiles, a - b_im, a_im + b, a + b_im, a_im - b)
+    end_tile(way, line, c, out, work, tiles)
 
 
 @inlined
@@ -242,16 +384,16 @@ def _turned(exact, work, up, down, size, re, im):
 
 
 @inlined
-def _turn_components(exact, lattice, c, width, work, tiles):
+def _turn_components(exact, n, order, c, width, work, tiles):
     """From the transforms of a tile to sums and differences of what is to be added to u_q and u_{-q}."""
-    n, half, size = lattice.n, lattice.n // 2, sines_length(lattice.n)
+    half, size = n // 2, sines_length(n)
     part, up, down = (half + 1) * TILE, sines_at(n), sines_at(n) + 2 * sines_length(n)
     re, im = load(work, tiles + 2 * part), load(work, tiles + 2 * part + WIDTH)
     re, im = _turned(exact, work, up + c * width, down + c * width, size, re, im)
     store(work, tiles, re)
     store(work, tiles + WIDTH, im)
     for row in range(1, half + 1):
-        q, at = lattice.order[row], tiles + row * TILE
+        q, at = order[row], tiles + row * TILE
         a_re, a_im = load(work, at + 2 * part), load(work, at + 2 * part + WIDTH)
         b_re, b_im = load(work, at + 3 * part), load(work, at + 3 * part + WIDTH)
         plus, minus = (q + c) * width, (n - q + c) * width
@@ -264,9 +406,21 @@ def _turn_components(exact, lattice, c, width, work, tiles):
 
 
 @inlined
-def _turn(exact, lattice, k, width, y, out, work):
-    """:func:`turn`, or if not `exact` :func:`add_field`, for a width that is known while compiling."""
-    n, cosets, tiles = lattice.n, lattice.cosets[k], tiles_at(lattice.n)
+def _tiles(way, step, exact, lattice, line, width, y, out, work):
+    """All tiles, one each `step` cosets."""
+    tiles, order = tiles_at(lattice.n), lattice.order
+    for c in range(1, line.n // 2 + 1, step):
+        _fold(way, line, order, c, y, work, tiles)
+        _transform(lattice, work, tiles)
+        _turn_components(exact, line.n, order, c, width, work, tiles)
+        _transform(lattice, work, tiles)
+        _unfold(way, line, order, c, out, work, tiles)
+
+
+@inlined
+def _prepare(exact, lattice, width, work):
+    """Phases and their sines and versines; returns the largest modulus of a phase."""
+    n = lattice.n
     largest = _find_phases(lattice, width, work)
     if not exact:
         work[sines_at(n) : sines_at(n) + n * width] = work[phases_at(n) : phases_at(n) + n * width]
@@ -275,34 +429,23 @@ def _turn(exact, lattice, k, width, y, out, work):
     else:
         _sines(ANY_ANGLES, n, width, work)
     _repeat_sines(n, width, work)
-    for c in range(1, n // 2 + 1, WIDTH if width == 1 else 1):
-        if width == 1:
-            _pack(cosets, n, c, y, work, tiles + 2 * (n // 2 + 1) * TILE)
-        _fold(lattice, cosets, c, width, y, work, tiles)
-        _transform(lattice, work, tiles)
-        _turn_components(exact, lattice, c, width, work, tiles)
-        _transform(lattice, work, tiles)
-        _unfold(lattice, cosets, c, width, out, work, tiles)
-        if width == 1:
-            _unpack(cosets, n, c, out, work, tiles)
     return largest
 
 
 @called
-def turn(lattice, k, width, y, work):
-    """The flow of line k with the amplitudes in `work`, of `width` states y[i * width + path], in place.
+def turn(exact, lattice, k, width, y, out, work):
+    """The flow of line k with the amplitudes in `work`, of `width` states y[i * width + path], in place: `out` is `y`.
 
-    `width` is 1 or WIDTH.  Returns a bound of the largest angle.
+    If not `exact`, out + B(y) grad H in place of `out`.  `width` is 1 or WIDTH.  Returns a bound of the largest angle.
     """
-    if width == 1:
-        return 2.0 * _turn(True, lattice, k, 1, y, y, work)
-    return 2.0 * _turn(True, lattice, k, 8, y, y, work)
-
-
-@called
-def add_field(lattice, k, width, y, out, work):
-    """out + B(y) grad H for the H of line k with the amplitudes in `work`, in place; shapes as for :func:`turn`."""
-    if width == 1:
-        _turn(False, lattice, k, 1, y, out, work)
+    n, slope = lattice.n, lattice.slope[k]
+    if width == WIDTH:
+        largest = _prepare(exact, lattice, WIDTH, work)
+        _tiles(Together(), 1, exact, lattice, Line(n, lattice.cosets[k]), WIDTH, y, out, work)
+        return 2.0 * largest
+    largest = _prepare(exact, lattice, 1, work)
+    if slope >= 0 and n > WIDTH:
+        _tiles(InRows(), WIDTH, exact, lattice, Line(n, _middles(n, slope)), 1, y, out, work)
     else:
-        _turn(False, lattice, k, 8, y, out, work)
+        _tiles(Packed(), WIDTH, exact, lattice, Line(n, lattice.cosets[k]), 1, y, out, work)
+    return 2.0 * largest

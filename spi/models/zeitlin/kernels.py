@@ -8,7 +8,7 @@ import numpy as np
 
 from ...dispatch import FieldOf, called, inlined
 from ...vectors import TILE, WIDTH
-from .flows import add_field, turn, turn_work
+from .flows import turn, turn_work
 from .lattice import lines, modes, places
 from .matrices import first_casimirs
 from .tables import Lattice, lattice, on_lines
@@ -57,25 +57,25 @@ class ZeitlinTables(NamedTuple):
 
     def block_drift_flow(model, k, t, width, y, work):
         drift_amplitudes(model, k, t, width, y, work)
-        return turn(model.lattice, k, width, y, work)
+        return turn(True, model.lattice, k, width, y, y, work)
 
     def block_noise_flow(model, group, times, width, y, work):
         clear_amplitudes(model, work)
         for e in range(model.noise.first[group], model.noise.first[group + 1]):
             add_noise_amplitude(model, e, times, width, y, work)
-        return turn(model.lattice, model.noise.line[group], width, y, work)
+        return turn(True, model.lattice, model.noise.line[group], width, y, y, work)
 
     def add_block_drift(model, t, width, y, out, work):
         for k in range(model.p):
             drift_amplitudes(model, k, t, width, y, work)
-            add_field(model.lattice, k, width, y, out, work)
+            turn(False, model.lattice, k, width, y, out, work)
 
     def add_block_noises(model, times, width, y, out, work):
         for group in range(len(model.noise.line)):
             clear_amplitudes(model, work)
             for e in range(model.noise.first[group], model.noise.first[group + 1]):
                 add_noise_amplitude(model, e, times, width, y, work)
-            add_field(model.lattice, model.noise.line[group], width, y, out, work)
+            turn(False, model.lattice, model.noise.line[group], width, y, out, work)
 
     def add_block_ito_correction(model, h, width, y, out, work):
         # f' f = f twice: the amplitude, of the modes on the line, is the same at y and along f(y), where these are 0
@@ -88,8 +88,8 @@ class ZeitlinTables(NamedTuple):
                 clear_amplitudes(model, work)
                 add_noise_amplitude(model, e, times, width, y, work)
                 field[:] = 0.0
-                add_field(model.lattice, model.noise.line[group], width, y, field, work)
-                add_field(model.lattice, model.noise.line[group], width, field, out, work)
+                turn(False, model.lattice, model.noise.line[group], width, y, field, work)
+                turn(False, model.lattice, model.noise.line[group], width, field, out, work)
 
     def hamiltonian(model, y):
         energy = 0.0

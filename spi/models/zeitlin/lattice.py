@@ -2,8 +2,8 @@
 
 A mode is a pair of integers m = (m1, m2), understood modulo N and written with |m1|, |m2| <= M, N = 2M + 1.  Since
 omega_{-m} is the complex conjugate of omega_m, one of m and -m stands for both: that with m2 > 0, or m2 = 0 < m1.
-These d/2 = (N^2 - 1)/2 modes go ring by ring, max(|m1|, |m2|) = 1, 2, ..., M, and counter-clockwise within a ring; for
-N = 3 this is the paper's order (1,0), (1,1), (0,1), (-1,1).
+These d/2 = (N^2 - 1)/2 modes go row by row, m2 = 0, 1, ..., M, and in a row from m1 = M down; for N = 3 this is the
+paper's order (1,0), (1,1), (0,1), (-1,1).
 
 A state is (Re omega, Im omega) of mode after mode, d = N^2 - 1 floats.
 """
@@ -18,8 +18,8 @@ Mode = tuple[int, int]
 def modes(n: int) -> tuple[Mode, ...]:
     """The (N^2 - 1)/2 modes that stand for all, in the order of the state."""
     largest = n // 2
-    half = [(a, b) for a in range(-largest, largest + 1) for b in range(largest + 1) if b > 0 or a > 0]
-    return tuple(sorted(half, key=lambda m: (max(abs(m[0]), abs(m[1])), math.atan2(m[1], m[0]))))
+    rows = [(m1, 0) for m1 in range(largest, 0, -1)]
+    return (*rows, *((m1, m2) for m2 in range(1, largest + 1) for m1 in range(largest, -largest - 1, -1)))
 
 
 def nearest(n: int, mode: Mode) -> Mode:

@@ -18,6 +18,7 @@ class Lattice(NamedTuple):
     #: (lines, M N): where on coset c = 1, ..., M of the line the modes m_c + j g, j = 0, ..., N - 1, stand: twice the
     #: number of the mode, plus 1 where the mode is the conjugate of that
     cosets: np.ndarray
+    slope: np.ndarray  #: (lines,) s of the line of (s, 1), modulo N, and -1 of other lines
     own_first: np.ndarray  #: (lines + 1,) where the modes that a line moves begin in the arrays that follow
     own_mode: np.ndarray  #: number of the mode
     own_multiple: np.ndarray  #: a - 1 of the mode a g, or of its conjugate, a = 1, ..., M
@@ -142,6 +143,7 @@ def lattice(n: int) -> Lattice:
     return Lattice(
         n=n,
         cosets=np.array([_cosets(n, g) for g, _ in lines(n)], np.int32),
+        slope=np.array([g[0] % n if g[1] == 1 else -1 for g, _ in lines(n)]),
         own_first=np.cumsum([0, *(len(moved) for _, moved in lines(n))]),
         own_mode=np.array([places(n)[m][0] for m in own]),
         own_multiple=np.array([at.multiple for at in own.values()]),
