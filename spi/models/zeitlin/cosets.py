@@ -5,9 +5,7 @@ There are three ways, each the fastest where it can be used.
 
 from typing import NamedTuple
 
-import numpy as np
-
-from ...dispatch import called, inlined, word
+from ...dispatch import inlined, word
 from ...vectors import TILE, WIDTH, flipped, load, load_pairs, store, store_pairs
 from .scratch import around
 
@@ -59,15 +57,6 @@ def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, othe
 
 # The components of one path on the line of (s, 1): in row j of the state, with c = 0 at the position M - s j, z_j
 # stands at the position - c and the conjugate of z_{N-j} at the position + c.
-
-
-@called
-def middles(n, slope):
-    """(M + 1,) the positions of c = 0 in the rows of the state."""
-    found = np.empty(n // 2 + 1, np.int64)
-    for row in range(n // 2 + 1):
-        found[row] = (n // 2 - slope * row) % n
-    return found
 
 
 @inlined

@@ -23,7 +23,7 @@ from ...dispatch import called, inlined
 from ...elementary import REDUCIBLE
 from ...rng import LANES
 from ...vectors import TILE, WIDTH, borrowed, load, multiply_tile, store
-from .cosets import InRows, Packed, Together, fold, middles, unfold
+from .cosets import InRows, Packed, Together, fold, unfold
 from .scratch import around, line_of, phases_at, sines_at, sines_length, tiles_at
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -201,9 +201,8 @@ def turn(exact, lattice, k, width, y, out, work):
         _tiles(Together(), 1, exact, line, WIDTH, y, out, work)
         return 2.0 * largest
     largest = _prepare(exact, line_of(lattice, cosets), 1, work)
-    if lattice.slope[k] >= 0 and lattice.n > WIDTH:
-        positions = middles(lattice.n, lattice.slope[k])
-        _tiles(InRows(), WIDTH, exact, line_of(lattice, positions), 1, y, out, work)
+    if lattice.middles[k, 0] >= 0:
+        _tiles(InRows(), WIDTH, exact, line_of(lattice, lattice.middles[k]), 1, y, out, work)
     else:
         _tiles(Packed(), WIDTH, exact, line_of(lattice, cosets), 1, y, out, work)
     return 2.0 * largest

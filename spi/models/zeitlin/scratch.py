@@ -62,7 +62,7 @@ class Line(NamedTuple):
 
 @inlined
 def line_of(lattice, places):
-    """The record of a line, its arrays on loan."""
+    """The record of a line, its arrays on loan: `places` must be part of the lattice."""
     return Line(
         borrowed(places),
         lattice.n,
