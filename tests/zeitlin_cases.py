@@ -9,7 +9,6 @@ import numpy as np
 from spi.dispatch import kernel
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
-from spi.models.zeitlin.lattice import modes
 from spi.protocol import (
     REPORT,
     add_block_drift,
