@@ -15,7 +15,6 @@ from zeitlin_cases import (
     increments,
     moved,
     noisy,
-    quadratic,
     states,
     take,
 )
