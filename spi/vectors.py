@@ -39,6 +39,15 @@ class _VectorModel(models.PrimitiveModel):
         super().__init__(manager, numba_type, _DOUBLES)
 
 
+def borrowed(array):
+    """The same array, whose references are not counted, for use while another reference is held.
+
+    Numba counts references whenever an array is handed on, with atomic instructions, and cannot leave that out where
+    there are branches; in small loops it takes longer than the work.
+    """
+    return array
+
+
 def load(array, i):
     """array[i : i + WIDTH]."""
     return np.array(array[i : i + WIDTH])
@@ -72,6 +81,16 @@ def flipped(vector):
 def _pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
     data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [i]), numba_vector.as_pointer())
+
+
+@instructions(borrowed)
+def _(array):
+    def code(context, builder, signature, arguments):
+        found = cgutils.create_struct_proxy(array)(context, builder, arguments[0])
+        found.meminfo = ir.Constant(found.meminfo.type, None)
+        return found._getvalue()
+
+    return array(array), code
 
 
 @instructions(load)

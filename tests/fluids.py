@@ -102,18 +102,21 @@ class Process(NamedTuple):
 
 
 def processes(model):
-    """All of them: noise after noise, mode after mode, with a linear Ĥ first that of Re omega_m, then that of Im."""
+    """All of them: noise after noise, mode after mode, with a linear Ĥ first that of Re omega_m, then that of Im.
+
+    A mode is there in place of the one of m and -m that stands for both, which decides the sign of Im omega_m.
+    """
     found, place = [], places(model.n)
     for noise in model.noise:
         for m in noise.modes:
-            i, side = place[nearest(model.n, m)]
+            i, _ = place[nearest(model.n, m)]
             mode = modes(model.n)[i]
             if noise.hamiltonian == "quadratic":
                 found.append(Process(mode, noise.sigma, functools.partial(drift_gradient, model, own=(mode,))))
                 continue
-            for part, sign in ((0, 1), (1, side)):
+            for part in (0, 1):
                 v = np.zeros(model.n**2 - 1)
-                v[2 * i + part] = sign * math.sqrt(2.0 / squares(model.n)[i])
+                v[2 * i + part] = math.sqrt(2.0 / squares(model.n)[i])
                 found.append(Process(mode, noise.sigma, functools.partial(_constant, v)))
     return found
 

@@ -22,9 +22,9 @@ SIZES = (3, 5, 7, 9)
 SIGMA = (0.5, 0.75, 1.0, 1.25)
 SINE_EULER = SineEuler(SIGMA)
 #: Its modes are the four noises, one after the other.
-ITS_TWIN = Zeitlin(3, tuple(Noise((m,), s) for m, s in zip(modes(3), SIGMA, strict=True)))
+ITS_TWIN = Zeitlin(3, tuple(Noise(s, modes=(m,)) for m, s in zip(modes(3), SIGMA, strict=True)))
 #: Several noises of both kinds on the line of (1, 0), beside one on another line.
-MIXED = (Noise(((-1, 0), (0, 1)), 0.5, "linear"), Noise(((1, 0), (2, 0)), 0.75))
+MIXED = (Noise(0.5, modes=((-1, 0), (0, 1)), hamiltonian="linear"), Noise(0.75, modes=((1, 0), (2, 0))))
 
 
 def largest(difference):
@@ -223,14 +223,14 @@ def test_casimirs_along_flows(n):
 
 
 def test_processes_of_a_noise():
-    """Real before imaginary parts, mode after mode; omega_{(-1,0)} is the conjugate of omega_{(1,0)}."""
+    """Real before imaginary parts, mode after mode; (-1,0) is another name of (1,0), which stands for both."""
     model, y = Zeitlin(5, MIXED), fluids.random_state(5)
     assert [p.mode for p in fluids.processes(model)] == [(1, 0), (1, 0), (0, 1), (0, 1), (1, 0), (2, 0)]
     assert [p.sigma for p in fluids.processes(model)] == [0.5] * 4 + [0.75] * 2
     assert fluids.noise_lines(model) == [[0, 1, 4, 5], [2, 3]]
     gradients = [p.gradient(y) for p in fluids.processes(model)]
     first, two = modes(5).index((1, 0)), math.sqrt(2)
-    assert gradients[0][2 * first] == two and gradients[1][2 * first + 1] == -two and gradients[3].max() == two
+    assert gradients[0][2 * first] == two and gradients[1][2 * first + 1] == two and gradients[3].max() == two
     assert all(np.count_nonzero(v) == count for v, count in zip(gradients, (1, 1, 1, 1, 2, 2), strict=True))
     square = modes(5).index((2, 0))
     assert near(gradients[5][2 * square :][:2], 2 * y[2 * square :][:2] / 4)

@@ -177,8 +177,6 @@ class BaseCase(Keys):
 
     def _check_large(self) -> None:
         """What cannot be done with a model whose states are arrays."""
-        if self.damping:
-            raise wrong(f"is for models of few components, which {self.model_name} is not", "leave it out", "damping")
         for name in self.schemes_used:
             if not self.row(name).for_large_models:
                 listed = name in self.schemes

@@ -3,7 +3,7 @@
 from typing import Any
 
 from ..models.damped import damped
-from ..protocol import casimir_degrees, conserved
+from ..protocol import casimir_degrees, conserved, large
 from .keys import quantity, wrong
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
@@ -12,6 +12,8 @@ _LAWS = ("law", "distance", "moments")  # panels about a stationary law
 
 def damped_model(case: Any) -> Any:
     """The record of the model of a case, with its damping; raises the error about it if it cannot be."""
+    if large(case.model):
+        raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
     degrees = casimir_degrees(case.model)
     if len(degrees) != conserved(case.model):
         what = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"

@@ -62,7 +62,7 @@ def record(system: Made) -> Any:
 
 def report(model: Any) -> list[str]:
     """What was found when a model was generated, lines for people; none for other models."""
-    return _REPORTS.get(_key(model), [])
+    return _REPORTS.get(_key(model), []) if _said(model) else []
 
 
 _REPORTS: dict[Any, list[str]] = {}  # of this process

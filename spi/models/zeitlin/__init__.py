@@ -33,6 +33,7 @@ class Noise(NamedTuple):
 
     quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper.  linear: two processes, with
     Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|: transport by given fields of root mean square speed 1.
+    Instead of m may be given -m: it is the same noise, written with the one of both that is in the state.
     """
 
     sigma: Annotated[float, Gt(0), "strength of the noise"]

@@ -25,7 +25,8 @@ import numpy as np
 from ...angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ...dispatch import called, inlined, word
 from ...elementary import REDUCIBLE
-from ...vectors import TILE, WIDTH, flipped, load, load_pairs, multiply_tile, store, store_pairs
+from ...rng import LANES
+from ...vectors import TILE, WIDTH, borrowed, flipped, load, load_pairs, multiply_tile, store, store_pairs
 
 # Scratch of a flow: amplitudes, N - 1 rows of TILE; phases, N rows; sines and versines, each twice; tiles, 4 parts of
 # M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows for a transform by blocks.
@@ -38,7 +39,7 @@ def phases_at(n):
 
 @inlined
 def sines_at(n):
-    return phases_at(n) + n * TILE
+    return phases_at(n) + n * TILE + LANES
 
 
 @inlined
@@ -49,6 +50,12 @@ def sines_length(n):
 @inlined
 def tiles_at(n):
     return sines_at(n) + 4 * sines_length(n)
+
+
+@inlined
+def _around(n, position):
+    """The position modulo n, for one from 1 - n to 2 n - 1."""
+    return position + n if position < 0 else (position - n if position >= n else position)
 
 
 @inlined
@@ -63,15 +70,15 @@ def turn_work(n):
 
 
 @inlined
-def _find_phases(lattice, width, work):
+def _find_phases(line, width, work):
     """phi from the amplitudes, one row of `width` per q, without gaps; returns its largest modulus."""
-    n, columns, first = lattice.n, lattice.n - 1, phases_at(lattice.n)
+    n, columns, first = line.n, line.n - 1, phases_at(line.n)
     if width == 1:
         stride = (n + TILE - 1) // TILE * TILE
         for q in range(0, stride, TILE):
-            multiply_tile(work, 0, columns, lattice.phases_across, q, stride, work, first + q, TILE, 1)
+            multiply_tile(work, 0, columns, line.phases_across, q, stride, work, first + q, TILE, 1)
     else:
-        multiply_tile(lattice.phases, 0, columns, work, 0, TILE, work, first, TILE, n)
+        multiply_tile(line.phases, 0, columns, work, 0, TILE, work, first, TILE, n)
         for q in range(1, n):
             store(work, first + q * WIDTH, load(work, first + q * TILE))
     largest = 0.0
@@ -81,26 +88,31 @@ def _find_phases(lattice, width, work):
 
 
 @inlined
-def _sines(angles, n, width, work):
-    """Sines and versines of the phases, always eight together, so that each is rounded alike at any width."""
+def _sines(largest, n, width, work):
+    """Sines and versines of the phases, always LANES together, so that each is rounded alike at any width.
+
+    Phases beyond reduction go to the library's sine, each for itself: what others are must not change a path's bits.
+    """
     first, begin, size = phases_at(n), sines_at(n), sines_length(n)
-    for i in range(0, n * width, WIDTH):
+    for i in range(0, n * width, LANES):
         phases, sines, versines = work[first + i :], work[begin + i :], work[begin + size + i :]
-        for lane in range(WIDTH):
-            sines[lane], versines[lane] = sin_versine(angles, phases[lane])
+        for lane in range(LANES):
+            sines[lane], versines[lane] = sin_versine(REDUCED_ANGLES, phases[lane])
+    if largest > REDUCIBLE:
+        for i in range(n * width):
+            if abs(work[first + i]) > REDUCIBLE:
+                work[begin + i], work[begin + size + i] = sin_versine(ANY_ANGLES, work[first + i])
 
 
 @inlined
-def _repeat_sines(n, width, work):
-    """Sines and versines in rows r = 0, 1, ... of phi(r) and of phi(-r), indices modulo N."""
+def _repeat_sines(n, work):
+    """Sines and versines of one path as phi(r) and phi(-r), r = 0, 1, ..., indices modulo N, for vectors of cosets."""
     begin, size = sines_at(n), sines_length(n)
     for part in range(begin, begin + 2 * size, size):
-        for i in range(n * width, (2 * n + WIDTH) * width):
-            work[part + i] = work[part + i - n * width]
+        for i in range(n, 2 * n + WIDTH):
+            work[part + i] = work[part + i - n]
         for r in range(2 * n + WIDTH):
-            source = part + (2 * n - r if r <= 2 * n else 3 * n - r) * width
-            for lane in range(width):
-                work[part + 2 * size + r * width + lane] = work[source + lane]
+            work[part + 2 * size + r] = work[part + (2 * n - r if r <= 2 * n else 3 * n - r)]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -109,10 +121,32 @@ def _repeat_sines(n, width, work):
 
 
 class Line(NamedTuple):
-    """What tiles must know of a line."""
+    """What tiles must know of a line; the last fields are those of the lattice."""
 
-    n: int
     places: np.ndarray  #: its row of ``Lattice.cosets``; in rows: the position of c = 0 in row 0, 1, ..., M
+    n: int
+    blocks_of: int
+    order: np.ndarray
+    cosines: np.ndarray
+    sines: np.ndarray
+    fourier: np.ndarray
+    phases: np.ndarray
+    phases_across: np.ndarray
+
+
+@inlined
+def _line(lattice, places):
+    return Line(
+        borrowed(places),
+        lattice.n,
+        lattice.blocks_of,
+        borrowed(lattice.order),
+        borrowed(lattice.cosines),
+        borrowed(lattice.sines),
+        borrowed(lattice.fourier),
+        borrowed(lattice.phases),
+        borrowed(lattice.phases_across),
+    )
 
 
 @word
@@ -178,12 +212,6 @@ def _row_of(line, j):
     """(where the row begins in the state, position of c = 0) for j or N - j <= M."""
     row = min(j, line.n - j)
     return 2 * (line.n // 2 + (row - 1) * line.n), line.places[row]
-
-
-@inlined
-def _around(n, position):
-    """The position modulo n, for one from 1 - n to 2 n - 1."""
-    return position + n if position < 0 else (position - n if position >= n else position)
 
 
 def _pair_in_row(way, line, c, j, y, work, tiles):
@@ -306,12 +334,12 @@ class Packed(NamedTuple):
 
 
 @inlined
-def _fold(way, line, order, c, y, work, tiles):
+def _fold(way, line, c, y, work, tiles):
     """Sums and differences of z_j and z_{N-j}."""
     part = (line.n // 2 + 1) * TILE
     begin_tile(way, line, c, y, work, tiles)
     for row in range(1, line.n // 2 + 1):
-        re, im, other_re, other_im = take_pair(way, line, c, order[row], y, work, tiles)
+        re, im, other_re, other_im = take_pair(way, line, c, line.order[row], y, work, tiles)
         at = tiles + row * TILE
         store(work, at, re + other_re)
         store(work, at + WIDTH, im + other_im)
@@ -320,28 +348,28 @@ def _fold(way, line, order, c, y, work, tiles):
 
 
 @inlined
-def _unfold(way, line, order, c, out, work, tiles):
+def _unfold(way, line, c, out, work, tiles):
     """Add the transform back, divided by N, to the z_j of `out`."""
     part = (line.n // 2 + 1) * TILE
     for row in range(1, line.n // 2 + 1):
-        j, cos, sin = order[row], tiles + 2 * part + row * TILE, tiles + 3 * part + row * TILE
+        j, cos, sin = line.order[row], tiles + 2 * part + row * TILE, tiles + 3 * part + row * TILE
         a, a_im, b, b_im = load(work, cos), load(work, cos + WIDTH), load(work, sin), load(work, sin + WIDTH)
         add_pair(way, line, c, j, out, work, tiles, a - b_im, a_im + b, a + b_im, a_im - b)
     end_tile(way, line, c, out, work, tiles)
 
 
 @inlined
-def _transform(lattice, work, tiles):
+def _transform(line, work, tiles):
     """The cosine transform of the sums and the sine transform of the differences."""
-    half = lattice.n // 2
+    half = line.n // 2
     part = (half + 1) * TILE
     cos, sin = tiles + 2 * part, tiles + 3 * part
-    if lattice.blocks_of == half:
-        multiply_tile(lattice.cosines, 0, half + 1, work, tiles, TILE, work, cos, TILE, half + 1)
-        multiply_tile(lattice.sines, 0, half, work, tiles + part + TILE, TILE, work, sin + TILE, TILE, half)
+    if line.blocks_of == half:
+        multiply_tile(line.cosines, 0, half + 1, work, tiles, TILE, work, cos, TILE, half + 1)
+        multiply_tile(line.sines, 0, half, work, tiles + part + TILE, TILE, work, sin + TILE, TILE, half)
     else:
-        _transform_by_blocks(lattice, lattice.cosines, work, tiles, cos)
-        _transform_by_blocks(lattice, lattice.sines, work, tiles + part, sin)
+        _transform_by_blocks(line.n, line.blocks_of, line.fourier, line.cosines, work, tiles, cos)
+        _transform_by_blocks(line.n, line.blocks_of, line.fourier, line.sines, work, tiles + part, sin)
         first, total = (load(work, tiles), load(work, tiles + WIDTH)), (load(work, tiles), load(work, tiles + WIDTH))
         for row in range(TILE, part, TILE):
             total = (total[0] + load(work, tiles + row), total[1] + load(work, tiles + row + WIDTH))
@@ -352,28 +380,35 @@ def _transform(lattice, work, tiles):
 
 
 @called
-def _transform_by_blocks(lattice, blocks, work, source, target):
+def _transform_by_blocks(n, b, fourier, blocks, work, source, target):
     """Rows 1, ..., M of `target` from those of `source`; see ``tables.by_blocks``."""
-    half, b = lattice.n // 2, lattice.blocks_of
+    half = n // 2
     a, stride = half // b, b * TILE
-    between = tiles_at(lattice.n) + 4 * (half + 1) * TILE
+    between = tiles_at(n) + 4 * (half + 1) * TILE
     after = between + half * TILE
     for row in range(0, stride, TILE):
-        multiply_tile(lattice.fourier, 0, a, work, source + TILE + row, stride, work, between + row, stride, a)
+        multiply_tile(fourier, 0, a, work, source + TILE + row, stride, work, between + row, stride, a)
     multiply_tile(blocks, 0, b, work, between, TILE, work, after, TILE, b)
     for f in range((a - 1) // 2):
         row = (1 + 2 * f) * stride
         multiply_tile(blocks, b * b * (1 + 4 * f), 2 * b, work, between + row, TILE, work, after + row, TILE, 2 * b)
     for row in range(0, stride, TILE):
-        multiply_tile(lattice.fourier, a * a, a, work, after + row, stride, work, target + TILE + row, stride, a)
+        multiply_tile(fourier, a * a, a, work, after + row, stride, work, target + TILE + row, stride, a)
 
 
 @inlined
-def _turned(exact, work, up, down, size, re, im):
-    """(exp(-i (phi_1 - phi_2)) - 1) (re + i im), given where sine and versine of both phases stand.
+def _phase_places(n, c, q, width):
+    """Where the sines of phi(q + c) and phi(q - c) stand, of all paths, or of one path and c, c + 1, ..."""
+    begin = sines_at(n)
+    if width == WIDTH:
+        return begin + _around(n, q + c) * WIDTH, begin + _around(n, q - c) * WIDTH
+    return begin + _around(n, q) + c, begin + 2 * sines_length(n) + n - _around(n, q) + c
 
-    If not `exact`, to first order in the phases, which then stand in the place of the sines.
-    """
+
+@inlined
+def _turned(exact, n, c, q, width, work, re, im):
+    """(exp(-i (phi(q + c) - phi(q - c))) - 1) (re + i im); if not `exact` to first order, with phases as sines."""
+    (up, down), size = _phase_places(n, c, q, width), sines_length(n)
     if not exact:
         b = load(work, down) - load(work, up)
         return -1.0 * b * im, b * re
@@ -384,51 +419,48 @@ def _turned(exact, work, up, down, size, re, im):
 
 
 @inlined
-def _turn_components(exact, n, order, c, width, work, tiles):
+def _turn_components(exact, line, c, width, work, tiles):
     """From the transforms of a tile to sums and differences of what is to be added to u_q and u_{-q}."""
-    half, size = n // 2, sines_length(n)
-    part, up, down = (half + 1) * TILE, sines_at(n), sines_at(n) + 2 * sines_length(n)
+    n, part = line.n, (line.n // 2 + 1) * TILE
     re, im = load(work, tiles + 2 * part), load(work, tiles + 2 * part + WIDTH)
-    re, im = _turned(exact, work, up + c * width, down + c * width, size, re, im)
+    re, im = _turned(exact, n, c, 0, width, work, re, im)
     store(work, tiles, re)
     store(work, tiles + WIDTH, im)
-    for row in range(1, half + 1):
-        q, at = order[row], tiles + row * TILE
-        a_re, a_im = load(work, at + 2 * part), load(work, at + 2 * part + WIDTH)
-        b_re, b_im = load(work, at + 3 * part), load(work, at + 3 * part + WIDTH)
-        plus, minus = (q + c) * width, (n - q + c) * width
-        re, im = _turned(exact, work, up + plus, down + minus, size, a_re + b_im, a_im - b_re)
-        other_re, other_im = _turned(exact, work, up + minus, down + plus, size, a_re - b_im, a_im + b_re)
-        store(work, at, re + other_re)
+    for row in range(1, n // 2 + 1):
+        q, at = line.order[row], tiles + row * TILE
+        a, a_im = load(work, at + 2 * part), load(work, at + 2 * part + WIDTH)
+        b, b_im = load(work, at + 3 * part), load(work, at + 3 * part + WIDTH)
+        re, im = _turned(exact, n, c, q, width, work, a + b_im, a_im - b)
+        other, other_im = _turned(exact, n, c, n - q, width, work, a - b_im, a_im + b)
+        store(work, at, re + other)
         store(work, at + WIDTH, im + other_im)
-        store(work, at + part, re - other_re)
+        store(work, at + part, re - other)
         store(work, at + part + WIDTH, im - other_im)
 
 
 @inlined
-def _tiles(way, step, exact, lattice, line, width, y, out, work):
+def _tiles(way, step, exact, line, width, y, out, work):
     """All tiles, one each `step` cosets."""
-    tiles, order = tiles_at(lattice.n), lattice.order
+    tiles = tiles_at(line.n)
     for c in range(1, line.n // 2 + 1, step):
-        _fold(way, line, order, c, y, work, tiles)
-        _transform(lattice, work, tiles)
-        _turn_components(exact, line.n, order, c, width, work, tiles)
-        _transform(lattice, work, tiles)
-        _unfold(way, line, order, c, out, work, tiles)
+        _fold(way, line, c, y, work, tiles)
+        _transform(line, work, tiles)
+        _turn_components(exact, line, c, width, work, tiles)
+        _transform(line, work, tiles)
+        _unfold(way, line, c, out, work, tiles)
 
 
 @inlined
-def _prepare(exact, lattice, width, work):
+def _prepare(exact, line, width, work):
     """Phases and their sines and versines; returns the largest modulus of a phase."""
-    n = lattice.n
-    largest = _find_phases(lattice, width, work)
+    n = line.n
+    largest = _find_phases(line, width, work)
     if not exact:
         work[sines_at(n) : sines_at(n) + n * width] = work[phases_at(n) : phases_at(n) + n * width]
-    elif largest <= 0.5 * REDUCIBLE:
-        _sines(REDUCED_ANGLES, n, width, work)
     else:
-        _sines(ANY_ANGLES, n, width, work)
-    _repeat_sines(n, width, work)
+        _sines(largest, n, width, work)
+    if width == 1:
+        _repeat_sines(n, work)
     return largest
 
 
@@ -438,14 +470,16 @@ def turn(exact, lattice, k, width, y, out, work):
 
     If not `exact`, out + B(y) grad H in place of `out`.  `width` is 1 or WIDTH.  Returns a bound of the largest angle.
     """
-    n, slope = lattice.n, lattice.slope[k]
+    y, out, work, cosets = borrowed(y), borrowed(out), borrowed(work), lattice.cosets[k]
     if width == WIDTH:
-        largest = _prepare(exact, lattice, WIDTH, work)
-        _tiles(Together(), 1, exact, lattice, Line(n, lattice.cosets[k]), WIDTH, y, out, work)
+        line = _line(lattice, cosets)
+        largest = _prepare(exact, line, WIDTH, work)
+        _tiles(Together(), 1, exact, line, WIDTH, y, out, work)
         return 2.0 * largest
-    largest = _prepare(exact, lattice, 1, work)
-    if slope >= 0 and n > WIDTH:
-        _tiles(InRows(), WIDTH, exact, lattice, Line(n, _middles(n, slope)), 1, y, out, work)
+    largest = _prepare(exact, _line(lattice, cosets), 1, work)
+    if lattice.slope[k] >= 0 and lattice.n > WIDTH:
+        middles = _middles(lattice.n, lattice.slope[k])
+        _tiles(InRows(), WIDTH, exact, _line(lattice, middles), 1, y, out, work)
     else:
-        _tiles(Packed(), WIDTH, exact, lattice, Line(n, lattice.cosets[k]), 1, y, out, work)
+        _tiles(Packed(), WIDTH, exact, _line(lattice, cosets), 1, y, out, work)
     return 2.0 * largest
