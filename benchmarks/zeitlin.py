@@ -211,8 +211,8 @@ def measure_rival(n, h):
 def our_flops(n, scheme):
     """Of the transforms of a step, which are most of it: two for each of the M parallel lines of a line, of N = 2M + 1.
 
-    A transform multiplies M + 1 sums and M differences, complex numbers, by a real matrix each; or, where M = a b, by the
-    blocks of ``tables.by_blocks`` and by Fourier matrices of a numbers there and back.
+    A transform multiplies M + 1 sums and M differences, complex numbers, by a real matrix each; or, where M = a b, by
+    the blocks of ``tables.by_blocks`` and by Fourier matrices of a numbers there and back.
     """
     half, (_, b) = n // 2, row_order(n)
     a = half // b
