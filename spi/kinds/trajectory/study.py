@@ -14,7 +14,7 @@ from spi.invariants import growth
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
 from spi.lanes import load_lane
 from spi.models.zeitlin.fields import lattice_of
-from spi.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian
+from spi.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian, large
 from spi.records import Group, Part
 from spi.rng import LANES
 from spi.schemes import typical_ns
@@ -64,10 +64,14 @@ class TrajectoryPlan(PathsPlan):
     """One path of one scheme: number ``case.path`` of the seed."""
 
     def cost(self) -> Cost:
-        """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory."""
+        """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory.
+
+        Of a large model only the paths up to the one that is wanted make steps.
+        """
         steps = self.grid.reference_steps
-        seconds = steps * LANES * 1e-9 * typical_ns(self.row, self.model)
-        return Cost(steps * LANES, seconds, 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4))
+        paths = self.case.path % LANES + 1 if large(self.model) else LANES
+        seconds = steps * paths * 1e-9 * typical_ns(self.row, self.model)
+        return Cost(steps * paths, seconds, 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4))
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:
         """One path."""
@@ -140,9 +144,9 @@ class TrajectoryPlan(PathsPlan):
 
 
 @unrolled(casimir_indices)
-def _keep_casimir(index, model, values, row, y):
+def _keep_casimir(index, model, values, row, found):
     c = number(index)
-    values[row, c] = casimirs(model, y)[c]
+    values[row, c] = found[c]
     return values
 
 
@@ -154,7 +158,7 @@ def invariants(model, states, energy, conserved):
         block[::LANES] = states[row]
         y = load_lane(model, block, 0)
         energy[row] = hamiltonian(model, y)
-        _keep_casimir(model, conserved, row, y)
+        _keep_casimir(model, conserved, row, casimirs(model, y))
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.groups import result_steps
+from spi.protocol import large
 from spi.records import Group, Part, Variables
 from spi.rng import LANES
 from spi.schemes import typical_ns
@@ -115,7 +116,7 @@ class WorkPlan(PartPlan):
         measured = int(np.isfinite(state.more.times).all(axis=1).sum())
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.row, self.model) * _PATH_STEPS * len(result_steps(self))
+        seconds = 1e-9 * typical_ns(self.row, self.model) * _path_steps(self) * len(result_steps(self))
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def group(self, state: State) -> Group:
@@ -143,6 +144,11 @@ class WorkPlan(PartPlan):
         )
 
 
+def _path_steps(p: WorkPlan) -> int:
+    """How many steps of paths are timed at once: fewer of a large model, of which they take about 0.1 s."""
+    return min(_PATH_STEPS, int(1e8 / typical_ns(p.row, p.model))) if large(p.model) else _PATH_STEPS
+
+
 class _Job(NamedTuple):
     """What is timed at one step size."""
 
@@ -154,7 +160,7 @@ def _job(p: WorkPlan, h: float) -> _Job:
     """Whole paths at step size h, with nothing else to be done than to keep, or to look at, their ends."""
     case = p.case
     steps = round(case.final_time / h)
-    blocks = max(1, _PATH_STEPS // (LANES * steps))
+    blocks = max(1, _path_steps(p) // (LANES * steps))
     arguments = _arguments(p, h, steps, blocks)
     return _Job(blocks * LANES, lambda: integrate(*arguments))
 

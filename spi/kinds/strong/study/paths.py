@@ -12,8 +12,9 @@ from spi.estimators import GROUPS, PARTS
 from spi.fields import squared_distance
 from spi.invariants import watch_casimirs, watched_casimirs
 from spi.lanes import load_lane
-from spi.protocol import conserved
+from spi.protocol import conserved, large
 from spi.rng import LANES
+from spi.schemes import typical_ns
 
 if TYPE_CHECKING:
     from . import StrongPlan
@@ -130,9 +131,12 @@ def added(p: "StrongPlan", known: Totals, rows: Rows, at: slice, first: int, end
 
 def nanoseconds_per_step(p: "StrongPlan", h: float) -> float:
     """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
+    steps = _TIMED_STEPS
+    if large(p.model):  # about 0.2 s
+        steps = min(steps, max(1, int(2e8 / (LANES * typical_ns(p.row, p.model)))))
     times = grid(
         h,
-        _TIMED_STEPS,
+        steps,
         truncate=p.grid.truncate,
         reference_scheme=p.grid.reference_scheme,
         by_reference=(0,),
@@ -145,4 +149,4 @@ def nanoseconds_per_step(p: "StrongPlan", h: float) -> float:
             began = time.perf_counter()
             integrate(p.scheme, p.model, p.initial, times, p.stream, sums, report, 0, 1, LANES)
             best = min(best, time.perf_counter() - began)
-    return 1e9 * best / (_TIMED_STEPS * LANES)
+    return 1e9 * best / (steps * LANES)
