@@ -197,7 +197,7 @@ def test_paths_do_not_depend_on_how_many_there_are(n, name):
 # --- steps -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", SIZES)
+@pytest.mark.parametrize("n", SIZES if COMPILED else (5, 9))
 @pytest.mark.parametrize("name", STEPPERS)
 def test_steps(n, name):
     """Two steps of several paths with coins on both sides, in both normalisations, against the reference."""
@@ -228,6 +228,7 @@ def test_coins_and_halves_of_increments_count_where_they_should():
         assert of_halves > 1e-4 if name in ("splitting_symmetric", "half_noise") else of_halves < 1e-15
 
 
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 @pytest.mark.parametrize("name", STEPPERS)
 def test_steps_without_the_compiler(name):
     """The words in Python, in which vectors are arrays, give what kernels give."""

@@ -15,7 +15,6 @@ from zeitlin_cases import (
     increments,
     moved,
     noisy,
-    quadratic,
     states,
     take,
 )
@@ -85,7 +84,7 @@ def test_flows_are_groups(n):
         first, _ = moved(model, what, k, s, y)
         one_by_one, at_once = moved(model, what, k, t, first)[0], moved(model, what, k, s + t, y)[0]
         assert apart(one_by_one, at_once) < 1e-14
-        assert apart(moved(model, what, k, -s, first)[0], y) < 1e-14 < 1e-3 < apart(first, y)
+        assert apart(moved(model, what, k, -s, first)[0], y) < 1e-14 < 1e-4 < apart(first, y)
 
 
 # --- Casimirs and energy ---------------------------------------------------------------------------------------------
@@ -132,23 +131,25 @@ def test_casimirs_walk_without_bias():
     assert np.all(np.abs(casimir_changes("euler_maruyama", 20)).mean(axis=0) > 1e-3)
 
 
-def energy_error(name, h, time, every=0.5):
-    """The largest |H / H(y_0) - 1| at multiples of `every`, without noise at N = 15; and that in the first tenth."""
+def energy_error(name, h, time, every=25.0):
+    """The largest |H / H(y_0) - 1| at multiples of `every`, without noise at N = 15, in both halves of the time."""
     model, y = Zeitlin(15), states(15, 1)
     steps, first, errors = round(every / h), energy_of(model, y[0]), []
     for _ in range(round(time / every)):
         y = take(name, model, h, np.zeros((steps, 2, 0, 1)), y).states
         errors.append(abs(energy_of(model, y[0]) / first - 1))
-    return max(errors), max(errors[: len(errors) // 10])
+    half = len(errors) // 2
+    return max(errors[:half]), max(errors[half:])
 
 
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
 @pytest.mark.parametrize(("name", "order"), [("splitting", 1), ("splitting_symmetric", 2), ("half_noise", 2)])
 def test_energy_without_noise(name, order):
-    """The error is of order h^p and does not grow with time; 1280 steps of the smallest h."""
-    (coarse, early), (fine, _) = energy_error(name, 0.25, 80.0), energy_error(name, 0.0625, 80.0)
-    assert np.log2(coarse / fine) / 2 == pytest.approx(order, abs=0.25)
-    assert coarse < 5 * early and coarse < 0.1
+    """The error is of order h^p and does not grow with time, over 10^4 steps of the largest h."""
+    coarse, fine = energy_error(name, 0.25, 2500.0), energy_error(name, 0.0625, 2500.0)
+    assert np.log2(max(coarse) / max(fine)) / 2 == pytest.approx(order, abs=0.3)
+    early, late = coarse
+    assert late < 1.5 * early < 0.1  # an error that grows like time would be twice as large
 
 
 # --- strong order ----------------------------------------------------------------------------------------------------

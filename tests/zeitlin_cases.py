@@ -9,7 +9,6 @@ import numpy as np
 from spi.dispatch import kernel
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
-from spi.models.zeitlin.lattice import modes
 from spi.protocol import (
     REPORT,
     add_block_drift,
@@ -91,11 +90,6 @@ def noisy(n, **options):
     return Zeitlin(n, noise, **options)
 
 
-def quadratic(n, count, sigma=0.5):
-    """A model with `count` <= 4 quadratic noises, on lines of their own."""
-    return Zeitlin(n, (Noise(sigma, modes=modes(n)[:count]),) if count else ())
-
-
 def states(n, count):
     """Random states (count, d) with a mean square vorticity of 1."""
     return np.array([fluids.random_state(n, seed) for seed in range(count)])
@@ -172,7 +166,8 @@ class Taken(NamedTuple):
 def take(name, model, h, halves, states, coins=1.0, in_python=False):
     """The states (paths, d) after steps of size h with increments `halves` (steps, 2, m, paths) over their halves.
 
-    `coins` are those of the paths, in all steps.  What belongs to no path, and scratch, are NaN.
+    `coins` are those of the paths, in all steps.  What belongs to no path, and scratch, are NaN.  `in_python` asks the
+    kernel's own Python function.
     """
     scheme, of = STEPPERS[name], tables(model)
     steps, _, m, paths = halves.shape

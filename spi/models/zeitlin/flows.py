@@ -18,51 +18,13 @@ matrices with as many columns as there are cosets and paths.  What is added to z
 Casimirs do not drift.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-
 from ...angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
-from ...dispatch import called, inlined, word
+from ...dispatch import called, inlined
 from ...elementary import REDUCIBLE
 from ...rng import LANES
-from ...vectors import TILE, WIDTH, borrowed, flipped, load, load_pairs, multiply_tile, store, store_pairs
-
-# Scratch of a flow: amplitudes, N - 1 rows of TILE; phases, N rows; sines and versines, each twice; tiles, 4 parts of
-# M + 1 rows: sums, differences, their cosine transform, their sine transform; 2 M rows for a transform by blocks.
-
-
-@inlined
-def phases_at(n):
-    return (n - 1) * TILE
-
-
-@inlined
-def sines_at(n):
-    return phases_at(n) + n * TILE + LANES
-
-
-@inlined
-def sines_length(n):
-    return (2 * n + 2 * WIDTH) * WIDTH
-
-
-@inlined
-def tiles_at(n):
-    return sines_at(n) + 4 * sines_length(n)
-
-
-@inlined
-def _around(n, position):
-    """The position modulo n, for one from 1 - n to 2 n - 1."""
-    return position + n if position < 0 else (position - n if position >= n else position)
-
-
-@inlined
-def turn_work(n):
-    """How many floats of scratch a flow needs."""
-    return tiles_at(n) + 6 * (n // 2 + 1) * TILE
-
+from ...vectors import TILE, WIDTH, borrowed, load, multiply_tile, store
+from .cosets import InRows, Packed, Together, fold, unfold
+from .scratch import around, line_of, phases_at, sines_at, sines_length, tiles_at
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Phases
@@ -116,246 +78,8 @@ def _repeat_sines(n, work):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Tiles: the WIDTH paths of one coset, or WIDTH cosets of one path
+# Tiles
 # ---------------------------------------------------------------------------------------------------------------------
-
-
-class Line(NamedTuple):
-    """What tiles must know of a line; the last fields are those of the lattice."""
-
-    places: np.ndarray  #: its row of ``Lattice.cosets``; in rows: the position of c = 0 in row 0, 1, ..., M
-    n: int
-    blocks_of: int
-    order: np.ndarray
-    cosines: np.ndarray
-    sines: np.ndarray
-    fourier: np.ndarray
-    phases: np.ndarray
-    phases_across: np.ndarray
-
-
-@inlined
-def _line(lattice, places):
-    return Line(
-        borrowed(places),
-        lattice.n,
-        lattice.blocks_of,
-        borrowed(lattice.order),
-        borrowed(lattice.cosines),
-        borrowed(lattice.sines),
-        borrowed(lattice.fourier),
-        borrowed(lattice.phases),
-        borrowed(lattice.phases_across),
-    )
-
-
-@word
-def take_pair(way, line, c, j, y, work, tiles):
-    """z_j and z_{N-j} as vectors: real part, imaginary part, and those of the other."""
-
-
-@word
-def add_pair(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
-    """Add 1 / N of these to z_j and z_{N-j}."""
-
-
-@word
-def begin_tile(way, line, c, y, work, tiles):
-    """What comes before :func:`take_pair`; puts z_0 into the first row of sums."""
-
-
-@word
-def end_tile(way, line, c, out, work, tiles):
-    """What comes after :func:`add_pair`; adds 1 / N of the first row of the cosine transform to z_0."""
-
-
-@inlined
-def _place(line, c, j, width):
-    """Where component j of coset c begins, and the sign of its imaginary part."""
-    place = line.places[(c - 1) * line.n + j]
-    return (place - (place & 1)) * width, 1.0 - 2.0 * (place & 1)
-
-
-def _pair_together(way, line, c, j, y, work, tiles):
-    """z_j and z_{N-j} of the WIDTH paths, real and imaginary parts."""
-    at, sign = _place(line, c, j, WIDTH)
-    other, other_sign = _place(line, c, line.n - j, WIDTH)
-    return load(y, at), sign * load(y, at + WIDTH), load(y, other), other_sign * load(y, other + WIDTH)
-
-
-def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
-    """Add 1 / N of these to z_j and z_{N-j}."""
-    share = 1.0 / line.n
-    at, sign = _place(line, c, j, WIDTH)
-    store(out, at, load(out, at) + share * re)
-    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * im))
-    at, sign = _place(line, c, line.n - j, WIDTH)
-    store(out, at, load(out, at) + share * other_re)
-    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * other_im))
-
-
-# The components of one path on the line of (s, 1): in row j of the state, with c = 0 at the position M - s j, z_j
-# stands at the position - c and the conjugate of z_{N-j} at the position + c.
-
-
-@called
-def _middles(n, slope):
-    """(M + 1,) the positions of c = 0 in the rows of the state."""
-    middles = np.empty(n // 2 + 1, np.int64)
-    for row in range(n // 2 + 1):
-        middles[row] = (n // 2 - slope * row) % n
-    return middles
-
-
-@inlined
-def _row_of(line, j):
-    """(where the row begins in the state, position of c = 0) for j or N - j <= M."""
-    row = min(j, line.n - j)
-    return 2 * (line.n // 2 + (row - 1) * line.n), line.places[row]
-
-
-def _pair_in_row(way, line, c, j, y, work, tiles):
-    """z_j and z_{N-j} of cosets c, c + 1, ..."""
-    n = line.n
-    begin, middle = _row_of(line, j)
-    re, im = load_pairs(y, begin, n, _around(n, middle - c - WIDTH + 1))
-    re, im = flipped(re), flipped(im)
-    other_re, other_im = load_pairs(y, begin, n, _around(n, middle + c))
-    if 2 * j < n:
-        return re, im, other_re, -1.0 * other_im
-    return other_re, -1.0 * other_im, re, im
-
-
-def _add_pair_in_row(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
-    """Add 1 / N of these to z_j and z_{N-j} of cosets c, c + 1, ..., M."""
-    n, share = line.n, 1.0 / line.n
-    count = min(WIDTH, n // 2 + 1 - c)
-    begin, middle = _row_of(line, j)
-    if 2 * j > n:
-        re, im, other_re, other_im = other_re, other_im, re, im
-    low, high = _around(n, middle - c - WIDTH + 1), _around(n, middle + c)
-    a, b = load_pairs(out, begin, n, low)
-    store_pairs(out, begin, n, low, WIDTH - count, WIDTH, a + share * flipped(re), b + share * flipped(im))
-    a, b = load_pairs(out, begin, n, high)
-    store_pairs(out, begin, n, high, 0, count, a + share * other_re, b + share * (-1.0 * other_im))
-
-
-# The components of one path on any line, one by one.
-
-
-@inlined
-def _pack(line, c, count, y, work, rows):
-    """z_j, j < `count`, of cosets c, c + 1, ... of one path, in rows of TILE; after the last coset copies of it."""
-    for column in range(WIDTH):
-        for j in range(count):
-            place, sign = _place(line, min(c + column, line.n // 2), j, 1)
-            work[rows + j * TILE + column] = y[place]
-            work[rows + j * TILE + WIDTH + column] = sign * y[place + 1]
-
-
-@inlined
-def _unpack(line, c, count, out, work, rows):
-    """Add 1 / N of rows of TILE to the z_j, j < `count`, of cosets c, c + 1, ..., M of one path."""
-    share = 1.0 / line.n
-    for column in range(min(WIDTH, line.n // 2 + 1 - c)):
-        for j in range(count):
-            place, sign = _place(line, c + column, j, 1)
-            out[place] += share * work[rows + j * TILE + column]
-            out[place + 1] += share * (sign * work[rows + j * TILE + WIDTH + column])
-
-
-def _pair_packed(way, line, c, j, y, work, tiles):
-    """z_j and z_{N-j} from their rows."""
-    rows = tiles + 2 * (line.n // 2 + 1) * TILE
-    at, other = rows + j * TILE, rows + (line.n - j) * TILE
-    return load(work, at), load(work, at + WIDTH), load(work, other), load(work, other + WIDTH)
-
-
-def _add_pair_packed(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
-    """Keep in rows what is to be added to z_j and z_{N-j}."""
-    at, other = tiles + j * TILE, tiles + (line.n - j) * TILE
-    store(work, at, re)
-    store(work, at + WIDTH, im)
-    store(work, other, other_re)
-    store(work, other + WIDTH, other_im)
-
-
-class Together(NamedTuple):
-    """WIDTH paths in one coset."""
-
-    take_pair, add_pair = _pair_together, _add_pair_together
-
-    def begin_tile(way, line, c, y, work, tiles):
-        at, sign = _place(line, c, 0, WIDTH)
-        store(work, tiles, load(y, at))
-        store(work, tiles + WIDTH, sign * load(y, at + WIDTH))
-
-    def end_tile(way, line, c, out, work, tiles):
-        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
-        at, sign = _place(line, c, 0, WIDTH)
-        store(out, at, load(out, at) + share * load(work, cos))
-        store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * load(work, cos + WIDTH)))
-
-
-class InRows(NamedTuple):
-    """One path on the line of (s, 1)."""
-
-    take_pair, add_pair = _pair_in_row, _add_pair_in_row
-
-    def begin_tile(way, line, c, y, work, tiles):
-        for column in range(WIDTH):
-            place = 2 * max(line.n // 2 - c - column, 0)
-            work[tiles + column], work[tiles + WIDTH + column] = y[place], y[place + 1]
-
-    def end_tile(way, line, c, out, work, tiles):
-        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
-        for column in range(min(WIDTH, line.n // 2 + 1 - c)):
-            place = 2 * (line.n // 2 - c - column)
-            out[place] += share * work[cos + column]
-            out[place + 1] += share * work[cos + WIDTH + column]
-
-
-class Packed(NamedTuple):
-    """One path on any line: the components in rows of TILE before and after."""
-
-    take_pair, add_pair = _pair_packed, _add_pair_packed
-
-    def begin_tile(way, line, c, y, work, tiles):
-        rows = tiles + 2 * (line.n // 2 + 1) * TILE
-        _pack(line, c, line.n, y, work, rows)
-        store(work, tiles, load(work, rows))
-        store(work, tiles + WIDTH, load(work, rows + WIDTH))
-
-    def end_tile(way, line, c, out, work, tiles):
-        cos = tiles + 2 * (line.n // 2 + 1) * TILE
-        store(work, tiles, load(work, cos))
-        store(work, tiles + WIDTH, load(work, cos + WIDTH))
-        _unpack(line, c, line.n, out, work, tiles)
-
-
-@inlined
-def _fold(way, line, c, y, work, tiles):
-    """Sums and differences of z_j and z_{N-j}."""
-    part = (line.n // 2 + 1) * TILE
-    begin_tile(way, line, c, y, work, tiles)
-    for row in range(1, line.n // 2 + 1):
-        re, im, other_re, other_im = take_pair(way, line, c, line.order[row], y, work, tiles)
-        at = tiles + row * TILE
-        store(work, at, re + other_re)
-        store(work, at + WIDTH, im + other_im)
-        store(work, at + part, re - other_re)
-        store(work, at + part + WIDTH, im - other_im)
-
-
-@inlined
-def _unfold(way, line, c, out, work, tiles):
-    """Add the transform back, divided by N, to the z_j of `out`."""
-    part = (line.n // 2 + 1) * TILE
-    for row in range(1, line.n // 2 + 1):
-        j, cos, sin = line.order[row], tiles + 2 * part + row * TILE, tiles + 3 * part + row * TILE
-        a, a_im, b, b_im = load(work, cos), load(work, cos + WIDTH), load(work, sin), load(work, sin + WIDTH)
-        add_pair(way, line, c, j, out, work, tiles, a - b_im, a_im + b, a + b_im, a_im - b)
-    end_tile(way, line, c, out, work, tiles)
 
 
 @inlined
@@ -401,8 +125,8 @@ def _phase_places(n, c, q, width):
     """Where the sines of phi(q + c) and phi(q - c) stand, of all paths, or of one path and c, c + 1, ..."""
     begin = sines_at(n)
     if width == WIDTH:
-        return begin + _around(n, q + c) * WIDTH, begin + _around(n, q - c) * WIDTH
-    return begin + _around(n, q) + c, begin + 2 * sines_length(n) + n - _around(n, q) + c
+        return begin + around(n, q + c) * WIDTH, begin + around(n, q - c) * WIDTH
+    return begin + around(n, q) + c, begin + 2 * sines_length(n) + n - around(n, q) + c
 
 
 @inlined
@@ -443,11 +167,11 @@ def _tiles(way, step, exact, line, width, y, out, work):
     """All tiles, one each `step` cosets."""
     tiles = tiles_at(line.n)
     for c in range(1, line.n // 2 + 1, step):
-        _fold(way, line, c, y, work, tiles)
+        fold(way, line, c, y, work, tiles)
         _transform(line, work, tiles)
         _turn_components(exact, line, c, width, work, tiles)
         _transform(line, work, tiles)
-        _unfold(way, line, c, out, work, tiles)
+        unfold(way, line, c, out, work, tiles)
 
 
 @inlined
@@ -472,14 +196,13 @@ def turn(exact, lattice, k, width, y, out, work):
     """
     y, out, work, cosets = borrowed(y), borrowed(out), borrowed(work), lattice.cosets[k]
     if width == WIDTH:
-        line = _line(lattice, cosets)
+        line = line_of(lattice, cosets)
         largest = _prepare(exact, line, WIDTH, work)
         _tiles(Together(), 1, exact, line, WIDTH, y, out, work)
         return 2.0 * largest
-    largest = _prepare(exact, _line(lattice, cosets), 1, work)
-    if lattice.slope[k] >= 0 and lattice.n > WIDTH:
-        middles = _middles(lattice.n, lattice.slope[k])
-        _tiles(InRows(), WIDTH, exact, _line(lattice, middles), 1, y, out, work)
+    largest = _prepare(exact, line_of(lattice, cosets), 1, work)
+    if lattice.middles[k, 0] >= 0:
+        _tiles(InRows(), WIDTH, exact, line_of(lattice, lattice.middles[k]), 1, y, out, work)
     else:
-        _tiles(Packed(), WIDTH, exact, _line(lattice, cosets), 1, y, out, work)
+        _tiles(Packed(), WIDTH, exact, line_of(lattice, cosets), 1, y, out, work)
     return 2.0 * largest

@@ -8,9 +8,10 @@ import numpy as np
 
 from ...dispatch import FieldOf, called, inlined
 from ...vectors import TILE, WIDTH
-from .flows import turn, turn_work
+from .flows import turn
 from .lattice import lines, modes, places
 from .matrices import first_casimirs
+from .scratch import turn_work
 from .tables import Lattice, lattice, on_lines
 
 #: How the amplitude of a noise depends on the state: x = omega / |m|^2, or x = 1 and i, times 1 / (sqrt(2) |m|).

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...vectors import TILE
+from ...vectors import TILE, WIDTH
 from .lattice import Mode, lines, modes, nearest, places
 
 
@@ -18,7 +18,9 @@ class Lattice(NamedTuple):
     #: (lines, M N): where on coset c = 1, ..., M of the line the modes m_c + j g, j = 0, ..., N - 1, stand: twice the
     #: number of the mode, plus 1 where the mode is the conjugate of that
     cosets: np.ndarray
-    slope: np.ndarray  #: (lines,) s of the line of (s, 1), modulo N, and -1 of other lines
+    #: (lines, M + 1) of the line of (s, 1) the positions M - s j, modulo N, in the rows j of the state; -1 of lines and
+    #: of N that ``cosets.InRows`` is not for
+    middles: np.ndarray
     own_first: np.ndarray  #: (lines + 1,) where the modes that a line moves begin in the arrays that follow
     own_mode: np.ndarray  #: number of the mode
     own_multiple: np.ndarray  #: a - 1 of the mode a g, or of its conjugate, a = 1, ..., M
@@ -64,6 +66,13 @@ def _cosets(n, g):
     for c in range(1, n // 2 + 1):
         found += [numbers[nearest(n, (c * u[0] + j * g[0], c * u[1] + j * g[1]))] for j in range(n)]
     return found
+
+
+def _middles(n, g):
+    """(M + 1,) as :class:`Lattice` says."""
+    if g[1] != 1 or n < WIDTH:
+        return [-1] * (n // 2 + 1)
+    return [(n // 2 - g[0] * row) % n for row in range(n // 2 + 1)]
 
 
 def _turns(n, rows, columns):
@@ -143,7 +152,7 @@ def lattice(n: int) -> Lattice:
     return Lattice(
         n=n,
         cosets=np.array([_cosets(n, g) for g, _ in lines(n)], np.int32),
-        slope=np.array([g[0] % n if g[1] == 1 else -1 for g, _ in lines(n)]),
+        middles=np.array([_middles(n, g) for g, _ in lines(n)]),
         own_first=np.cumsum([0, *(len(moved) for _, moved in lines(n))]),
         own_mode=np.array([places(n)[m][0] for m in own]),
         own_multiple=np.array([at.multiple for at in own.values()]),

@@ -1,0 +1,210 @@
+"""Components of cosets taken from states and added to them, as tiles: WIDTH paths of one coset, or cosets of one path.
+
+There are three ways, each the fastest where it can be used.
+"""
+
+from typing import NamedTuple
+
+from ...dispatch import inlined, word
+from ...vectors import TILE, WIDTH, flipped, load, load_pairs, store, store_pairs
+from .scratch import around
+
+
+@word
+def take_pair(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} as vectors: real part, imaginary part, and those of the other."""
+
+
+@word
+def add_pair(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Add 1 / N of these to z_j and z_{N-j}."""
+
+
+@word
+def begin_tile(way, line, c, y, work, tiles):
+    """What comes before :func:`take_pair`; puts z_0 into the first row of sums."""
+
+
+@word
+def end_tile(way, line, c, out, work, tiles):
+    """What comes after :func:`add_pair`; adds 1 / N of the first row of the cosine transform to z_0."""
+
+
+@inlined
+def _place(line, c, j, width):
+    """Where component j of coset c begins, and the sign of its imaginary part."""
+    place = line.places[(c - 1) * line.n + j]
+    return (place - (place & 1)) * width, 1.0 - 2.0 * (place & 1)
+
+
+def _pair_together(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} of the WIDTH paths, real and imaginary parts."""
+    at, sign = _place(line, c, j, WIDTH)
+    other, other_sign = _place(line, c, line.n - j, WIDTH)
+    return load(y, at), sign * load(y, at + WIDTH), load(y, other), other_sign * load(y, other + WIDTH)
+
+
+def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Add 1 / N of these to z_j and z_{N-j}."""
+    share = 1.0 / line.n
+    at, sign = _place(line, c, j, WIDTH)
+    store(out, at, load(out, at) + share * re)
+    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * im))
+    at, sign = _place(line, c, line.n - j, WIDTH)
+    store(out, at, load(out, at) + share * other_re)
+    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * other_im))
+
+
+# The components of one path on the line of (s, 1): in row j of the state, with c = 0 at the position M - s j, z_j
+# stands at the position - c and the conjugate of z_{N-j} at the position + c.
+
+
+@inlined
+def _row_of(line, j):
+    """(where the row begins in the state, position of c = 0) for j or N - j <= M."""
+    row = min(j, line.n - j)
+    return 2 * (line.n // 2 + (row - 1) * line.n), line.places[row]
+
+
+def _pair_in_row(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} of cosets c, c + 1, ..."""
+    n = line.n
+    begin, middle = _row_of(line, j)
+    re, im = load_pairs(y, begin, n, around(n, middle - c - WIDTH + 1))
+    re, im = flipped(re), flipped(im)
+    other_re, other_im = load_pairs(y, begin, n, around(n, middle + c))
+    if 2 * j < n:
+        return re, im, other_re, -1.0 * other_im
+    return other_re, -1.0 * other_im, re, im
+
+
+def _add_pair_in_row(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Add 1 / N of these to z_j and z_{N-j} of cosets c, c + 1, ..., M."""
+    n, share = line.n, 1.0 / line.n
+    count = min(WIDTH, n // 2 + 1 - c)
+    begin, middle = _row_of(line, j)
+    if 2 * j > n:
+        re, im, other_re, other_im = other_re, other_im, re, im
+    low, high = around(n, middle - c - WIDTH + 1), around(n, middle + c)
+    a, b = load_pairs(out, begin, n, low)
+    store_pairs(out, begin, n, low, WIDTH - count, WIDTH, a + share * flipped(re), b + share * flipped(im))
+    a, b = load_pairs(out, begin, n, high)
+    store_pairs(out, begin, n, high, 0, count, a + share * other_re, b + share * (-1.0 * other_im))
+
+
+# The components of one path on any line, one by one.
+
+
+@inlined
+def _pack(line, c, count, y, work, rows):
+    """z_j, j < `count`, of cosets c, c + 1, ... of one path, in rows of TILE; after the last coset copies of it."""
+    for column in range(WIDTH):
+        for j in range(count):
+            place, sign = _place(line, min(c + column, line.n // 2), j, 1)
+            work[rows + j * TILE + column] = y[place]
+            work[rows + j * TILE + WIDTH + column] = sign * y[place + 1]
+
+
+@inlined
+def _unpack(line, c, count, out, work, rows):
+    """Add 1 / N of rows of TILE to the z_j, j < `count`, of cosets c, c + 1, ..., M of one path."""
+    share = 1.0 / line.n
+    for column in range(min(WIDTH, line.n // 2 + 1 - c)):
+        for j in range(count):
+            place, sign = _place(line, c + column, j, 1)
+            out[place] += share * work[rows + j * TILE + column]
+            out[place + 1] += share * (sign * work[rows + j * TILE + WIDTH + column])
+
+
+def _pair_packed(way, line, c, j, y, work, tiles):
+    """z_j and z_{N-j} from their rows."""
+    rows = tiles + 2 * (line.n // 2 + 1) * TILE
+    at, other = rows + j * TILE, rows + (line.n - j) * TILE
+    return load(work, at), load(work, at + WIDTH), load(work, other), load(work, other + WIDTH)
+
+
+def _add_pair_packed(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
+    """Keep in rows what is to be added to z_j and z_{N-j}."""
+    at, other = tiles + j * TILE, tiles + (line.n - j) * TILE
+    store(work, at, re)
+    store(work, at + WIDTH, im)
+    store(work, other, other_re)
+    store(work, other + WIDTH, other_im)
+
+
+class Together(NamedTuple):
+    """WIDTH paths in one coset."""
+
+    take_pair, add_pair = _pair_together, _add_pair_together
+
+    def begin_tile(way, line, c, y, work, tiles):
+        at, sign = _place(line, c, 0, WIDTH)
+        store(work, tiles, load(y, at))
+        store(work, tiles + WIDTH, sign * load(y, at + WIDTH))
+
+    def end_tile(way, line, c, out, work, tiles):
+        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
+        at, sign = _place(line, c, 0, WIDTH)
+        store(out, at, load(out, at) + share * load(work, cos))
+        store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * load(work, cos + WIDTH)))
+
+
+class InRows(NamedTuple):
+    """One path on the line of (s, 1)."""
+
+    take_pair, add_pair = _pair_in_row, _add_pair_in_row
+
+    def begin_tile(way, line, c, y, work, tiles):
+        for column in range(WIDTH):
+            place = 2 * max(line.n // 2 - c - column, 0)
+            work[tiles + column], work[tiles + WIDTH + column] = y[place], y[place + 1]
+
+    def end_tile(way, line, c, out, work, tiles):
+        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
+        for column in range(min(WIDTH, line.n // 2 + 1 - c)):
+            place = 2 * (line.n // 2 - c - column)
+            out[place] += share * work[cos + column]
+            out[place + 1] += share * work[cos + WIDTH + column]
+
+
+class Packed(NamedTuple):
+    """One path on any line: the components in rows of TILE before and after."""
+
+    take_pair, add_pair = _pair_packed, _add_pair_packed
+
+    def begin_tile(way, line, c, y, work, tiles):
+        rows = tiles + 2 * (line.n // 2 + 1) * TILE
+        _pack(line, c, line.n, y, work, rows)
+        store(work, tiles, load(work, rows))
+        store(work, tiles + WIDTH, load(work, rows + WIDTH))
+
+    def end_tile(way, line, c, out, work, tiles):
+        cos = tiles + 2 * (line.n // 2 + 1) * TILE
+        store(work, tiles, load(work, cos))
+        store(work, tiles + WIDTH, load(work, cos + WIDTH))
+        _unpack(line, c, line.n, out, work, tiles)
+
+
+@inlined
+def fold(way, line, c, y, work, tiles):
+    """Sums and differences of z_j and z_{N-j}."""
+    part = (line.n // 2 + 1) * TILE
+    begin_tile(way, line, c, y, work, tiles)
+    for row in range(1, line.n // 2 + 1):
+        re, im, other_re, other_im = take_pair(way, line, c, line.order[row], y, work, tiles)
+        at = tiles + row * TILE
+        store(work, at, re + other_re)
+        store(work, at + WIDTH, im + other_im)
+        store(work, at + part, re - other_re)
+        store(work, at + part + WIDTH, im - other_im)
+
+
+@inlined
+def unfold(way, line, c, out, work, tiles):
+    """Add the transform back, divided by N, to the z_j of `out`."""
+    part = (line.n // 2 + 1) * TILE
+    for row in range(1, line.n // 2 + 1):
+        j, cos, sin = line.order[row], tiles + 2 * part + row * TILE, tiles + 3 * part + row * TILE
+        a, a_im, b, b_im = load(work, cos), load(work, cos + WIDTH), load(work, sin), load(work, sin + WIDTH)
+        add_pair(way, line, c, j, out, work, tiles, a - b_im, a_im + b, a + b_im, a_im - b)
+    end_tile(way, line, c, out, work, tiles)
