@@ -15,7 +15,7 @@ FILES = sorted(FOLDER.glob("*.yaml"))
 #: What takes long to compile and has tests of its own; ``tests/repeats.py`` runs these too.
 LARGE = ("areas_strong", "compositions", "rigid_body_rivals", "manakov", "spin_ring", "sine_euler_5")
 LARGE += ("heavy_top", "toda", "damped_rigid_body", "rigid_body_shared_noise", "maxwell_bloch_strong_single")
-LARGE += ("stability_eps", "maxwell_bloch_ap_weak")
+LARGE += ("stability_eps", "maxwell_bloch_ap_weak", "zeitlin_casimirs", "zeitlin_strong", "shear_layer")
 FIGURES = set(range(1, 18))  # of the paper
 
 
