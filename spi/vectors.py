@@ -73,6 +73,11 @@ def store_pairs(array, begin, n, first, low, high, a, b):
     array[places], array[places + 1] = a[low:high], b[low:high]
 
 
+def fused(a, x, b):
+    """a x + b for a number a and vectors or numbers x and b, in compiled code rounded once."""
+    return a * x + b
+
+
 def flipped(vector):
     """The last float first."""
     return vector[::-1]
@@ -174,6 +179,18 @@ def _(array, begin, n, first, low, high, a, b):
 
     integer = types.int64
     return types.void(array, integer, integer, integer, integer, integer, a, b), code
+
+
+@instructions(fused)
+def _(a, x, b):
+    def code(context, builder, signature, arguments):
+        kind = _DOUBLES if x == VECTOR else ir.DoubleType()
+        factor = _spread(builder, arguments[0], _DOUBLES) if x == VECTOR else arguments[0]
+        name = f"llvm.fma.v{WIDTH}f64" if x == VECTOR else "llvm.fma.f64"
+        function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
+        return builder.call(function, [factor, *arguments[1:]])
+
+    return x(types.float64, x, x), code
 
 
 @instructions(flipped)

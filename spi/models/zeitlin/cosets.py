@@ -6,7 +6,7 @@ There are three ways, each the fastest where it can be used.
 from typing import NamedTuple
 
 from ...dispatch import inlined, word
-from ...vectors import TILE, WIDTH, flipped, load, load_pairs, store, store_pairs
+from ...vectors import TILE, WIDTH, flipped, fused, load, load_pairs, store, store_pairs
 from .scratch import around
 
 
@@ -31,6 +31,12 @@ def end_tile(way, line, c, out, work, tiles):
 
 
 @inlined
+def divided(line, x):
+    """x / N, without the bias of rounded numbers; see ``tables.rest_of_share``."""
+    return fused(1.0 / line.n, x, line.rest * x)
+
+
+@inlined
 def _place(line, c, j, width):
     """Where component j of coset c begins, and the sign of its imaginary part."""
     place = line.places[(c - 1) * line.n + j]
@@ -46,13 +52,12 @@ def _pair_together(way, line, c, j, y, work, tiles):
 
 def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
     """Add 1 / N of these to z_j and z_{N-j}."""
-    share = 1.0 / line.n
     at, sign = _place(line, c, j, WIDTH)
-    store(out, at, load(out, at) + share * re)
-    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * im))
+    store(out, at, load(out, at) + divided(line, re))
+    store(out, at + WIDTH, load(out, at + WIDTH) + divided(line, sign * im))
     at, sign = _place(line, c, line.n - j, WIDTH)
-    store(out, at, load(out, at) + share * other_re)
-    store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * other_im))
+    store(out, at, load(out, at) + divided(line, other_re))
+    store(out, at + WIDTH, load(out, at + WIDTH) + divided(line, sign * other_im))
 
 
 # The components of one path on the line of (s, 1): in row j of the state, with c = 0 at the position M - s j, z_j
@@ -80,16 +85,18 @@ def _pair_in_row(way, line, c, j, y, work, tiles):
 
 def _add_pair_in_row(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
     """Add 1 / N of these to z_j and z_{N-j} of cosets c, c + 1, ..., M."""
-    n, share = line.n, 1.0 / line.n
+    n = line.n
     count = min(WIDTH, n // 2 + 1 - c)
     begin, middle = _row_of(line, j)
     if 2 * j > n:
         re, im, other_re, other_im = other_re, other_im, re, im
     low, high = around(n, middle - c - WIDTH + 1), around(n, middle + c)
     a, b = load_pairs(out, begin, n, low)
-    store_pairs(out, begin, n, low, WIDTH - count, WIDTH, a + share * flipped(re), b + share * flipped(im))
+    store_pairs(
+        out, begin, n, low, WIDTH - count, WIDTH, a + divided(line, flipped(re)), b + divided(line, flipped(im))
+    )
     a, b = load_pairs(out, begin, n, high)
-    store_pairs(out, begin, n, high, 0, count, a + share * other_re, b + share * (-1.0 * other_im))
+    store_pairs(out, begin, n, high, 0, count, a + divided(line, other_re), b + divided(line, -1.0 * other_im))
 
 
 # The components of one path on any line, one by one.
@@ -108,12 +115,11 @@ def _pack(line, c, count, y, work, rows):
 @inlined
 def _unpack(line, c, count, out, work, rows):
     """Add 1 / N of rows of TILE to the z_j, j < `count`, of cosets c, c + 1, ..., M of one path."""
-    share = 1.0 / line.n
     for column in range(min(WIDTH, line.n // 2 + 1 - c)):
         for j in range(count):
             place, sign = _place(line, c + column, j, 1)
-            out[place] += share * work[rows + j * TILE + column]
-            out[place + 1] += share * (sign * work[rows + j * TILE + WIDTH + column])
+            out[place] += divided(line, work[rows + j * TILE + column])
+            out[place + 1] += divided(line, sign * work[rows + j * TILE + WIDTH + column])
 
 
 def _pair_packed(way, line, c, j, y, work, tiles):
@@ -143,10 +149,10 @@ class Together(NamedTuple):
         store(work, tiles + WIDTH, sign * load(y, at + WIDTH))
 
     def end_tile(way, line, c, out, work, tiles):
-        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
+        cos = tiles + 2 * (line.n // 2 + 1) * TILE
         at, sign = _place(line, c, 0, WIDTH)
-        store(out, at, load(out, at) + share * load(work, cos))
-        store(out, at + WIDTH, load(out, at + WIDTH) + share * (sign * load(work, cos + WIDTH)))
+        store(out, at, load(out, at) + divided(line, load(work, cos)))
+        store(out, at + WIDTH, load(out, at + WIDTH) + divided(line, sign * load(work, cos + WIDTH)))
 
 
 class InRows(NamedTuple):
@@ -160,11 +166,11 @@ class InRows(NamedTuple):
             work[tiles + column], work[tiles + WIDTH + column] = y[place], y[place + 1]
 
     def end_tile(way, line, c, out, work, tiles):
-        cos, share = tiles + 2 * (line.n // 2 + 1) * TILE, 1.0 / line.n
+        cos = tiles + 2 * (line.n // 2 + 1) * TILE
         for column in range(min(WIDTH, line.n // 2 + 1 - c)):
             place = 2 * (line.n // 2 - c - column)
-            out[place] += share * work[cos + column]
-            out[place + 1] += share * work[cos + WIDTH + column]
+            out[place] += divided(line, work[cos + column])
+            out[place + 1] += divided(line, work[cos + WIDTH + column])
 
 
 class Packed(NamedTuple):

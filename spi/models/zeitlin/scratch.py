@@ -58,6 +58,7 @@ class Line(NamedTuple):
     fourier: np.ndarray
     phases: np.ndarray
     phases_across: np.ndarray
+    rest: float
 
 
 @inlined
@@ -73,4 +74,5 @@ def line_of(lattice, places):
         borrowed(lattice.fourier),
         borrowed(lattice.phases),
         borrowed(lattice.phases_across),
+        lattice.rest,
     )
