@@ -128,6 +128,11 @@ def _ring(context, builder, array_type, array, begin, n, first):
     return [_pointer(context, builder, array_type, array, start, _TILE) for start in starts], ahead
 
 
+def _at_once(builder, n, first):
+    """Whether a window does not go around: then no masks are needed, which take longer."""
+    return builder.icmp_signed("<=", builder.add(first, first.type(WIDTH)), n)
+
+
 def _numbers(builder, first):
     """The number of the pair to which each float of a window belongs."""
     lanes = ir.Constant(ir.VectorType(ir.IntType(64), TILE), [place // 2 for place in range(TILE)])
@@ -152,8 +157,16 @@ _ALIGNED = ir.Constant(ir.IntType(32), 8)
 def _(array, begin, n, first):
     def code(context, builder, signature, arguments):
         (here, around), ahead = _ring(context, builder, array, *arguments)
-        both = _masked(builder, "load", _TILE, here, _ALIGNED, ahead, ir.Constant(_TILE, [0.0] * TILE))
-        both = _masked(builder, "load", _TILE, around, _ALIGNED, builder.not_(ahead), both)
+        with builder.if_else(_at_once(builder, *arguments[2:])) as (at_once, in_two):
+            with at_once:
+                whole, whole_from = builder.load(here, align=8), builder.basic_block
+            with in_two:
+                part = _masked(builder, "load", _TILE, here, _ALIGNED, ahead, ir.Constant(_TILE, [0.0] * TILE))
+                part = _masked(builder, "load", _TILE, around, _ALIGNED, builder.not_(ahead), part)
+                part_from = builder.basic_block
+        both = builder.phi(_TILE)
+        both.add_incoming(whole, whole_from)
+        both.add_incoming(part, part_from)
         nothing = ir.Constant(_TILE, ir.Undefined)
         parts = [_shuffled(builder, both, nothing, list(range(part, TILE, 2))) for part in (0, 1)]
         return context.make_tuple(builder, signature.return_type, parts)
@@ -173,8 +186,14 @@ def _(array, begin, n, first, low, high, a, b):
         )
         places = [place for lane in range(WIDTH) for place in (lane, WIDTH + lane)]
         both = _shuffled(builder, *arguments[6:], places)
-        _masked(builder, "store", ir.VoidType(), both, here, _ALIGNED, builder.and_(ahead, wanted))
-        _masked(builder, "store", ir.VoidType(), both, around, _ALIGNED, builder.and_(builder.not_(ahead), wanted))
+        all_wanted = builder.icmp_signed("==", builder.sub(arguments[5], arguments[4]), arguments[4].type(WIDTH))
+        with builder.if_else(builder.and_(_at_once(builder, *arguments[2:4]), all_wanted)) as (at_once, in_two):
+            with at_once:
+                builder.store(both, here, align=8)
+            with in_two:
+                _masked(builder, "store", ir.VoidType(), both, here, _ALIGNED, builder.and_(ahead, wanted))
+                behind = builder.and_(builder.not_(ahead), wanted)
+                _masked(builder, "store", ir.VoidType(), both, around, _ALIGNED, behind)
         return context.get_dummy_value()
 
     integer = types.int64
