@@ -1,5 +1,6 @@
 """Trajectories: one path of each scheme, all on the same Brownian path, with the Hamiltonian and the Casimirs."""
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,14 +10,14 @@ import numpy as np
 
 from spi.areas import fourier_terms
 from spi.dispatch import kernel, number, unrolled
-from spi.ensemble import empty_report, grid, integrate, report_columns, thread_count
+from spi.ensemble import BATCH_SECONDS, add_reports, empty_report, grid, integrate, report_columns, thread_count
 from spi.invariants import growth
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
 from spi.lanes import load_lane
 from spi.models.zeitlin.fields import lattice_of
 from spi.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian, large
 from spi.records import Group, Part
-from spi.rng import LANES
+from spi.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.tallies import Chunk, PathSet
 
@@ -35,10 +36,11 @@ class Recorder(NamedTuple):
 
 
 class Path(NamedTuple):
-    """One path, or none."""
+    """One path, or none, or one that has not made all its steps."""
 
-    paths: int
+    paths: int  #: 0 until all steps are made
     seconds: float  #: wall clock
+    steps: int  #: how many are made
     y: np.ndarray  #: (stored + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),) of the whole block
 
@@ -64,14 +66,10 @@ class TrajectoryPlan(PathsPlan):
     """One path of one scheme: number ``case.path`` of the seed."""
 
     def cost(self) -> Cost:
-        """Steps of a whole block, seconds of one thread at typical speed, and bytes of memory.
-
-        Of a large model only the paths up to the one that is wanted make steps.
-        """
+        """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
-        paths = self.case.path % LANES + 1 if large(self.model) else LANES
-        seconds = steps * paths * 1e-9 * typical_ns(self.row, self.model)
-        return Cost(steps * paths, seconds, 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4))
+        stored = 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4)
+        return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:
         """One path."""
@@ -79,30 +77,67 @@ class TrajectoryPlan(PathsPlan):
 
     def empty(self, number: int) -> Path:
         """No path."""
-        return Path(paths=0, seconds=0.0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
+        return Path(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step, and its invariants."""
         y = np.zeros((2, len(self.initial)))
         energy, conserved = np.empty(2), np.empty((2, len(casimir_indices(self.model))))
         of_states = KernelCall(invariants, (self.model, y, energy, conserved))
-        return [self.least.integration(Recorder(y, 0, 1)), of_states]
+        what = self.scheme, self.model, self._start(y, 0), self.least.grid, self.stream
+        return [KernelCall(integrate, (*what, Recorder(y, 0, 1), empty_report(1, 1), 0, 1, 1)), of_states]
+
+    def _start(self, y: np.ndarray, n: int) -> Any:
+        """Where to go on from after n steps: of a large model the stored state in the lane of the path."""
+        if not large(self.model):
+            return self.initial
+        rows = np.zeros((1, len(self.initial) * LANES))
+        rows[0, self.case.path % LANES :: LANES] = y[n // self.case.every]
+        return rows
+
+    def _stop(self, n: int) -> int:
+        """Until which step to go on from step n: to the last, but of a large model for about half a second."""
+        last = self.grid.reference_steps
+        if not large(self.model):
+            return last
+        unit = math.lcm(STEPS_PER_TOSS, self.case.every)
+        return min(last, n + unit * max(1, round(BATCH_SECONDS / (unit * self._seconds_per_step))))
+
+    @property
+    def _paths(self) -> int:
+        """How many paths make steps: a block, of a large model only those up to the one that is wanted."""
+        return self.case.path % LANES + 1 if large(self.model) else LANES
+
+    @property
+    def _seconds_per_step(self) -> float:
+        """Of one thread at typical speed."""
+        return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
     def advance(self, chunks: Sequence[Chunk], known: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
-        """Run the path, at once."""
-        began = time.perf_counter()
+        """Run the path, at once or, of a large model, in batches."""
         block, lane = divmod(self.case.path, LANES)
+        path = known or self.empty(0)
         y = np.empty((self.case.steps_stored + 1, len(self.initial)))
         y[0] = self.initial
-        report, end = empty_report(1, 1), self.case.path + 1
-        recorder = Recorder(y, lane, self.case.every)
-        integrate(self.scheme, self.model, self.initial, self.grid, self.stream, recorder, report, block, 1, end)
-        path = Path(paths=1, seconds=time.perf_counter() - began, y=y, report=report[0, 0])
-        yield [(chunks[0], path)]
+        y[: len(path.y)] = path.y
+        while not path.paths:
+            began, stop = time.perf_counter(), self._stop(path.steps)
+            report, recorder = empty_report(1, 1), Recorder(y, lane, self.case.every)
+            times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
+            start, end = self._start(y, path.steps), self.case.path + 1
+            integrate(self.scheme, self.model, start, times, self.stream, recorder, report, block, 1, end)
+            path = Path(
+                paths=int(stop == self.grid.reference_steps),
+                seconds=path.seconds + time.perf_counter() - began,
+                steps=stop,
+                y=y[: stop // self.case.every + 1],
+                report=add_reports(path.report[np.newaxis], report)[0],
+            )
+            yield [(chunks[0], path)]
 
     def progress(self, state: State) -> Done:
-        """0 or 1 paths of 1, and no standard error."""
-        return Done(state.tally().paths, self.samples, float("nan"))
+        """The part of the path that is done, of 1, and no standard error."""
+        return Done(state.so_far().steps / self.grid.reference_steps, self.samples, float("nan"))
 
     def group(self, state: State) -> Group:
         """The results of one scheme of a case, from its final state."""
