@@ -58,7 +58,7 @@ def model(text):
         ("{name: zeitlin, n: 5, casimirs_watched: 0}", "model.casimirs_watched: is '0'; must be at least 1"),
         (model("3"), "model.noise: is '3'; must be a mapping, lines of key: value"),
         (model("{shell: 1}"), "model.noise.sigma: missing key 'sigma'; add sigma: strength of the noise"),
-        (model("{shell: 1, sigma: 0}"), "model.noise.sigma: is '0'; must be greater than 0"),
+        (model("{shell: 1, sigma: -1}"), "model.noise.sigma: is '-1'; must be at least 0"),
         (model("{shel: 1, sigma: 1}"), "model.noise.shel: is no known key; did you mean 'shell'?"),
         (model("{shell: 1, sigma: 1, hamiltonian: cubic}"), "is 'cubic'; known: quadratic, linear"),
         (model("{shell: 4, sigma: 1}"), "model.noise: has the shell 4, which has no modes; must be from 1 to 3"),
@@ -75,6 +75,11 @@ def model(text):
 def test_bad_models(spec, text, complaint):
     with pytest.raises(SpecError, match="^s[.]yaml:2: [^\n]*" + re.escape(complaint)):
         spec(TEXT, MODEL, text)
+
+
+def test_a_noise_of_strength_0_is_off(spec):
+    (case,) = spec(TEXT, MODEL, model("[{shell: 1, sigma: 0}, {modes: [[2, 0]], sigma: 1}]")).cases
+    assert [process.mode for process in case.model.processes] == [(2, 0)]
 
 
 def test_many_noises(spec):

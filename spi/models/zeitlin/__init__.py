@@ -5,14 +5,15 @@ Example expl-SE, for every N = 2M + 1)
 
     B_{m,n} = c sin(2 pi (m x n) / N) omega_{m+n},    H = 1/2 sum_{m != 0} |omega_m|^2 / |m|^2,
 
-with c = 1 as in the paper, or c = N / (2 pi) as in Zeitlin (Physica D 49, 1991), with which the equations are those of
-Euler as N grows; with the paper's they are slower by the factor 2 pi / N.
+with c = 1 as in the paper, or c = N / (2 pi) as in Zeitlin (Physica D 49, 1991).  With the latter they tend to those of
+Euler as N grows, in the form omega' = + u . grad omega with curl u = omega: positive vorticity turns clockwise.  With
+the paper's c they are slower by the factor 2 pi / N.
 """
 
 from collections import Counter
 from typing import Annotated, Literal, NamedTuple
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from ...protocol import casimirs
 from ..sine_euler import SineEuler, Strength
@@ -36,7 +37,7 @@ class Noise(NamedTuple):
     Instead of m may be given -m: it is the same noise, written with the one of both that is in the state.
     """
 
-    sigma: Annotated[float, Gt(0), "strength of the noise"]
+    sigma: Annotated[float, Ge(0), "strength of the noise; 0 switches it off"]
     shell: Annotated[int | None, "all modes with |m| rounded to this"] = None
     modes: Annotated[tuple[tuple[int, int], ...], "a list of modes such as [[1, 0], [2, 1]]"] = ()
     hamiltonian: Annotated[Literal["quadratic", "linear"], "quadratic, as in the paper, or linear, transport"] = (
@@ -101,6 +102,7 @@ class Zeitlin(NamedTuple):
         return tuple(
             Process(mode, noise.sigma, form)
             for noise in model.noise
+            if noise.sigma > 0
             for mode in _modes_of(noise, model.n)
             for form in forms[noise.hamiltonian]
         )

@@ -60,15 +60,21 @@ def on_lines(n: int) -> dict[Mode, OnLine]:
     return found
 
 
+@functools.lru_cache(maxsize=8)
+def _places(n):
+    """(N, N) where the mode (m1, m2), both modulo N, stands, as in ``Lattice.cosets``; -1 for 0."""
+    found = np.full((n, n), -1, np.int32)
+    for (m1, m2), (i, sign) in places(n).items():
+        found[m1, m2] = 2 * i + (sign < 0)
+    return found
+
+
 def _cosets(n, g):
     """(M N,) as :class:`Lattice` says."""
-    where, found = places(n), []
-    numbers = {place: 2 * i + (sign < 0) for place, (i, sign) in where.items()}
     # some u with u x g = 1 modulo n, found among the modes; gcd(g, n) = 1
-    u = next(m for m in where if (m[0] * g[1] - m[1] * g[0]) % n == 1)
-    for c in range(1, n // 2 + 1):
-        found += [numbers[nearest(n, (c * u[0] + j * g[0], c * u[1] + j * g[1]))] for j in range(n)]
-    return found
+    u = next(m for m in places(n) if (m[0] * g[1] - m[1] * g[0]) % n == 1)
+    c, j = np.arange(1, n // 2 + 1)[:, np.newaxis], np.arange(n)
+    return _places(n)[(c * u[0] + j * g[0]) % n, (c * u[1] + j * g[1]) % n].ravel()
 
 
 def _middles(n, g):
@@ -189,7 +195,7 @@ def lattice(n: int) -> Lattice:
         cosines, sines = (by_blocks(matrix, fourier) for matrix in (cosines[1:, 1:], sines))
     return Lattice(
         n=n,
-        cosets=np.array([_cosets(n, g) for g, _ in lines(n)], np.int32),
+        cosets=np.array([_cosets(n, g) for g, _ in lines(n)]),
         middles=np.array([_middles(n, g) for g, _ in lines(n)]),
         own_first=np.cumsum([0, *(len(moved) for _, moved in lines(n))]),
         own_mode=np.array([places(n)[m][0] for m in own]),
