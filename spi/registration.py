@@ -22,7 +22,8 @@ def check_class(cls, asked, name):
     nothing public that nobody asks for, because that is a word misspelt.
     """
     words, members = vocabulary(asked), _members(cls)
-    if getattr(cls, "large", False):  # the record with its parameters; kernels are given another
+    if protocol.large(cls):  # the record with its parameters; kernels are given another
+        members = {name: value for name, value in members.items() if not isinstance(value, property)}
         words = {name: word for name, word in words.items() if name in _OF_PARAMETERS or word.declared.of}
     wrong = [
         f"lacks {word}" for word, asking in words.items() if asking.declared.required and members.get(word) is None
@@ -44,11 +45,7 @@ def _members(cls):
     members = {}
     for base in reversed([base for base in cls.__mro__ if base not in (tuple, object)]):
         members |= vars(base)
-    return {
-        name: value
-        for name, value in members.items()
-        if not name.startswith("_") and name not in cls._fields and not isinstance(value, property)
-    }
+    return {name: value for name, value in members.items() if not name.startswith("_") and name not in cls._fields}
 
 
 def _disagreement(name, value, declared):

@@ -2,6 +2,7 @@
 
 from typing import get_args, get_type_hints
 
+from ..protocol import large
 from ..registration import check_class
 from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
@@ -18,7 +19,7 @@ def check_model_class(name, cls):
     if not (isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")):
         raise TypeError(f"model '{name}' is no class derived from NamedTuple")
     check_class(cls, "model", name)
-    if getattr(cls, "large", False):
+    if large(cls):
         return
     sigma = get_type_hints(cls).get("sigma")
     if len(get_args(sigma)) != cls.noises:

@@ -3,14 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..dispatch import INLINED, inlined
+from ..dispatch import inlined
 from ..fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
 from ..lanes import load_lane, store_lane
-from ..protocol import large
 from ..rng import LANES
-from .large import euler_step_of_large, large_work
+from .large import euler_step_of_large, size_or
 
 
 @inlined
@@ -35,16 +33,7 @@ class EulerMaruyama(NamedTuple):
         euler_step_of_large(model, paths, h, dW, y, work)
 
     def work_size(scheme, model):
-        return _work(model)
-
-
-def _work(model):
-    return large_work(model) if large(model) else 0
-
-
-@overload(_work, jit_options=INLINED)
-def _(model):
-    return (lambda model: large_work(model)) if large(model) else (lambda model: 0)
+        return size_or(0, model)
 
 
 class RenormalisedEulerMaruyama(NamedTuple):

@@ -19,6 +19,7 @@ from ..protocol import (
     block_noise_flow,
     block_work,
     dimension,
+    large,
     noise_groups,
     noises,
     pieces,
@@ -37,6 +38,16 @@ _SMALL = 0.25 * np.pi  # angles above it are reported
 def large_work(model):
     """How many floats of scratch a step needs: states, field, times, and what the flows need."""
     return (2 * dimension(model) + noises(model)) * WIDTH + block_work(model)
+
+
+def size_or(small, model):
+    """:func:`large_work` for a large model, `small` for another: how many floats of scratch a scheme needs."""
+    return large_work(model) if large(model) else small
+
+
+@overload(size_or, jit_options=INLINED)
+def _(small, model):
+    return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
 @called

@@ -15,9 +15,9 @@ from ..angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from ..dispatch import INDICES, INLINED, field_type, inlined, number
 from ..elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..lanes import load_lane, store_lane
-from ..protocol import REPORT, large, noises, strengths
+from ..protocol import REPORT, noises, strengths
 from ..rng import LANES
-from .large import large_work, run_rows_of_large
+from .large import run_rows_of_large, size_or
 from .rows import (
     PARTS,
     LoopTime,
@@ -54,23 +54,13 @@ class Splitting(NamedTuple):
         return has_loops(_rows_of(scheme))
 
     def work_size(scheme, model):
-        return _work(model)
+        return size_or(3 * LANES, model)  # the times of a sweep, and a and b of a loop
 
     def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
         run_rows_of_large(scheme.rows, model, paths, h, dW, coins, y, work, report)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         run_rows(scheme.rows, model, h, dW, coins, y, work, report)
-
-
-def _work(model):
-    """Scratch: the times of a sweep, and a and b of a loop; of a large model what its flows need."""
-    return large_work(model) if large(model) else 3 * LANES
-
-
-@overload(_work, jit_options=INLINED)
-def _(model):
-    return (lambda model: large_work(model)) if large(model) else (lambda model: 3 * LANES)
 
 
 def splitting(*rows):

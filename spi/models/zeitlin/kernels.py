@@ -61,9 +61,7 @@ class ZeitlinTables(NamedTuple):
         return turn(True, model.lattice, k, width, y, y, work)
 
     def block_noise_flow(model, group, times, width, y, work):
-        clear_amplitudes(model, work)
-        for e in range(model.noise.first[group], model.noise.first[group + 1]):
-            add_noise_amplitude(model, e, times, width, y, work)
+        noise_amplitudes(model, group, times, width, y, work)
         return turn(True, model.lattice, model.noise.line[group], width, y, y, work)
 
     def add_block_drift(model, t, width, y, out, work):
@@ -73,9 +71,7 @@ class ZeitlinTables(NamedTuple):
 
     def add_block_noises(model, times, width, y, out, work):
         for group in range(len(model.noise.line)):
-            clear_amplitudes(model, work)
-            for e in range(model.noise.first[group], model.noise.first[group + 1]):
-                add_noise_amplitude(model, e, times, width, y, work)
+            noise_amplitudes(model, group, times, width, y, work)
             turn(False, model.lattice, model.noise.line[group], width, y, out, work)
 
     def add_block_ito_correction(model, h, width, y, out, work):
@@ -137,6 +133,14 @@ def add_noise_amplitude(model, e, times, width, y, work):
             work[a + path] += factor
         else:
             work[a + stride + path] += of.sign[e] * factor
+
+
+@inlined
+def noise_amplitudes(model, group, times, width, y, work):
+    """The amplitude of all processes of a group."""
+    clear_amplitudes(model, work)
+    for e in range(model.noise.first[group], model.noise.first[group + 1]):
+        add_noise_amplitude(model, e, times, width, y, work)
 
 
 @functools.lru_cache(maxsize=32)
