@@ -24,7 +24,7 @@ from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
 from spi.records import Part
 from spi.richardson import Extrapolation, weights
 from spi.rng import LANES
-from spi.run import load
+from spi.runs import load
 from spi.schemes import weak_exponents
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_extrapolated.yaml"

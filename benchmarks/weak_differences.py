@@ -16,7 +16,7 @@ from spi.kinds.weak.study.differences import DifferencesPlan
 from spi.kinds.weak.study.multilevel import MultilevelPlan
 from spi.printing.text import power_of_two
 from spi.records import Part
-from spi.run import load
+from spi.runs import load
 
 
 def results(plan):

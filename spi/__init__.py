@@ -13,7 +13,8 @@ __version__ = "0.1.0"
 #: What :func:`source_digest` leaves out because it reads, keeps or shows: modules, and those of a kind of experiment.
 _NOT_COMPUTING = {
     *("claims", "spec", "storage", "drawing", "printing", "compiling", "compilable", "differences", "model_checks"),
-    *("loading", "workers", "engine", "checkpoint", "verification", "session", "run", "slices", "views", "cli"),
+    *("loading", "workers", "engine", "checkpoint", "verification", "session", "runs", "slices", "views", "cli"),
+    *("api", "report", "shipped", "doctor", "experiments"),
 }
 _NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "claims", "table", "figure"}
 

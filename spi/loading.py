@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from . import spec
+from . import shipped, spec
 from .kinds import KINDS
 from .kinds.plans import Plan
 
@@ -24,7 +24,12 @@ def load(
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
 ) -> spec.Experiment:
-    """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.spec.load."""
+    """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.spec.load.
+
+    `path` may also be the name of an experiment that comes with the program, such as "rigid_body_strong".
+    """
+    if text is None:
+        path = shipped.path_of(path)
     return spec.load(path, layers(), profile, overrides, text, files)
 
 

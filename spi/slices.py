@@ -25,7 +25,7 @@ def run_slice(
 ) -> Path:
     """Compute one slice of what an experiment wants for now, and return the path of the file it is kept in.
 
-    With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.run.run` does.
+    With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.runs.run` does.
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
     checkpoint = session.checkpoint
@@ -50,7 +50,7 @@ def merge(
 ) -> Path:
     """Put the slices that :func:`run_slice` computed together, write the results file and return its path.
 
-    Raises StorageError as :func:`spi.run.run` does, or if there are no slices; Stopped if some are missing, or if a
+    Raises StorageError as :func:`spi.runs.run` does, or if there are no slices; Stopped if some are missing, or if a
     multilevel estimator, now that it knows the variances, wants further paths: then they are to be run again.
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))

@@ -45,7 +45,7 @@ def _one_process_compiles(monkeypatch):
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    from spi.run import load
+    from spi.runs import load
 
     monkeypatch.chdir(tmp_path)
 

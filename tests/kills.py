@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spi import run as runner
+from spi import runs as runner
 from spi import storage
-from spi.run import Limits, Watch, load
+from spi.runs import Limits, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -105,7 +105,7 @@ def repeated(log):
 def forks():
     """Processes that begin where everything has been imported."""
     context = get_context("forkserver")
-    context.set_forkserver_preload(["spi.run", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
+    context.set_forkserver_preload(["spi.runs", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
     return context
 
 

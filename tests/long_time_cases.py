@@ -10,7 +10,7 @@ from spi.kinds.long_time.study import paths
 from spi.protocol import memory_size
 from spi.records import Part
 from spi.rng import BROWNIAN, LANES
-from spi.run import load
+from spi.runs import load
 
 RIGID = """\
 title: A title

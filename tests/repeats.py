@@ -21,9 +21,9 @@ from pathlib import Path
 from kills import numbers
 
 from spi import ensemble, slices, tallies, workers
-from spi import run as runner
+from spi import runs as runner
 from spi.checkpoint import Slice
-from spi.run import Stopped, Watch, load
+from spi.runs import Stopped, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 

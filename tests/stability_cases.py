@@ -14,7 +14,7 @@ from states import finished
 from spi.kinds.stability import study as stability
 from spi.records import Part
 from spi.rng import LANES, philox
-from spi.run import load
+from spi.runs import load
 
 RIGID = """\
 title: A title

@@ -15,7 +15,7 @@ from spi.dispatch import kernel
 from spi.kinds.strong import study as strong
 from spi.records import Part
 from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
-from spi.run import load
+from spi.runs import load
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
 SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]

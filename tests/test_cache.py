@@ -49,7 +49,7 @@ def digest(tmp_path, monkeypatch):
         "kinds/strong/keys.py",
         "kinds/stability/figure/maps.py",
         "kinds/weak/reading/comparisons.py",
-        "run.py",
+        "runs.py",
         "views.py",
         "cli/__init__.py",
     ],

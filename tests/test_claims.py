@@ -15,7 +15,7 @@ from view_helpers import inches_of_panels
 from weak_results import at_eps, weak, weak_group
 from work_results import work_results
 
-from spi import claims, run, storage, views
+from spi import claims, runs, storage, views
 from spi.claims import AT_LEAST, AT_MOST, BROKEN, EQUAL, KEPT, UNDECIDED, Claim, Quantity, judge
 from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
@@ -137,7 +137,7 @@ def load(tmp_path):
     def of(text, profile="laptop", overrides=()):
         path = tmp_path / "a.yaml"
         path.write_text(text, encoding="utf-8")
-        return run.load(path, profile, overrides)
+        return runs.load(path, profile, overrides)
 
     return of
 
@@ -240,7 +240,7 @@ def test_a_wrong_claim_is_named_with_its_line(load, tmp_path, base, text, line, 
 
 
 def test_claims_stand_in_the_schema(load):
-    schema = json.dumps(run.layers().json_schema())
+    schema = json.dumps(runs.layers().json_schema())
     assert "what must come out" in schema
 
 

@@ -124,13 +124,13 @@ except KeyboardInterrupt:
 
 
 RUN = """
-from spi import run
+from spi import runs
 from spi.ensemble import integrate
 only_workers()
-experiment = run.load("SPEC", "quick", ["schemes=[euler_maruyama, splitting]"])
-run.run(experiment)
+experiment = runs.load("SPEC", "quick", ["schemes=[euler_maruyama, splitting]"])
+runs.run(experiment)
 from spi.storage import read
-groups = read(run.results_path(experiment, "results")).groups
+groups = read(runs.results_path(experiment, "results")).groups
 found = [group.variables["y"][1].view("int64").tolist() for group in groups]
 hits, misses = (sum(count.values()) for count in (integrate.stats.cache_hits, integrate.stats.cache_misses))
 json.dump([hits, misses, len(started), found], sys.stdout)
@@ -142,17 +142,17 @@ def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program
     hits, misses, started, found = program(RUN.replace("SPEC", str(spec)), "")
     assert (hits, misses, started) == (2, 0, 1)
 
-    from spi import run, storage
+    from spi import runs, storage
 
-    experiment = run.load(spec, "quick", ["schemes=[euler_maruyama, splitting]"])
-    groups = storage.read(run.run(experiment, tmp_path / "here")).groups
+    experiment = runs.load(spec, "quick", ["schemes=[euler_maruyama, splitting]"])
+    groups = storage.read(runs.run(experiment, tmp_path / "here")).groups
     assert found == [group.variables["y"][1].view("int64").tolist() for group in groups]
 
 
 #: Loads what the calls of all plans need, then runs them; prints the kernels of which there were more then.
 CALLS_OF_PLANS = """
 import json, sys
-from spi import engine, run
+from spi import engine, runs
 from spi.ensemble import integrate
 from spi.kinds.state import State
 from spi.kinds.trajectory.study import invariants
@@ -161,7 +161,7 @@ from spi.kinds.weak.study.sums import add_powers, function_values
 KERNELS = integrate, invariants, add_powers, function_values
 missed = {}
 for name in sys.argv[1:]:
-    for plan in run.plans(run.load(name, "quick", ["schemes=[splitting]"])):
+    for plan in runs.plans(runs.load(name, "quick", ["schemes=[splitting]"])):
         for call in plan.kernel_calls():
             call.kernel(*call.arguments)
         before = [len(kernel.overloads) for kernel in KERNELS]

@@ -42,7 +42,7 @@ from spi.protocol import (
     pieces,
     work_size,
 )
-from spi.run import plans
+from spi.runs import plans
 from spi.schemes.rows import compositions
 from spi.spec import SpecError
 

@@ -8,7 +8,7 @@ from helpers import COMPILED
 
 from spi import storage, views
 from spi.kinds import KINDS
-from spi.run import load, run
+from spi.runs import load, run
 
 FOLDER = Path(__file__).parent.parent / "experiments"
 FILES = sorted(FOLDER.glob("*.yaml"))

@@ -18,7 +18,7 @@ from spi.kolmogorov import expectations
 from spi.models import RigidBodySharedNoise
 from spi.records import Results
 from spi.richardson import Extrapolation, places, weights
-from spi.run import load
+from spi.runs import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
 from spi.schemes.rows import compositions, flows, is_own_reverse

@@ -15,7 +15,7 @@ from spi.kinds.work_precision import study as work_precision
 from spi.kolmogorov import expectations
 from spi.records import Part
 from spi.richardson import Extrapolation, weights
-from spi.run import load
+from spi.runs import load
 from spi.schemes.rows import compositions
 from spi.schemes.splitting import SYMMETRIC
 from spi.spec import SpecError

@@ -11,7 +11,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from spi import run, storage, views
+from spi import runs, storage, views
 from spi.kinds import KINDS, ClaimsModule, FigureModule, Kind, ReadingModule, StudyModule, TableModule
 from spi.records import Description
 
@@ -31,9 +31,9 @@ samples: 70
 def energy(monkeypatch):
     """The kind of tests/energy_kind, registered as one of the program's own."""
     monkeypatch.setitem(KINDS, "energy", Kind("energy_kind"))
-    run.layers.cache_clear()
+    runs.layers.cache_clear()
     yield
-    run.layers.cache_clear()
+    runs.layers.cache_clear()
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -98,9 +98,9 @@ def test_a_breach_of_the_contract_is_noticed():
 def test_a_further_kind_is_a_folder_and_a_line(energy, tmp_path):
     spec = tmp_path / "energy.yaml"
     spec.write_text(SPEC, encoding="utf-8")
-    experiment = run.load(spec)
-    assert run.cost(experiment).path_steps == 70 * (4 + 8 + 16)
-    results = storage.read(run.run(experiment, tmp_path))
+    experiment = runs.load(spec)
+    assert runs.cost(experiment).path_steps == 70 * (4 + 8 + 16)
+    results = storage.read(runs.run(experiment, tmp_path))
     (reading,) = views.readings(results)
     # H is between the extreme values on the sphere |y| = 1, and differs from path to path
     assert ((reading.energy > 0.25) & (reading.energy < 0.75)).all() and (reading.energy_stderr > 0).all()
@@ -118,14 +118,14 @@ def test_a_kind_without_quantities_says_so(energy, tmp_path):
     with pytest.raises(
         Exception, match=r"energy.yaml:9: expect: is not possible for this kind of experiment, which has"
     ):
-        run.load(spec)
+        runs.load(spec)
 
 
 def test_the_further_kind_is_not_known_without_its_line(tmp_path):
     spec = tmp_path / "energy.yaml"
     spec.write_text(SPEC, encoding="utf-8")
     with pytest.raises(Exception, match="is 'energy'; known: strong"):
-        run.load(spec)
+        runs.load(spec)
 
 
 def test_the_example_keeps_the_rules_of_the_floors(tmp_path):

@@ -14,7 +14,7 @@ from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
 from spi import ensemble, storage
-from spi import run as runner
+from spi import runs as runner
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
 from spi.kinds.state import State

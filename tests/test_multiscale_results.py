@@ -7,7 +7,7 @@ from helpers import COMPILED
 
 from spi import storage
 from spi.records import Description
-from spi.run import load, run
+from spi.runs import load, run
 
 EXPERIMENTS = Path(__file__).parent.parent / "experiments"
 

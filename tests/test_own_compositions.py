@@ -9,7 +9,7 @@ import pytest
 from spi import storage, views, workers
 from spi.loading import Source, plans, plans_of
 from spi.printing import print_catalogue
-from spi.run import cost, run
+from spi.runs import cost, run
 from spi.schemes import SCHEMES
 from spi.schemes.rows import flows
 from spi.schemes.splitting import LIE_TROTTER

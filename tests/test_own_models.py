@@ -13,7 +13,7 @@ from helpers import COMPILED
 from own_models import OSCILLATOR, check_other_processes
 
 import spi
-from spi import model_checks, run, slices, storage, verification
+from spi import model_checks, runs, slices, storage, verification
 from spi.compilable import CompilationError
 from spi.models import MODELS
 from spi.session import Watch
@@ -82,7 +82,7 @@ def test_paths_are_seen_from_the_folder_of_the_spec(top, monkeypatch):
     experiment = top()
     Path("elsewhere").mkdir()
     monkeypatch.chdir("elsewhere")
-    assert run.load("../s.yaml").hash == experiment.hash
+    assert runs.load("../s.yaml").hash == experiment.hash
 
 
 def test_the_text_of_the_file_belongs_to_the_hash(top):
@@ -94,32 +94,32 @@ def test_the_text_of_the_file_belongs_to_the_hash(top):
 def test_with_the_texts_nothing_is_read(top):
     experiment = top()
     Path("my_top.py").unlink()
-    same = run.load("s.yaml", files=experiment.files)
+    same = runs.load("s.yaml", files=experiment.files)
     assert (same.hash, same.files) == (experiment.hash, experiment.files)
     with pytest.raises(SpecError, match=r"s.yaml:2: model.python: is 'my_top.py', whose text is not among"):
-        run.load("s.yaml", files=())
+        runs.load("s.yaml", files=())
 
 
 def test_layers_override_parameters_or_the_whole_model(top):
     assert top(overrides=["model.weight=3"]).cases[0].model.weight == 3.0
     Path("other.py").write_text(TOP.replace("weight: float = 1.0", "weight: float = 7.0"))
-    assert run.load("s.yaml", overrides=["model.python=other.py"]).cases[0].model.weight == 7.0
+    assert runs.load("s.yaml", overrides=["model.python=other.py"]).cases[0].model.weight == 7.0
     body = "model={name: rigid_body, inertia: [1, 2, 3], noise_inertia: [1, 2, 3]}"
-    found = run.load("s.yaml", overrides=[body, "initial=[1, 0, 0]"])
+    found = runs.load("s.yaml", overrides=[body, "initial=[1, 0, 0]"])
     assert found.cases[0].model_name == "rigid_body" and found.files == (("my_top.py", TOP),)
     text = (
         SPEC + "profiles: {quick: {model: {weight: 2}, cases: {main: {model: {name: HeavyTop, inertia: [1, 1, 3]}}}}}\n"
     )
-    quick = run.load("s.yaml", "quick", text=text).cases[0].model
+    quick = runs.load("s.yaml", "quick", text=text).cases[0].model
     assert (quick.weight, quick.inertia) == (2.0, (1.0, 1.0, 3.0))
     cases = "cases: [{name: heavy, model: {weight: 5}}, {name: light}]\n"
-    assert [case.model.weight for case in run.load("s.yaml", text=SPEC + cases).cases] == [5.0, 1.0]
+    assert [case.model.weight for case in runs.load("s.yaml", text=SPEC + cases).cases] == [5.0, 1.0]
 
 
 def test_a_parameter_can_be_swept(top):
     text = SPEC.replace("strong", "stability").replace("2/3]}", "2/3], weight: python}")
     top()
-    case = run.load("s.yaml", text=text + "sweep: {python: [1, 2]}\npanels: [casimir]\n").cases[0]
+    case = runs.load("s.yaml", text=text + "sweep: {python: [1, 2]}\npanels: [casimir]\n").cases[0]
     assert [one.model.weight for one in case.sweep.cases] == [1.0, 2.0]
 
 
@@ -243,7 +243,7 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
     monkeypatch.setattr(models, "check_once", lambda model, initial: [])
     experiment = oscillator(source=OSCILLATOR.replace("return y\n", "return model.height * y[0], y[1]\n"))
     with pytest.raises(CompilationError) as error:
-        run.run(experiment, tmp_path)
+        runs.run(experiment, tmp_path)
     said = str(error.value)
     assert said.startswith("Oscillator in my_model.py, line 38, cannot be compiled: Unknown attribute 'height' of type")
     assert "\n" not in said
@@ -283,15 +283,15 @@ def test_a_model_that_fails_is_checked_again(top):
 def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     """Its results hold the text, and are verified without the file; parts, other processes and an edit."""
     experiment = oscillator()
-    path = run.run(experiment, "out")
+    path = runs.run(experiment, "out")
     attributes = storage.read(path).attributes
     assert json.loads(attributes["model_sources"]) == {"my_model.py": OSCILLATOR}
     code = experiment.effective["cases"]["main"]["model"]["code"]
     assert json.loads(attributes["model_code"]) == {"main": code}
-    assert run.results_of("s.yaml", "out") == path
+    assert runs.results_of("s.yaml", "out") == path
 
     told = []
-    run.run(experiment, "out", watch=Watch(tell=told.append))
+    runs.run(experiment, "out", watch=Watch(tell=told.append))
     assert "very spec" in told[0]
     for number in (1, 2):
         slices.run_slice(experiment, slices.Slice(number, 2), "parts")
@@ -305,9 +305,9 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
 
     Path("my_model.py").write_text(OSCILLATOR + "\n# edited\n")
     with pytest.raises(storage.StorageError, match="results of another spec"):
-        run.run(run.load("s.yaml"), "out")
+        runs.run(runs.load("s.yaml"), "out")
     with pytest.raises(storage.StorageError, match="results of another spec"):
-        run.results_of("s.yaml", "out")
+        runs.results_of("s.yaml", "out")
     Path("my_model.py").unlink()
     found = verification.verify(path, 1)
     assert found.checked and not found.different

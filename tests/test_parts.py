@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 
-from spi import run as runner
+from spi import runs as runner
 from spi import slices, storage, tallies, workers
 from spi.checkpoint import Checkpoint, Slice
 from spi.cli.running import _seconds
 from spi.rng import LANES
-from spi.run import Limits, Watch, load
+from spi.runs import Limits, Watch, load
 from spi.verification import verify
 
 if not COMPILED:

@@ -12,10 +12,10 @@ import xarray
 from helpers import COMPILED
 
 from spi import ensemble, storage
-from spi import run as runner
+from spi import runs as runner
 from spi.kinds.strong import study as strong
 from spi.rng import LANES, STREAM_VERSION
-from spi.run import Limits, Watch, load
+from spi.runs import Limits, Watch, load
 from spi.storage import StorageError
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
@@ -377,8 +377,8 @@ def test_cost_counts_steps_of_all_cases_and_schemes():
 
 MEMORY = """
 import json, resource, sys
-from spi import run as runner
-from spi.run import load
+from spi import runs as runner
+from spi.runs import load
 
 def peak(samples):
     wanted = load(sys.argv[1], "quick", ["schemes=[euler_maruyama]", f"samples={samples}"])

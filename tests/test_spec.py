@@ -13,7 +13,7 @@ from spi.expressions import parse_expression
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
-from spi.run import layers, load
+from spi.runs import layers, load
 from spi.spec import SpecError
 
 GOOD = """\

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from spi.kinds import KINDS
-from spi.run import layers
+from spi.runs import layers
 from spi.schemes import SCHEMES, scheme_row
 
 WEAK = """\

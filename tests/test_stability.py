@@ -15,11 +15,11 @@ from stability_cases import EPS, PHI, PREDATORS, RIGID, paths_by_hand, study, su
 from states import check_going_on, finished, same_numbers, taken
 
 from spi import ensemble, storage
-from spi import run as runner
+from spi import runs as runner
 from spi.kinds.stability import study as stability
 from spi.records import Part
 from spi.rng import LANES
-from spi.run import load
+from spi.runs import load
 
 # fixtures
 case_of = stability_cases.case_of

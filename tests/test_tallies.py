@@ -14,7 +14,7 @@ from spi import ensemble
 from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.rng import LANES
-from spi.run import load
+from spi.runs import load
 from spi.tallies import CHUNK_SECONDS, Chunk, PathSet, Tally, chunk_blocks, digest
 
 COUNTS = range(1, 41)

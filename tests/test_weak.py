@@ -20,13 +20,13 @@ from weak_cases import (
 )
 
 from spi import ensemble, storage
-from spi import run as runner
+from spi import runs as runner
 from spi.expressions import parse_expression
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.sums import ROUND
 from spi.records import Part
-from spi.run import load
+from spi.runs import load
 from spi.schemes import SCHEMES
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")

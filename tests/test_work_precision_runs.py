@@ -10,7 +10,7 @@ from helpers import COMPILED
 from states import check_going_on, finished, same_numbers, taken
 from work_study_cases import STRONG, WEAK, Clock, group_of, same
 
-from spi import run as runner
+from spi import runs as runner
 from spi import storage
 from spi.kinds.state import State
 from spi.kinds.strong import study as strong

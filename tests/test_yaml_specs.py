@@ -10,7 +10,7 @@ from damage import call
 from helpers import COMPILED, LANES, SCHEMES, take_steps
 from own_models import check_other_processes
 
-from spi import run, systems
+from spi import runs, systems
 from spi.angles import ANY_ANGLES
 from spi.inlining import uncompiled
 from spi.protocol import drift_flow, noise_flow
@@ -124,11 +124,11 @@ def test_other_values_need_no_other_kernel(top):
     models = [top().cases[0].model, top(overrides=["model.parameters.a=1/7"]).cases[0].model]
     cases = SPEC + "cases: [{name: one, model: {parameters: {a: 5}}}, {name: two}]\n"
     profiles = SPEC + "profiles: {quick: {model: {parameters: {b: 6}}}}\n"
-    models += [case.model for case in run.load("s.yaml", text=cases).cases]
-    models += [run.load("s.yaml", "quick", text=profiles).cases[0].model]
+    models += [case.model for case in runs.load("s.yaml", text=cases).cases]
+    models += [runs.load("s.yaml", "quick", text=profiles).cases[0].model]
     swept = SPEC.replace("trajectory", "stability").replace("[hamiltonian]", "[casimir]").replace("{a: 3}", "{a: size}")
     swept = swept.replace("step: 2^-4", "steps: 2^-4 .. 2^-5\nreference_step: 2^-6\nsamples: 100")
-    case = run.load("s.yaml", text=swept + "sweep: {size: [1, 2]}\n").cases[0]
+    case = runs.load("s.yaml", text=swept + "sweep: {size: [1, 2]}\n").cases[0]
     models += [one.model for one in case.sweep.cases]
     assert len({type(model) for model in models}) == 1
     assert [(model.a, model.b) for model in models] == [(3, 1), (1 / 7, 1), (5, 1), (3, 1), (3, 6), (1, 1), (2, 1)]
@@ -140,8 +140,8 @@ def test_what_decides_results_belongs_to_the_hash(top, tmp_path):
     assert first.cases[0].model._asdict() == other.cases[0].model._asdict()
     assert first.hash != other.hash and first.paths_hash != other.paths_hash
     (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", "b*y3^2"))
-    assert len({first.hash, other.hash, run.load("s.yaml").hash}) >= 2
-    assert run.load("s.yaml").paths_hash == other.paths_hash
+    assert len({first.hash, other.hash, runs.load("s.yaml").hash}) >= 2
+    assert runs.load("s.yaml").paths_hash == other.paths_hash
 
 
 # --- runs ------------------------------------------------------------------------------------------------------------

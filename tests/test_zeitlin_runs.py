@@ -11,13 +11,13 @@ from repeats import Interruptions
 from strong_cases import draw
 from zeitlin_cases import take
 
-from spi import run as runner
+from spi import runs as runner
 from spi import storage, workers
 from spi.loading import plans
 from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin, ZeitlinThree
 from spi.rng import LANES, STEPS_PER_DRAW
-from spi.run import Stopped, Watch
+from spi.runs import Stopped, Watch
 from spi.spec import SpecError
 
 pytestmark = pytest.mark.xdist_group("zeitlin")

@@ -13,7 +13,7 @@ from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study import multilevel
 from spi.records import Part
-from spi.run import load
+from spi.runs import load
 from spi.schemes import SCHEMES
 
 SPEC = Path(__file__).with_name("weak.yaml")

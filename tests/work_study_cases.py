@@ -12,7 +12,7 @@ from spi.ensemble import thread_count
 from spi.kinds import KINDS
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
-from spi.run import load
+from spi.runs import load
 
 SPEC = """\
 kind: {kind}

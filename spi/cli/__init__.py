@@ -67,7 +67,7 @@ def plot(
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage, views
-    from ..run import results_of
+    from ..runs import results_of
     from .progress import ProgressLine
 
     folder = out or Path("results")
@@ -112,7 +112,7 @@ def list_(
 ) -> None:
     """List models, schemes and experiments."""
     from ..printing import print_catalogue
-    from ..run import load
+    from ..runs import load
     from ..schemes import SCHEMES
     from ..spec import SpecError
     from ..spec.models import catalogue
@@ -138,7 +138,7 @@ def check(
     """Validate experiments and say what they would cost."""
     experiments = load(specs, profile, overrides, samples, seed)
     from ..printing import print_cost, print_reports
-    from ..run import cost, reports
+    from ..runs import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
@@ -148,7 +148,7 @@ def check(
 @app.command()
 def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
     """Print the Python source of the models of experiments, generated ones included."""
-    from ..run import sources
+    from ..runs import sources
 
     for experiment in load(specs, profile, overrides, None, None):
         for text in sources(experiment):
@@ -160,7 +160,7 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from ..run import layers
+    from ..runs import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
@@ -208,7 +208,7 @@ def _code(error: Exception) -> int | None:
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..compilable import CompilationError
-    from ..run import Stopped
+    from ..runs import Stopped
     from ..spec import SpecError
     from ..storage import StorageError
 

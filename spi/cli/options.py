@@ -26,7 +26,7 @@ def load(
     specs: list[Path], profile: str, overrides: list[str] | None, samples: str | None, seed: str | None
 ) -> list["Experiment"]:
     """All experiments, before anything runs."""
-    from ..run import load
+    from ..runs import load
 
     overrides = list(overrides or [])
     overrides += [f"--samples={samples}"] if samples is not None else []

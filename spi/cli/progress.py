@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from ..run import Progress, Watch
+    from ..runs import Progress, Watch
 
 
 class ProgressLine:
@@ -45,7 +45,7 @@ class ProgressLine:
     @property
     def watch(self) -> "Watch":
         """What a run is given to tell how far it is."""
-        from ..run import Watch
+        from ..runs import Watch
 
         return Watch(self.report, self.report_compiling, self.tell)
 

@@ -16,7 +16,7 @@ from .streams import tell
 if TYPE_CHECKING:
     from ..checkpoint import Slice
     from ..records import Results
-    from ..run import Limits, Watch
+    from ..runs import Limits, Watch
     from ..spec import Experiment
     from ..workers import Workers
 
@@ -45,7 +45,7 @@ def run(
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table; exit code 4 if a claim of a spec is broken."""
     experiments = load(specs, profile, overrides, samples, seed)
-    from .. import run as runner
+    from .. import runs as runner
     from .. import slices
     from .progress import ProgressLine
 
@@ -115,7 +115,7 @@ def _prepare(threads: int | None) -> None:
 
 
 def _limits(max_time: str | None, checkpoint: str) -> "Limits":
-    from ..run import Limits
+    from ..runs import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
     return Limits(_seconds("--checkpoint", checkpoint), most)

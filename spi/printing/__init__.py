@@ -55,7 +55,7 @@ def print_catalogue(
 
 
 def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
-    """Print that an experiment is valid and what it would cost (a ``spi.run.Cost``)."""
+    """Print that an experiment is valid and what it would cost (a ``spi.runs.Cost``)."""
     cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
     new_console(file).print(
         f"{printable(experiment.path)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
