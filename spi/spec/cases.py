@@ -59,10 +59,11 @@ class BaseCase(Keys):
     name: str
     title: str
     model: Model
-    damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift") = 0.0
+    damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
     initial: key_of(
         Initial,
         "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
@@ -208,9 +209,9 @@ class BaseCase(Keys):
 class ErrorCase(BaseCase):
     """What the cases of errors against step sizes have."""
 
-    final_time: key_of(Positive, "final time T, a multiple of every step")
-    steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13")
-    reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large")
+    final_time: key_of(Positive, "final time T, a multiple of every step", "time")
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13", "time")
+    reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large", "time")
     schemes: key_of(Schemes, "a list of schemes")
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     reference_scheme: key_of(SchemeName | None, "scheme of the reference; default: each its own") = None
@@ -293,11 +294,15 @@ class SampledCase(FunctionsCase):
 
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
     samples: key_of(Samples | None, "number of Brownian paths") = None
-    standard_error: key_of(Positive | None, "what multilevel aims at for the weak error at the largest step") = None
-    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed") = None
-    accuracy: key_of(Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs") = (
+    standard_error: key_of(
+        Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
+    ) = None
+    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
         None
     )
+    accuracy: key_of(
+        Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
+    ) = None
 
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 

@@ -201,9 +201,9 @@ def _listed(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
-def key_of(hint: Any, description: str | None) -> Any:
-    """The annotation of a key."""
-    return Annotated[_read(hint), Field(description=description)]
+def key_of(hint: Any, description: str | None, unit: str | None = None) -> Any:
+    """The annotation of a key; its unit, if it has one, stands in the JSON Schema."""
+    return Annotated[_read(hint), Field(description=description, json_schema_extra={"unit": unit} if unit else None)]
 
 
 _List = Annotated[tuple[Positive, ...], MinLen(1)]

@@ -32,7 +32,8 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     swept = PLACES if "sweep" in keys else ()  # only together with the values of the word can these be read
     read = {k: Unread if k in swept else hints[k] for k in keys} | {"model": ModelPart}
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}
-    name, title = (key_of(CaseName, "letters, digits, _ and -"), ...), (str, ABSENT)
+    name = (key_of(CaseName, "letters, digits, _ and -"), ...)
+    title = (key_of(str, "title of tables and figures; default: the name"), ABSENT)
     part = create_model(f"{kind}_part", __base__=Keys, **optional)
     case = create_model(f"{kind}_case", __base__=part, name=name, title=title)
     profile = create_model(f"{kind}_profile", __base__=part, cases=(dict[str, part], ABSENT))
@@ -48,7 +49,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
         "title": title,
         "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
-        "profiles": (profiles, ABSENT),
+        "profiles": (key_of(profiles, "paper and quick, mappings of keys that override those of the file"), ABSENT),
     }
     extra = {"json_schema_extra": {"anyOf": [{"required": ["cases"]}, alone]}}
     file = create_model(kind, __base__=part, __doc__=case_class.__doc__, __cls_kwargs__=extra, **whole)

@@ -22,7 +22,7 @@ StepCount = Annotated[int, Ge(1), Le(2**34)]
 class Case(BaseCase):
     """Casimirs over very many steps, and the law of the states after a long time."""
 
-    steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5")
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5", "time")
     step_count: key_of(StepCount, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}")
     schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")

@@ -32,14 +32,16 @@ _MOST_TIMES = 8  # at which fields stand side by side
 class Case(BaseCase):
     """One path of each scheme, all on the same Brownian path."""
 
-    final_time: key_of(Positive, "final time T, a multiple of the step")
-    step: key_of(Positive, "step size h")
+    final_time: key_of(Positive, "final time T, a multiple of the step", "time")
+    step: key_of(Positive, "step size h", "time")
     schemes: key_of(Schemes, "a list of schemes")
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}")
     path: key_of(Path, "number of the path") = 0
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
-    times: key_of(Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end") = ()
+    times: key_of(
+        Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
+    ) = ()
 
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),

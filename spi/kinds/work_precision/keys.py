@@ -17,7 +17,9 @@ Repeats = Annotated[int, Ge(3), Le(1000)]
 class Case(SampledCase):
     """Errors of schemes against the time that a path takes: strong errors, or weak ones of one test function."""
 
-    targets: key_of(Targets | None, "errors for which the cheapest scheme is asked; default: powers of ten") = None
+    targets: key_of(
+        Targets | None, "errors for which the cheapest scheme is asked; default: powers of ten", "state or value"
+    ) = None
     repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
 
     prefixes: ClassVar[None] = None

@@ -1,0 +1,269 @@
+"""Writes the pages of ``docs/reference`` from the code: ``python docs/generate/reference.py``.
+
+What stands there is asked of the program itself: the command line, the JSON Schema of spec files, the models, the
+schemes, the experiments that come with it, and the glossary of CONTRIBUTING.md.
+"""
+
+import sys
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import typer
+import yaml
+from words import Rows, default_of, key_rows, key_table, linked, plain, table, value_of
+
+from spi import shipped
+from spi.cli import app, options
+from spi.kinds import KINDS
+from spi.loading import layers
+from spi.models import MODELS
+from spi.printing.text import fraction
+from spi.protocol import large
+from spi.schemes import SCHEMES
+from spi.spec.keys import text_in
+from spi.systems.keys import KEYS as SYSTEM_KEYS
+
+FOLDER = Path(__file__).parents[1] / "reference"
+NOTE = "<!-- Written by docs/generate/reference.py; `make docs` writes it again. -->\n\n"
+
+EXIT_CODES = {
+    options.DONE: "done",
+    options.FAILED: "failed",
+    options.INVALID: "wrong usage, or an invalid spec",
+    options.STOPPED: "stopped; the same command goes on where it stopped",
+    options.BROKEN: "done, but a claim of a spec is broken, or results differ from what is computed again",
+}
+#: What a bare number under ``expect`` means.
+SENSES = {"equal": "this number", "at most": "at most this number", "at least": "at least this number"}
+#: What typer calls the values of options -> what they are.
+VALUES = {"<str>": "TEXT", "<path>": "PATH", "<int range>": "N", " <list[Path]>": "", " <path>": "", "|": " or "}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The pages
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def commands() -> str:
+    """The command line."""
+    group = typer.main.get_command(app)
+    text = "# The command line\n\n"
+    text += "Data goes to standard output, progress and messages go to standard error.\n\n"
+    context = group.make_context("spi", [], resilient_parsing=True)
+    names = group.list_commands(context)
+    text += table(
+        ("command", "does"), ((f"[`spi {n}`](#spi-{n})", _help(group.get_command(context, n))) for n in names)
+    )
+    for name in names:
+        command = group.get_command(context, name)
+        inner = command.make_context(name, [], parent=context, resilient_parsing=True)
+        text += f"\n## spi {name}\n\n{_help(command)}\n\n"
+        records = filter(None, (parameter.get_help_record(inner) for parameter in command.get_params(inner)))
+        text += table(("argument or option", "what it does"), ((_option(what), plain(said)) for what, said in records))
+    text += "\n## Exit codes\n\n" + table(("code", "meaning"), EXIT_CODES.items())
+    text += (
+        "\nCtrl-C and SIGTERM stop a run with exit code 3, from the moment that the program has started. Once the\n"
+        "results of the last experiment are written they change nothing, and the code is 0.\n"
+    )
+    return text
+
+
+def _option(text: str) -> str:
+    for name, value in VALUES.items():
+        text = text.replace(name, value)
+    return f"`{text}`"
+
+
+def _help(command: Any) -> str:
+    return plain(command.help or "")
+
+
+def spec_keys() -> str:
+    """The keys of spec files, for each kind of experiment."""
+    schema = layers().json_schema()
+    definitions = schema["$defs"]
+    each = {
+        kind: key_rows(definitions[kind], module.keys.Case.model_json_schema(), definitions)
+        for kind, module in KINDS.items()
+    }
+    shared = {
+        key: row
+        for key, row in each["strong"].items()
+        if key != "kind" and all(rows.get(key) == row for rows in each.values())
+    }
+    text = SPEC_PAGE.format(keys=key_table(shared), kinds=", ".join(f"[`{kind}`](#{kind})" for kind in KINDS))
+    for kind, module in KINDS.items():
+        own = {key: row for key, row in each[kind].items() if key not in (*shared, "kind")}
+        text += f"\n## {kind}\n\n{plain(module.keys.Case.__doc__ or '')}\n\n{key_table(own)}"
+        text += _claimable(module.keys.Case.quantities)
+        text += (
+            f"\nExperiments: {', '.join(f'`{name}`' for name, (k, *_) in experiments_known().items() if k == kind)}.\n"
+        )
+    text += "\n## A system under `model`\n\nSee [systems in YAML](../own_systems.md).\n\n"
+    text += table(("key", "what it is"), ((f"`{key}`", plain(said)) for key, said in SYSTEM_KEYS.items()))
+    text += "\n## A vorticity under `initial`\n\nOf `sine_euler` and `zeitlin`; see [fluids](../fluids.md).\n\n"
+    for name in ("Vorticity", "Random"):
+        part = definitions[name]
+        text += f"{plain(part['description'])}\n\n{key_table(key_rows(part, part, definitions))}\n"
+    return text
+
+
+SPEC_PAGE = """# The keys of a spec file
+
+A spec file is one mapping in YAML. `kind` is one of {kinds};
+it decides which other keys there are. Numbers may be arithmetic (`2/3`, `cos(1.1)`, `2^-16`, `10^5`). An unknown key is
+an error that names the line and the nearest known key. `spi check SPEC` says whether a file is valid; `spi schema`
+prints the same as JSON Schema, for editors.
+
+Units: *time* is the unit of t in the equation, *state* that of the components of y, *value* that of a test function,
+and *seconds* are those of a clock. Where no unit is given the number has none.
+
+Later layers override earlier ones key by key, and a model parameter by parameter: the file, then a case of `cases`,
+then the profile, then `cases` of the profile, then `--set`. A case is a mapping with a `name` of its own, perhaps a
+`title`, and any keys of the kind. The file itself is the profile `laptop`.
+
+## Keys of every kind
+
+{keys}"""
+
+
+def _claimable(quantities: Mapping[str, Any]) -> str:
+    rows = [(f"`{name}`", SENSES[sort.sense], "yes" if sort.per_step else "no") for name, sort in quantities.items()]
+    if not rows:
+        return ""
+    head = ("quantity", "a bare number means", "for each step size, with `up to`")
+    return f"\nWhat may stand under `expect` (see [claims](../claims.md)):\n\n{table(head, rows)}"
+
+
+def models() -> str:
+    """The models with their equations and parameters."""
+    definitions = layers().json_schema()["$defs"]
+    text, told = MODELS_PAGE, set()
+    for name, cls in MODELS.items():
+        module = sys.modules[cls.__module__]
+        about = [cls.__doc__] if module in told else [module.__doc__, cls.__doc__]
+        told.add(module)
+        text += "\n\n".join((f"\n## {name}", *(plain(paragraphs or "") for paragraphs in about))) + "\n\n"
+        if not large(cls):
+            counts = ("components", cls.dimension), ("pieces of H", cls.pieces), ("noises", cls.noises)
+            counts += (("Casimir functions", cls.conserved),)
+            text += f"Number of {', '.join(f'{what}: {n}' for what, n in counts)}.\n\n"
+        text += table(("parameter", "value", "default", "what it is"), _parameters(cls, definitions))
+    noise = definitions["Noise"]
+    return (
+        text
+        + f"\n### noise of zeitlin\n\n{plain(noise['description'])}\n\n{key_table(key_rows(noise, noise, definitions))}"
+    )
+
+
+MODELS_PAGE = """# Models
+
+Every model is a stochastic Poisson system in Stratonovich form,
+
+    dy = B(y) ∇H(y) dt + sum_k sigma_k B(y) ∇Ĥ_k(y) ∘ dW_k(t),      H = H_1 + ... + H_p,
+
+with independent Wiener processes W_1, ..., W_m. B is the structure matrix, and C are Casimir functions, B(y) ∇C(y) = 0.
+The parameters are the keys under `model` beside `name`, as in
+`model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}`. They are pure numbers. Any model may have
+linear [damping](../damping.md); systems of your own are written [in YAML](../own_systems.md) or
+[in Python](../own_models.md).
+"""
+
+
+def _parameters(cls: Any, definitions: Mapping[str, Any]) -> Rows:
+    properties = definitions[f"{cls.__name__}Part"]["properties"]
+    for key, hint in get_type_hints(cls, include_extras=True).items():
+        default = "**required**" if key not in cls._field_defaults else default_of(cls._field_defaults[key])
+        yield f"`{key}`", value_of(properties[key], definitions), default, plain(text_in(hint) or "")
+
+
+def schemes() -> str:
+    """The schemes with their formulas and orders."""
+    head = ("scheme", "strong order", "with one noise", "weak order", "keeps")
+    orders = {name: (r.strong_order, r.strong_order_commuting, r.weak_order) for name, r in SCHEMES.items()}
+    rows = ((f"[`{n}`](#{n})", *map(fraction, orders[n]), row.preserves) for n, row in SCHEMES.items())
+    text = SCHEMES_PAGE + table(head, rows)
+    for name, row in SCHEMES.items():
+        formula = textwrap.fill(row.formula, 100, subsequent_indent="    ")
+        text += f"\n## {name}\n\n{row.label[0].upper()}{row.label[1:]}.\n\n```text\n{formula}\n```\n\n"
+        text += f"Source: {linked(row.reference)}.{_conditions(row)}\n"
+    return text
+
+
+def _conditions(row: Any) -> str:
+    """What a scheme asks of a spec."""
+    asks = {
+        "Needs `truncate_noise: true`.": row.needs_truncation,
+        "For the [multiscale system](../multiscale.md): needs `eps`.": row.multiscale,
+        "`eps` must not be 0.": row.needs_eps,
+        f"Of the built-in models for {_able(row)}.": row.needs is not None,
+        "Also for the model `zeitlin`.": row.for_large_models,
+        "Its expectations can be computed without sampling.": row.solvable_without_sampling,
+    }
+    return "".join(f" {sentence}" for sentence, holds in asks.items() if holds)
+
+
+def _able(row: Any) -> str:
+    return ", ".join(f"`{name}`" for name, cls in MODELS.items() if row.needs and row.needs(cls))
+
+
+SCHEMES_PAGE = """# Schemes
+
+A step of size h leads from y to z. Y_H is the vector field B ∇H, and exp(t Y_H) y its exact flow; f = B ∇H,
+f_k = B ∇Ĥ_k, and dW_k is the increment of W_k over the step. *Strong order* holds with several noises that do not
+commute, *with one noise* also with several that commute. Compositions of flows of your own need no program: see
+[compositions](../compositions.md). Labels such as "eq. slpI" are those of the paper,
+[arXiv:2111.07387](https://arxiv.org/abs/2111.07387).
+
+"""
+
+
+def experiments_known() -> dict[str, tuple[str, str, str]]:
+    """name -> (kind, figure of the paper, title) of the experiments that come with the program."""
+    found = {}
+    for name in shipped.names():
+        data = yaml.safe_load(shipped.path_of(name).read_text(encoding="utf-8"))
+        found[name] = (data["kind"], str(data.get("figure", "")), data["title"])
+    return found
+
+
+def experiments() -> str:
+    """The experiments that come with the program."""
+    rows = (
+        (f"`{name}`", figure, f"[{kind}](spec.md#{kind})", title)
+        for name, (kind, figure, title) in experiments_known().items()
+    )
+    text = (
+        "# Experiments\n\nThey come with the program: `spi run NAME` runs one in any folder, `spi plot NAME` draws it. "
+    )
+    text += "*Figure* is that of the paper, [arXiv:2111.07387](https://arxiv.org/abs/2111.07387).\n\n"
+    return text + table(("name", "figure", "kind", "title"), rows)
+
+
+def glossary() -> str:
+    """The glossary of CONTRIBUTING.md."""
+    page = FOLDER.parents[1].joinpath("CONTRIBUTING.md").read_text(encoding="utf-8")
+    return "# Glossary\n" + page.partition("\n## Glossary\n")[2].partition("\n## ")[0]
+
+
+PAGES = {
+    "commands": commands,
+    "spec": spec_keys,
+    "models": models,
+    "schemes": schemes,
+    "experiments": experiments,
+    "glossary": glossary,
+}
+
+
+def pages() -> dict[Path, str]:
+    """All pages: file -> text."""
+    return {FOLDER / f"{name}.md": NOTE + write() for name, write in PAGES.items()}
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for path, text in pages().items():
+        path.write_text(text, encoding="utf-8")

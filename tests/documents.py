@@ -1,0 +1,150 @@
+"""What stands in the pages of the documentation: blocks of code, the notes above them, and commands within sentences.
+
+A note is a comment in HTML, which readers do not see, on a line above a block:
+
+    <!-- within: NAME -->             of YAML: keys that stand in the first case of the experiment NAME
+    <!-- within: NAME, model -->      of YAML: keys that stand under its key `model`
+    <!-- file: NAME -->               of YAML or Python: the text of a file of this name, which the page then uses
+    <!-- output of: spi ... -->       what a command says; ... or … stand for anything
+    <!-- compiled only: reason -->    of Python: not run, because
+"""
+
+import re
+import shlex
+import textwrap
+from pathlib import Path
+from typing import NamedTuple
+
+import typer
+import yaml
+
+from spi import shipped
+from spi.cli import app
+from spi.runs import load
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+#: What stands for a name of the reader's in commands.
+PLACEHOLDERS = {
+    **{"SPEC": "rigid_body_strong", "FILE": "results/rigid_body_strong.h5", "NAME": "rigid_body_strong"},
+    **{"I/N": "1/4", "{}": "1", "ADDRESS": "local:2", "key=value": "seed=1"},
+}
+#: Other programs that a block of commands may call.
+PROGRAMS = ("cd", "make", "mkdir", "pip", "python", "#")
+
+_BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_NOTES = re.compile(r"(?:^<!-- [a-z ]+: .*? -->\n)*\Z", re.MULTILINE)
+_COMMAND = re.compile(r"(?<![\w/.'\[-])spi +([a-z][^;|&`]*)")
+
+
+class Block(NamedTuple):
+    """A block of code of a page."""
+
+    page: Path
+    line: int
+    language: str
+    text: str
+    notes: dict[str, str]
+
+    @property
+    def place(self):
+        return f"{self.page.name}:{self.line}"
+
+
+class Wrong(Exception):
+    """Something in a page that the program does not know; the text says where and what."""
+
+
+def blocks_of(page, text):
+    """The blocks of a page in their order."""
+    for found in _BLOCK.finditer(text):
+        above = _NOTES.search(text[: found.start()])[0]
+        notes = dict(re.findall(r"<!-- ([a-z ]+): (.*?) -->", above))
+        yield Block(page, text.count("\n", 0, found.start()) + 1, found[1], found[2], notes)
+
+
+class Command(NamedTuple):
+    """A command in a page."""
+
+    place: str
+    arguments: list[str]
+    spoken_of: bool  #: in a sentence, where it may lack something
+
+
+def commands_of(page, text):
+    """All commands of a page, those in blocks and those in sentences."""
+    for block in blocks_of(page, text):
+        if block.language == "sh":
+            for n, line in enumerate(block.text.replace("\\\n", " ").splitlines(), 1):
+                found = list(_arguments(line.partition(" #")[0]))
+                if line.strip() and not found and not line.startswith(PROGRAMS):
+                    raise Wrong(f"{block.place}: line {n} calls none of spi, {', '.join(PROGRAMS)}: {line}")
+                yield from (Command(block.place, arguments, False) for arguments in found)
+    sentences = _BLOCK.sub(lambda found: "\n" * found[0].count("\n"), text)
+    for found in re.finditer(r"`(spi [a-z][^`]*)`", sentences):
+        place = f"{page.name}:{sentences.count(chr(10), 0, found.start()) + 1}"
+        yield from (Command(place, arguments, True) for arguments in _arguments(found[1]))
+
+
+def _arguments(line):
+    for found in _COMMAND.finditer(line):
+        text = re.sub(r"\$\w+", "1", found[1].partition(" [")[0].replace("...", ""))
+        for placeholder, value in PLACEHOLDERS.items():
+            text = re.sub(rf"(?<![\w.]){re.escape(placeholder)}(?!\w)", value, text)
+        yield shlex.split(text)
+
+
+def whole(block):
+    """The spec that a block of YAML is, or of which it is a part."""
+    text = re.sub(r"\A\s*#.*\n", "", block.text)
+    within = block.notes.get("within")
+    if within is None:
+        if not text.startswith(("kind:", "title:")):
+            raise Wrong(f"{block.place}: is no whole spec; say <!-- within: NAME --> above of which it is a part")
+        return text
+    name, _, key = within.partition(", ")
+    if key:
+        text = f"{key}:\n" + textwrap.indent(text, "  ")
+    base = yaml.safe_load(shipped.folder().joinpath(f"{name}.yaml").read_text(encoding="utf-8"))
+    case = base.pop("cases", [{}])[0]
+    model = {**base.get("model", {}), **case.get("model", {})}
+    gone = {*re.findall(r"^(\w+):", text, re.MULTILINE), "name", "expect", "profiles"}
+    kept = {k: v for k, v in {**base, **case, "model": model}.items() if k not in gone}
+    return yaml.safe_dump(kept, default_flow_style=None) + text
+
+
+def check_command(command):
+    """Wrong unless the program knows a command with such options, and its experiments are valid; nothing is run."""
+    try:
+        given = _given(*command.arguments, spoken_of=command.spoken_of)
+        for spec in given.get("specs") or ():
+            load(spec, given.get("profile") or "laptop", given.get("overrides") or ())
+    except Exception as error:
+        raise Wrong(f"{command.place}: spi {shlex.join(command.arguments)}: {error}") from error
+
+
+def _given(name, *rest, spoken_of):
+    """The values of the options and arguments of a command, by their names in the program."""
+    group = typer.main.get_command(app)
+    with group.make_context("spi", [], resilient_parsing=True) as context:
+        _, command, _ = group.resolve_command(context, [name])
+        options = {option for parameter in command.get_params(context) for option in parameter.opts}
+        if unknown := next(
+            (word for word in rest if word.startswith("--") and word.partition("=")[0] not in options), None
+        ):
+            raise Wrong(f"no such option: {unknown}")
+        return command.make_context(name, list(rest), parent=context, resilient_parsing=spoken_of).params
+
+
+def missing_lines(shown, said):
+    """The lines of a block of output that a command does not say, in their order."""
+    missing, start = [], 0
+    for line in filter(str.strip, shown.splitlines()):
+        pattern = ".*".join(re.escape(part.strip()) for part in re.split(r"\.\.\.|…", line))
+        found = re.compile(pattern).search(said, start)
+        if found is None:
+            missing.append(line)
+        else:
+            start = found.end()
+    return missing
