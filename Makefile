@@ -16,7 +16,7 @@ QUICK = coins dispatch disk_cache estimators expressions floors kinds model_fiel
   rigid_body rng spec spec_eps stability_tables stability_views storage tables tables_weak vorticity work_points work_precision_tables \
   work_precision_views
 
-.PHONY: help install demo test test-quick test-uncompiled lint check figures bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-quick test-uncompiled lint check docs figures bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -58,6 +58,10 @@ lint: $(INSTALLED_TEST) ## linter, format and types
 check: lint ## lint, and validate every experiment
 	$(SPI) check experiments/*.yaml
 
+docs: $(INSTALLED_TEST) ## the documentation as a site, in site/; its reference pages are written from the code
+	$(VENV)/bin/python docs/generate/reference.py
+	$(VENV)/bin/python -m mkdocs build --quiet
+
 figures: $(EXPERIMENTS) ## run and plot every experiment
 
 $(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
@@ -71,5 +75,5 @@ bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, w
 	$(VENV)/bin/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
-	rm -rf results .venv build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf results site .venv build *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find spi tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
