@@ -4,7 +4,7 @@ A note is a comment in HTML, which readers do not see, on a line above a block:
 
     <!-- within: NAME -->             of YAML: keys that stand in the first case of the experiment NAME
     <!-- within: NAME, model -->      of YAML: keys that stand under its key `model`
-    <!-- file: NAME -->               of YAML or Python: the text of a file of this name, which the page then uses
+    <!-- in file: NAME -->            of YAML: lines that take the place of lines with the same keys in a file
     <!-- output of: spi ... -->       what a command says; ... or … stand for anything
     <!-- compiled only: reason -->    of Python: not run, because
 """
@@ -12,6 +12,7 @@ A note is a comment in HTML, which readers do not see, on a line above a block:
 import re
 import shlex
 import textwrap
+import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ import yaml
 from spi import shipped
 from spi.cli import app
 from spi.runs import load
+from spi.spec import SpecError
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -31,11 +33,19 @@ PLACEHOLDERS = {
     **{"I/N": "1/4", "{}": "1", "ADDRESS": "local:2", "key=value": "seed=1"},
 }
 #: Other programs that a block of commands may call.
-PROGRAMS = ("cd", "make", "mkdir", "pip", "python", "#")
+PROGRAMS = ("make", "pip", "python", "source", "#")
 
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _NOTES = re.compile(r"(?:^<!-- [a-z ]+: .*? -->\n)*\Z", re.MULTILINE)
 _COMMAND = re.compile(r"(?<![\w/.'\[-])spi +([a-z][^;|&`]*)")
+
+
+LANGUAGES = ("", "python", "sh", "text", "toml", "yaml")
+
+
+def page_name(page):
+    """What a page is called among the tests."""
+    return str(page.relative_to(ROOT))
 
 
 class Block(NamedTuple):
@@ -75,16 +85,21 @@ class Command(NamedTuple):
 def commands_of(page, text):
     """All commands of a page, those in blocks and those in sentences."""
     for block in blocks_of(page, text):
-        if block.language == "sh":
-            for n, line in enumerate(block.text.replace("\\\n", " ").splitlines(), 1):
-                found = list(_arguments(line.partition(" #")[0]))
-                if line.strip() and not found and not line.startswith(PROGRAMS):
-                    raise Wrong(f"{block.place}: line {n} calls none of spi, {', '.join(PROGRAMS)}: {line}")
-                yield from (Command(block.place, arguments, False) for arguments in found)
+        yield from commands_in(block)
     sentences = _BLOCK.sub(lambda found: "\n" * found[0].count("\n"), text)
     for found in re.finditer(r"`(spi [a-z][^`]*)`", sentences):
         place = f"{page.name}:{sentences.count(chr(10), 0, found.start()) + 1}"
         yield from (Command(place, arguments, True) for arguments in _arguments(found[1]))
+
+
+def commands_in(block):
+    """The commands in a block; Wrong if a line of it calls something that is not known."""
+    lines = block.text.replace("\\\n", " ").splitlines() if block.language == "sh" else ()
+    for n, line in enumerate(lines, 1):
+        found = list(_arguments(line.partition(" #")[0]))
+        if line.strip() and not found and not line.startswith(PROGRAMS):
+            raise Wrong(f"{block.place}: line {n} calls none of spi, {', '.join(PROGRAMS)}: {line}")
+        yield from (Command(block.place, arguments, False) for arguments in found)
 
 
 def _arguments(line):
@@ -114,6 +129,16 @@ def whole(block):
     return yaml.safe_dump(kept, default_flow_style=None) + text
 
 
+def changed(block, text):
+    """The text of a file with the lines of a block in place of its own; Wrong if it has not one line with that key."""
+    for line in block.text.splitlines():
+        key = re.match(r" *\w+:", line)[0]
+        text, count = re.subn(rf"^{key}.*$", line, text, flags=re.MULTILINE)
+        if count != 1:
+            raise Wrong(f"{block.place}: {count} lines of the file begin with '{key}'")
+    return text
+
+
 def check_command(command):
     """Wrong unless the program knows a command with such options, and its experiments are valid; nothing is run."""
     try:
@@ -128,7 +153,9 @@ def _given(name, *rest, spoken_of):
     """The values of the options and arguments of a command, by their names in the program."""
     group = typer.main.get_command(app)
     with group.make_context("spi", [], resilient_parsing=True) as context:
-        _, command, _ = group.resolve_command(context, [name])
+        command = group.get_command(context, name)
+        if command is None:
+            raise Wrong("no such command")
         options = {option for parameter in command.get_params(context) for option in parameter.opts}
         if unknown := next(
             (word for word in rest if word.startswith("--") and word.partition("=")[0] not in options), None
@@ -148,3 +175,41 @@ def missing_lines(shown, said):
         else:
             start = found.end()
     return missing
+
+
+def check_yaml(block):
+    """Wrong unless the block is a valid spec, alone or within another."""
+    path = Path(f"block_{block.line}.yaml")
+    path.write_text(whole(block), encoding="utf-8")
+    try:
+        load(path)
+    except SpecError as error:
+        raise Wrong(f"{block.place}: {error}") from error
+
+
+def check_python(block):
+    """Wrong unless the block runs, or can be compiled if it is not to be run."""
+    try:
+        code = compile(block.text, block.place, "exec")
+        if "compiled only" not in block.notes:
+            exec(code, {"__name__": "page"})
+    except Exception as error:
+        raise Wrong(f"{block.place}: {error}") from error
+
+
+def check_toml(block):
+    tomllib.loads(block.text)
+
+
+CHECKS = {"yaml": check_yaml, "python": check_python, "toml": check_toml}
+
+
+def check_page(page, text):
+    """Everything of a page that can be checked without computing; Wrong about the first thing that is not so."""
+    for block in blocks_of(page, text):
+        if block.language not in LANGUAGES:
+            raise Wrong(f"{block.place}: has the language {block.language}; known: {', '.join(LANGUAGES)}")
+        if block.language in CHECKS:
+            CHECKS[block.language](block)
+    for command in commands_of(page, text):
+        check_command(command)

@@ -1,25 +1,34 @@
 """The documentation: every command and every block of YAML or Python in it is what the program knows."""
 
-import re
 import shlex
 import signal
-import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
-from documents import PAGES, ROOT, Wrong, blocks_of, check_command, commands_of, missing_lines, whole
+from documents import (
+    PAGES,
+    ROOT,
+    Wrong,
+    blocks_of,
+    changed,
+    check_command,
+    check_page,
+    check_yaml,
+    commands_in,
+    commands_of,
+    missing_lines,
+    page_name,
+)
+from helpers import COMPILED
 
 from spi import cli
-from spi.runs import load
-from spi.spec import SpecError
 
-sys.path.append(str(ROOT / "docs" / "generate"))
-import reference
+TUTORIAL = ROOT / "docs" / "tutorial.md"  # whose commands need what those before them wrote
+OTHERS = [page for page in PAGES if page != TUTORIAL]
 
-LANGUAGES = ("", "python", "sh", "text", "toml", "yaml")
-IDS = {"argvalues": PAGES, "ids": lambda page: str(page.relative_to(ROOT))}
+#: A run that takes no time, with the kernels that the other tests compile.
+TINY = ["--profile", "quick", "--samples", "9", "--set", "schemes=[euler_maruyama, splitting]", "--set", "expect=null"]
 
 
 @pytest.fixture
@@ -52,45 +61,7 @@ def spi(folder, monkeypatch, capfd):
 # --- blocks and commands ---------------------------------------------------------------------------------------------
 
 
-def check_yaml(block):
-    """Wrong unless the block is a valid spec, alone or within another."""
-    path = Path(block.notes.get("file", f"block_{block.line}.yaml"))
-    path.write_text(whole(block), encoding="utf-8")
-    try:
-        load(path)
-    except SpecError as error:
-        raise Wrong(f"{block.place}: {error}") from error
-
-
-def check_python(block):
-    """Wrong unless the block runs, or can be compiled if it is not to be run."""
-    try:
-        code = compile(block.text, block.place, "exec")
-        if "compiled only" not in block.notes:
-            exec(code, {"__name__": "page"})
-    except Exception as error:
-        raise Wrong(f"{block.place}: {error}") from error
-
-
-def check_toml(block):
-    tomllib.loads(block.text)
-
-
-CHECKS = {"yaml": check_yaml, "python": check_python, "toml": check_toml}
-
-
-def check_page(page, text):
-    """Everything of a page that can be checked without computing; Wrong about the first thing that is not so."""
-    for block in blocks_of(page, text):
-        if block.language not in LANGUAGES:
-            raise Wrong(f"{block.place}: has the language {block.language}; known: {', '.join(LANGUAGES)}")
-        if block.language in CHECKS:
-            CHECKS[block.language](block)
-    for command in commands_of(page, text):
-        check_command(command)
-
-
-@pytest.mark.parametrize("page", **IDS)
+@pytest.mark.parametrize("page", OTHERS, ids=page_name)
 def test_blocks_and_commands(page, folder):
     check_page(page, page.read_text(encoding="utf-8"))
 
@@ -135,16 +106,16 @@ def test_a_page_without_mistakes(folder):
         ("kind: trajectory", "kind: trajectory\nsamplse: 3", "page.md:4: block_4.yaml:.*samplse"),
         ("samples: 10^4", "samples: 0", "page.md:.*samples"),
         ("samples: 10^4", "smaples: 10", "page.md:.*smaples"),
-        ("sizes: {n: 3}", "sises: {n: 3}", "page.md:.*sises"),
+        ("sizes: {n: 3}", "sises: {n: 3}", "(?s)page.md:.*sises"),
         ("<!-- within: rigid_body_strong -->", "", "is no whole spec"),
         ("--max-time", "--maxtime", "no such option: --maxtime"),
         ("--set seed=2", "--set sede=2", "sede"),
         ("--part {{}}/4", "--prat {{}}/4", "--prat"),
         ("spi run lotka_volterra_positivity", "spi run lotka_volterra", "lotka_volterra: no such file"),
-        ("spi run lotka", "spi ran lotka", "ran"),
-        ("make demo", "mkae demo", "calls none of spi, cd, make"),
+        ("spi run lotka", "spi ran lotka", "no such command"),
+        ("make demo", "mkae demo", "calls none of spi, make"),
         ("`spi plot FILE`", "`spi plot FILE --flim`", "no such option: --flim"),
-        ("`spi run --part`", "`spi rnu --part`", "rnu"),
+        ("`spi run --part`", "`spi rnu --part`", "no such command"),
         ("1 + 1 == 2", "1 + 1 == 3", "page.md"),
         ("1 + 1 == 2", "1 + 1 === 2", "page.md"),
         ("```python", "```pyhton", "has the language pyhton"),
@@ -161,18 +132,22 @@ def test_a_mistake_in_a_page_is_noticed(folder, right, wrong, message):
 
 
 def outputs():
-    for page in PAGES:
+    for page in OTHERS:
         for block in blocks_of(page, page.read_text(encoding="utf-8")):
             if "output of" in block.notes:
                 yield pytest.param(block, id=block.place)
 
 
+def check_output(block, spi):
+    """Wrong unless a command says what the block shows."""
+    _, said = spi(*shlex.split(block.notes["output of"])[1:])
+    if missing := missing_lines(block.text, said):
+        raise Wrong(f"{block.place}: not said: {missing}")
+
+
 @pytest.mark.parametrize("block", [*outputs()])
 def test_output_is_that_of_the_command(spi, block):
-    program, *arguments = shlex.split(block.notes["output of"])
-    assert program == "spi"
-    _, said = spi(*arguments)
-    assert missing_lines(block.text, said) == []
+    check_output(block, spi)
 
 
 def test_other_output_is_noticed():
@@ -182,76 +157,46 @@ def test_other_output_is_noticed():
     assert missing_lines("  noise 1: …\nheavy_top:\n", said) == ["heavy_top:"]  # the order counts
 
 
-# --- other programs, and links ---------------------------------------------------------------------------------------
+# --- the tutorial ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("page", **IDS)
-def test_targets_and_files_exist(page):
-    text = page.read_text(encoding="utf-8")
-    targets = re.findall(r"^([a-z-]+):", ROOT.joinpath("Makefile").read_text(encoding="utf-8"), re.MULTILINE)
-    targets += [path.stem for path in ROOT.joinpath("experiments").glob("*.yaml")]
-    for target in re.findall(r"(?:`|^)make ([a-z_-]+)", text, re.MULTILINE):
-        assert target in targets
-    for path in re.findall(r"\b(?:benchmarks|tests|experiments|spi)/[\w/]+\.(?:py|yaml)\b", text.replace("NAME.yaml", "")):
-        assert ROOT.joinpath(path).is_file(), path
+def follow(page, text, spi):
+    """Do what a page says, from its beginning to its end; only runs of its own experiments are not computed."""
+    for block in blocks_of(page, text):
+        for command in commands_in(block):
+            verb, *rest = command.arguments
+            check_command(command)
+            if verb == "run" and rest == ["rigid_body_strong"]:
+                rest += TINY
+            elif verb in ("run", "plot") and rest != ["rigid_body_strong"]:
+                continue
+            code, said = spi(verb, *rest)
+            if code:
+                raise Wrong(f"{command.place}: {verb} ends with exit code {code}: {said}")
+        if "in file" in block.notes:
+            path = Path(block.notes["in file"])
+            path.write_text(changed(block, path.read_text(encoding="utf-8")), encoding="utf-8")
+        elif "output of" in block.notes:
+            check_output(block, spi)
+        elif block.language == "yaml":
+            check_yaml(block)
+    for command in commands_of(page, text):
+        check_command(command)
 
 
-@pytest.mark.parametrize("page", PAGES[:2], ids=lambda page: page.name)
-def test_links_lead_to_files(page):
-    """Those of the pages in docs are checked by MkDocs."""
-    links = re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8"))
-    assert links
-    for link in links:
-        assert ROOT.joinpath(link).is_file(), link
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+def test_tutorial_can_be_followed(spi):
+    follow(TUTORIAL, TUTORIAL.read_text(encoding="utf-8"), spi)
+    assert "sigma: [1, 0, 0]" in Path("my_body.yaml").read_text(encoding="utf-8")
+    assert Path("results/rigid_body_strong.png").is_file()
 
 
-# --- the site --------------------------------------------------------------------------------------------------------
-
-
-def test_reference_is_that_of_the_code():
-    pages = reference.pages()
-    assert sorted(pages) == sorted(reference.FOLDER.glob("*.md"))
-    for path, text in pages.items():
-        assert path.read_text(encoding="utf-8") == text, f"{path.name} is not that of the code; say `make docs`"
-
-
-def test_reference_says_what_every_key_is():
-    """A description for each key, and for each model, scheme and command its place."""
-    pages = {path.stem: text for path, text in reference.pages().items()}
-    for name in ("spec", "models", "commands"):
-        assert not re.findall(r"^\|.*\| *\|$", pages[name], re.MULTILINE)
-    assert "| `final_time` | number > 0 | time | **required** |" in pages["spec"]
-    assert "| `seed` | whole number ≥ 0 |  | `1` |" in pages["spec"]
-    for name, known in (("models", reference.MODELS), ("schemes", reference.SCHEMES), ("spec", reference.KINDS)):
-        for entry in known:
-            assert f"\n## {entry}\n" in pages[name]
-
-
-def built(config, target):
-    program = [sys.executable, "-m", "mkdocs", "build", "--strict", "--config-file", config, "--site-dir", target]
-    return subprocess.run(program, capture_output=True, text=True, check=False, timeout=120)
-
-
-def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
-    done = built(ROOT / "mkdocs.yml", tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "WARNING" not in done.stderr
-    pages = [*tmp_path.rglob("*.html")]
-    assert len(pages) > 20
-    for page in pages:
-        text = page.read_text(encoding="utf-8")
-        assert not re.findall(r'<(?:script|img|iframe)[^>]* src="https?:', text), page
-        assert not re.findall(r'<link[^>]* href="https?:', text), page
-    for style in tmp_path.rglob("*.css"):
-        assert not re.findall(r"url\(['\"]?https?:", style.read_text(encoding="utf-8")), style
-
-
-def test_a_broken_link_is_noticed(tmp_path):
-    docs = tmp_path / "docs"
-    docs.mkdir()
-    docs.joinpath("index.md").write_text("[nowhere](no_such_page.md)\n")
-    config = ROOT.joinpath("mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[0]
-    tmp_path.joinpath("mkdocs.yml").write_text(f"{config}\nnav: [index.md]\n")
-    done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
-    assert done.returncode != 0
-    assert "no_such_page.md" in done.stderr
+def test_a_mistake_in_a_tutorial_is_noticed(spi):
+    """A line that the file does not have, and an experiment that was not written."""
+    page = "<!-- in file: experiments/rigid_body_strong.yaml -->\n```yaml\nsamplse: 3\n```\n"
+    with pytest.raises(Wrong, match="0 lines of the file begin with 'samplse:'"):
+        follow(Path("page.md"), page, spi)
+    with pytest.raises(Wrong, match="my_bodi"):
+        follow(Path("page.md"), "```sh\nspi run my_bodi.yaml\n```\n", spi)
+    with pytest.raises(Wrong, match="exit code 2"):
+        follow(Path("page.md"), "```sh\nspi show rigid_body_strong.h5\n```\n", spi)
