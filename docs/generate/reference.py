@@ -12,7 +12,7 @@ from typing import Any, get_type_hints
 
 import typer
 import yaml
-from words import Rows, default_of, key_rows, key_table, linked, plain, table, value_of
+from words import Rows, default_of, in_symbols, key_rows, key_table, linked, plain, table, value_of
 
 from spi import shipped
 from spi.cli import app, options
@@ -145,26 +145,24 @@ def models() -> str:
         module = sys.modules[cls.__module__]
         about = [cls.__doc__] if module in told else [module.__doc__, cls.__doc__]
         told.add(module)
-        text += "\n\n".join((f"\n## {name}", *(plain(paragraphs or "") for paragraphs in about))) + "\n\n"
+        text += "\n\n".join((f"\n## {name}", *(in_symbols(plain(paragraphs or "")) for paragraphs in about))) + "\n\n"
         if not large(cls):
             counts = ("components", cls.dimension), ("pieces of H", cls.pieces), ("noises", cls.noises)
             counts += (("Casimir functions", cls.conserved),)
             text += f"Number of {', '.join(f'{what}: {n}' for what, n in counts)}.\n\n"
         text += table(("parameter", "value", "default", "what it is"), _parameters(cls, definitions))
     noise = definitions["Noise"]
-    return (
-        text
-        + f"\n### noise of zeitlin\n\n{plain(noise['description'])}\n\n{key_table(key_rows(noise, noise, definitions))}"
-    )
+    about = in_symbols(plain(noise["description"]))
+    return f"{text}\n### noise of zeitlin\n\n{about}\n\n{key_table(key_rows(noise, noise, definitions))}"
 
 
 MODELS_PAGE = """# Models
 
 Every model is a stochastic Poisson system in Stratonovich form,
 
-    dy = B(y) ∇H(y) dt + sum_k sigma_k B(y) ∇Ĥ_k(y) ∘ dW_k(t),      H = H_1 + ... + H_p,
+    dy = B(y) ∇H(y) dt + Σₖ σₖ B(y) ∇Ĥₖ(y) ∘ dWₖ(t),      H = H₁ + ... + Hₚ,
 
-with independent Wiener processes W_1, ..., W_m. B is the structure matrix, and C are Casimir functions, B(y) ∇C(y) = 0.
+with independent Wiener processes W₁, ..., Wₘ. B is the structure matrix, and C are Casimir functions, B(y) ∇C(y) = 0.
 The parameters are the keys under `model` beside `name`, as in
 `model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}`. They are pure numbers. Any model may have
 linear [damping](../damping.md); systems of your own are written [in YAML](../own_systems.md) or
@@ -186,7 +184,7 @@ def schemes() -> str:
     rows = ((f"[`{n}`](#{n})", *map(fraction, orders[n]), row.preserves) for n, row in SCHEMES.items())
     text = SCHEMES_PAGE + table(head, rows)
     for name, row in SCHEMES.items():
-        formula = textwrap.fill(row.formula, 100, subsequent_indent="    ")
+        formula = textwrap.fill(in_symbols(row.formula), 100, subsequent_indent="    ")
         text += f"\n## {name}\n\n{row.label[0].upper()}{row.label[1:]}.\n\n```text\n{formula}\n```\n\n"
         text += f"Source: {linked(row.reference)}.{_conditions(row)}\n"
     return text
@@ -212,7 +210,7 @@ def _able(row: Any) -> str:
 SCHEMES_PAGE = """# Schemes
 
 A step of size h leads from y to z. Y_H is the vector field B ∇H, and exp(t Y_H) y its exact flow; f = B ∇H,
-f_k = B ∇Ĥ_k, and dW_k is the increment of W_k over the step. *Strong order* holds with several noises that do not
+fₖ = B ∇Ĥₖ, and dWₖ is the increment of Wₖ over the step. *Strong order* holds with several noises that do not
 commute, *with one noise* also with several that commute. Compositions of flows of your own need no program: see
 [compositions](../compositions.md). Labels such as "eq. slpI" are those of the paper,
 [arXiv:2111.07387](https://arxiv.org/abs/2111.07387).

@@ -32,12 +32,31 @@ def _cell(value: object) -> str:
 def plain(text: str) -> str:
     """A docstring or help text as Markdown: single backquotes, and `<` and `*` as themselves."""
     text = re.sub(r":\w+:`~?([^`]+)`", r"``\1``", inspect.cleandoc(text))
-    prose, code = r"<|(?<=\S)\*(?=\S)", re.split(r"``(.+?)``|`(.+?)`", text)
-    return "".join(re.sub(prose, r"\\\g<0>", code[i]) + _code(*code[i + 1 : i + 3]) for i in range(0, len(code), 3))
+    code = re.split(r"``(.+?)``|`(.+?)`", text)
+    return "".join(_prose(code[i]) + _code(*code[i + 1 : i + 3]) for i in range(0, len(code), 3))
+
+
+def _prose(text: str) -> str:
+    return re.sub(r"(?<=\S)\*(?=\S)", r"\*", text).replace("<", "&lt;")
 
 
 def _code(*found: str | None) -> str:
     return "".join(f"`{text}`" for text in found if text)
+
+
+#: What a formula in plain text has, and the sign for it.
+_SIGNS = {"sigma": "σ", "omega": "ω", "gamma": "γ", "xi": "ξ", "eps": "ε", "pi": "π", "sum": "Σ"}
+_LOW = str.maketrans("0123456789aijklmnp", "₀₁₂₃₄₅₆₇₈₉ₐᵢⱼₖₗₘₙₚ")
+_HIGH = str.maketrans("0123456789ikn", "⁰¹²³⁴⁵⁶⁷⁸⁹ⁱᵏⁿ")
+
+
+def in_symbols(text: str) -> str:
+    """Formulas with the signs of mathematics: Greek letters, and indices and powers of one character."""
+    for word, sign in _SIGNS.items():
+        text = re.sub(rf"\b{word}(?![A-Za-z])", sign, text)
+    text = text.replace("grad ", "∇").replace("Hess ", "∇²")
+    text = re.sub(r"(?<=[A-Za-zĤÎσωξΣ])_([0-9aijklmnp])(?![A-Za-z0-9_])", lambda found: found[1].translate(_LOW), text)
+    return re.sub(r"\^([0-9ikn])(?![0-9]|[.][0-9])", lambda found: found[1].translate(_HIGH), text)
 
 
 def linked(reference: str) -> str:
