@@ -46,13 +46,14 @@ class Experiment(NamedTuple):
     path: Path
     name: str  #: of the file, without its ending
     title: str
+    asks: str | None  #: the question that the experiment answers; it decides nothing, just as the title
     figure: int | None  #: of the paper
     kind: str
     profile: str
     cases: tuple[BaseCase, ...]
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
-    effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
+    effective: dict  #: all that decides the results, so without titles, question, figure and claims; can be written as JSON
     overrides: tuple[str, ...] = ()  #: such as "samples=100"
     expect: str | None = None  #: the claims of all cases, as ``spi.claims.of_text`` reads them; None if there are none
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
@@ -124,6 +125,7 @@ def load(
         path=Path(path),
         name=Path(path).stem,
         title=title,
+        asks=file.asks,
         figure=file.figure,
         kind=file.kind,
         profile=profile,
