@@ -53,7 +53,7 @@ class Experiment(NamedTuple):
     cases: tuple[BaseCase, ...]
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
-    effective: dict  #: all that decides the results, so without titles, question, figure and claims; can be written as JSON
+    effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
     overrides: tuple[str, ...] = ()  #: such as "samples=100"
     expect: str | None = None  #: the claims of all cases, as ``spi.claims.of_text`` reads them; None if there are none
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
