@@ -194,7 +194,7 @@ def main() -> NoReturn:
         if code is None:
             raise
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
-        tell(message if message.startswith("Usage") else f"spi: {message}")
+        tell(message if message.startswith("Usage") else "\n".join(f"spi: {line}" for line in message.split("\n")))
     if code == 128 + signal.SIGINT:
         STOP.ignore()
         tell("spi: stopped")

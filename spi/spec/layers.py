@@ -24,6 +24,9 @@ from .sweep import PLACES
 #: ``laptop`` is the file itself; so are the others where the file does not define them.
 PROFILES = ("laptop", "paper", "quick")
 
+#: The keys of a file that are none of its cases.
+ONLY_IN_FILES = ("kind", "figure", "cases", "profiles")
+
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
     """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""

@@ -4,13 +4,12 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
-from pydantic import model_validator
 
 from spi.claims import AT_MOST, EQUAL, Sort
 from spi.rng import STEPS_PER_TOSS
 from spi.spec.cases import CLIP, BaseCase
 from spi.spec.checks import check_once, check_schemes
-from spi.spec.keys import Samples, Schemes, Steps, key_of, wrong
+from spi.spec.keys import Samples, Schemes, Steps, condition, key_of, wrong
 
 #: What the figure can show.
 PANELS = ("growth", "law", "distance", "moments")
@@ -39,7 +38,7 @@ class Case(BaseCase):
         """Of the largest step size."""
         return max(self.steps) * self.step_count
 
-    @model_validator(mode="after")
+    @condition
     def _check_steps(self) -> Self:
         if self.step_count % STEPS_PER_TOSS:
             lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS

@@ -4,12 +4,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import MinLen
-from pydantic import model_validator
 
 from spi.claims import AT_LEAST, AT_MOST, Sort
 from spi.protocol import Positive
 from spi.spec.cases import FunctionsCase
-from spi.spec.keys import Samples, key_of, wrong
+from spi.spec.keys import Samples, condition, key_of, wrong
 from spi.spec.sweep import Sweep
 
 #: What the figure can show.
@@ -49,13 +48,13 @@ class Case(FunctionsCase):
                 raise wrong("has a value twice", "remove one", word)
         return sweep
 
-    @model_validator(mode="after")
+    @condition
     def _check_not_zero(self) -> Self:
         if not any(self.initial):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_one_eps(self) -> Self:
         if self.eps is not None and len(self.eps) > 1:
             raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept word", "eps")

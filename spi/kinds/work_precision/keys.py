@@ -3,12 +3,11 @@
 from typing import Annotated, ClassVar, Self
 
 from annotated_types import Ge, Le, MinLen
-from pydantic import model_validator
 
 from spi.claims import ORDER, STEPWISE
 from spi.protocol import Positive
 from spi.spec.cases import SampledCase
-from spi.spec.keys import ESTIMATORS, key_of, wrong
+from spi.spec.keys import ESTIMATORS, condition, key_of, wrong
 
 Targets = Annotated[tuple[Positive, ...], MinLen(1)]
 Repeats = Annotated[int, Ge(3), Le(1000)]
@@ -24,7 +23,7 @@ class Case(SampledCase):
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = ORDER | STEPWISE
 
-    @model_validator(mode="after")
+    @condition
     def _check_measure(self) -> Self:
         if not self.functions:
             for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):
