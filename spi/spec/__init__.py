@@ -26,12 +26,13 @@ from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, override, text_of
 from .files import Files
+from .heading import Heading, heading
 from .keys import entries_in, shown, suggestion
 from .layers import PROFILES, Layers
 from .models import is_another
 from .systems import overridden
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Heading", "Layers", "SpecError", "heading", "load", "text_of"]
 
 
 _NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
