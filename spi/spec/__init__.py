@@ -27,12 +27,13 @@ from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
+from .heading import Heading, heading
 from .keys import Keys, entries_in, shown, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers
 from .models import is_another
 from .systems import overridden
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Heading", "Layers", "SpecError", "heading", "load", "text_of"]
 
 
 _NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
