@@ -9,7 +9,7 @@ from typing import NamedTuple
 from . import engine, spec, storage, systems
 from .checkpoint import Limits, Stopped, sums_path
 from .ensemble import thread_count
-from .loading import Source, layers, load, plans
+from .loading import Source, headings, layers, load, plans
 from .models.damped import undamped
 from .schemes import typical_ns
 from .session import NOBODY, USUAL, Progress, Session, Watch, identity, results_path
@@ -22,6 +22,7 @@ __all__ = [
     "Stopped",
     "Watch",
     "cost",
+    "headings",
     "layers",
     "load",
     "plans",

@@ -27,12 +27,13 @@ from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
+from .heading import Heading, heading
 from .keys import Keys, entries_in, shown, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers
 from .models import is_another
 from .systems import overridden
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "load"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Heading", "Layers", "SpecError", "heading", "load", "text_of"]
 
 
 _NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
@@ -47,6 +48,7 @@ class Experiment(NamedTuple):
     path: Path
     name: str  #: of the file, without its ending
     title: str
+    asks: str | None  #: the question that the experiment answers; it decides nothing, just as the title
     figure: int | None  #: of the paper
     kind: str
     profile: str
@@ -136,6 +138,7 @@ def load(
         path=Path(path),
         name=Path(path).stem,
         title=title,
+        asks=file.asks,
         figure=file.figure,
         kind=file.kind,
         profile=profile,

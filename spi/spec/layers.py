@@ -50,6 +50,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
+        "asks": (key_of(str | None, "what the experiment asks, a sentence for reports"), None),
         "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
         "profiles": (key_of(profiles, "paper and quick, mappings of keys that override those of the file"), ABSENT),

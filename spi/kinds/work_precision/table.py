@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     duration,
     error_and_remark,
@@ -59,6 +60,31 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     for line in remarks:
         console.print(line, style="dim", markup=False, soft_wrap=True)
     console.print()
+
+
+def told(readings: Sequence[WorkPrecision]) -> str:
+    """What came out of a case, in one sentence: the cheapest scheme for the smallest error that is reached; orders."""
+    labels = {reading.about.variant: whose(reading.about, with_eps=True) for reading in readings}
+    fitted = ((whose(reading.about), reading.order, reading.expected_order) for reading in readings)
+    parts = [orders(readings[0].measure, fitted)]
+    for target in requested(readings):
+        best, point, cells = _fastest(target, readings)
+        if best and point:
+            others = [_comparison(labels[name], cell) for name, cell in cells.items() if name != best]
+            time = f"takes {'at most ' * point.at_most}{duration(point.seconds)} per path with {labels[best]}"
+            parts.insert(0, ", ".join([f"an error of {_plainly(target)} {time}", *[joined(others)] * bool(others)]))
+            break
+    return sentence(parts)
+
+
+def _comparison(label: str, cell: str) -> str:
+    """What the cell of a scheme that is not the cheapest says."""
+    if cell == "-":
+        return f"{label} does not reach it"
+    if cell.startswith("tie"):
+        return f"{label} takes about as long"
+    bounded = cell.replace("≤", "at most").replace("≥", "at least")
+    return f"{label} takes {'perhaps ' * cell.startswith('(')}{bounded.strip('()')} times as long"
 
 
 def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
