@@ -25,7 +25,7 @@ from .sweep import PLACES
 PROFILES = ("laptop", "paper", "quick")
 
 #: The keys of a file that are none of its cases.
-ONLY_IN_FILES = ("kind", "figure", "cases", "profiles")
+ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
