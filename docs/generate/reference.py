@@ -38,7 +38,7 @@ EXIT_CODES = {
 #: What a bare number under ``expect`` means.
 SENSES = {"equal": "this number", "at most": "at most this number", "at least": "at least this number"}
 #: What typer calls the values of options -> what they are.
-VALUES = {"<str>": "TEXT", "<path>": "PATH", "<int range>": "N", " <list[Path]>": "", " <path>": "", "|": " or "}
+VALUES = {"<str>": "TEXT", "<path>": "PATH", "<int range>": "N"}
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -52,14 +52,12 @@ def commands() -> str:
     text = "# The command line\n\n"
     text += "Data goes to standard output, progress and messages go to standard error.\n\n"
     context = group.make_context("spi", [], resilient_parsing=True)
-    names = group.list_commands(context)
-    text += table(
-        ("command", "does"), ((f"[`spi {n}`](#spi-{n})", _help(group.get_command(context, n))) for n in names)
-    )
-    for name in names:
-        command = group.get_command(context, name)
+    each = {name: group.get_command(context, name) for name in group.list_commands(context)}
+    first = {name: command.help.partition("\n\n")[0] for name, command in each.items()}
+    text += table(("command", "does"), ((f"[`spi {name}`](#spi-{name})", plain(does)) for name, does in first.items()))
+    for name, command in each.items():
         inner = command.make_context(name, [], parent=context, resilient_parsing=True)
-        text += f"\n## spi {name}\n\n{_help(command)}\n\n"
+        text += f"\n## spi {name}\n\n{plain(command.help)}\n\n"
         records = filter(None, (parameter.get_help_record(inner) for parameter in command.get_params(inner)))
         text += table(("argument or option", "what it does"), ((_option(what), plain(said)) for what, said in records))
     text += "\n## Exit codes\n\n" + table(("code", "meaning"), EXIT_CODES.items())
@@ -71,13 +69,11 @@ def commands() -> str:
 
 
 def _option(text: str) -> str:
+    """How an option or an argument is written; its name says what an argument is."""
     for name, value in VALUES.items():
         text = text.replace(name, value)
-    return f"`{text}`"
-
-
-def _help(command: Any) -> str:
-    return plain(command.help or "")
+    text = text if text.startswith("-") else text.partition(" ")[0]
+    return f"`{text.replace('|', ' or ')}`"
 
 
 def spec_keys() -> str:
@@ -98,9 +94,8 @@ def spec_keys() -> str:
         own = {key: row for key, row in each[kind].items() if key not in (*shared, "kind")}
         text += f"\n## {kind}\n\n{plain(module.keys.Case.__doc__ or '')}\n\n{key_table(own)}"
         text += _claimable(module.keys.Case.quantities)
-        text += (
-            f"\nExperiments: {', '.join(f'`{name}`' for name, (k, *_) in experiments_known().items() if k == kind)}.\n"
-        )
+        names = ", ".join(f"`{name}`" for name, keys in experiments_known().items() if keys["kind"] == kind)
+        text += f"\nExperiments: {names}.\n"
     text += "\n## A system under `model`\n\nSee [systems in YAML](../own_systems.md).\n\n"
     text += table(("key", "what it is"), ((f"`{key}`", plain(said)) for key, said in SYSTEM_KEYS.items()))
     text += "\n## A vorticity under `initial`\n\nOf `sine_euler` and `zeitlin`; see [fluids](../fluids.md).\n\n"
@@ -218,26 +213,28 @@ commute, *with one noise* also with several that commute. Compositions of flows 
 """
 
 
-def experiments_known() -> dict[str, tuple[str, str, str]]:
-    """name -> (kind, figure of the paper, title) of the experiments that come with the program."""
-    found = {}
-    for name in shipped.names():
-        data = yaml.safe_load(shipped.path_of(name).read_text(encoding="utf-8"))
-        found[name] = (data["kind"], str(data.get("figure", "")), data["title"])
-    return found
+def experiments_known() -> dict[str, dict[str, Any]]:
+    """name -> the keys of the experiments that come with the program, as they stand in their files."""
+    return {name: yaml.safe_load(shipped.path_of(name).read_text(encoding="utf-8")) for name in shipped.names()}
 
 
 def experiments() -> str:
     """The experiments that come with the program."""
-    rows = (
-        (f"`{name}`", figure, f"[{kind}](spec.md#{kind})", title)
-        for name, (kind, figure, title) in experiments_known().items()
-    )
     text = (
         "# Experiments\n\nThey come with the program: `spi run NAME` runs one in any folder, `spi plot NAME` draws it. "
     )
     text += "*Figure* is that of the paper, [arXiv:2111.07387](https://arxiv.org/abs/2111.07387).\n\n"
-    return text + table(("name", "figure", "kind", "title"), rows)
+    rows = (
+        (
+            f"`{name}`",
+            keys.get("figure", ""),
+            f"[{keys['kind']}](spec.md#{keys['kind']})",
+            keys["title"],
+            plain(keys["asks"]),
+        )
+        for name, keys in experiments_known().items()
+    )
+    return text + table(("name", "figure", "kind", "title", "what it asks"), rows)
 
 
 def glossary() -> str:
