@@ -20,7 +20,7 @@ import typer
 import yaml
 
 from spi import shipped
-from spi.cli import app
+from spi.cli import app, options
 from spi.runs import load
 from spi.spec import SpecError
 
@@ -143,8 +143,9 @@ def check_command(command):
     """Wrong unless the program knows a command with such options, and its experiments are valid; nothing is run."""
     try:
         given = _given(*command.arguments, spoken_of=command.spoken_of)
-        for spec in given.get("specs") or ():
-            load(spec, given.get("profile") or "laptop", given.get("overrides") or ())
+        if given.get("specs"):
+            wanted = [given.get(key) for key in ("specs", "profile", "overrides", "samples", "seed")]
+            options.load(*wanted, *filter(None, [given.get("kind")]))
     except Exception as error:
         raise Wrong(f"{command.place}: spi {shlex.join(command.arguments)}: {error}") from error
 

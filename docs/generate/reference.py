@@ -48,7 +48,7 @@ VALUES = {"<str>": "TEXT", "<path>": "PATH", "<int range>": "N"}
 
 def commands() -> str:
     """The command line."""
-    group = typer.main.get_command(app)
+    group: Any = typer.main.get_command(app)
     text = "# The command line\n\n"
     text += "Data goes to standard output, progress and messages go to standard error.\n\n"
     context = group.make_context("spi", [], resilient_parsing=True)
@@ -135,20 +135,19 @@ def _claimable(quantities: Mapping[str, Any]) -> str:
 def models() -> str:
     """The models with their equations and parameters."""
     definitions = layers().json_schema()["$defs"]
-    text, told = MODELS_PAGE, set()
-    for name, cls in MODELS.items():
+    text, told, classes = MODELS_PAGE, set(), dict[str, Any](MODELS)
+    for name, cls in classes.items():
         module = sys.modules[cls.__module__]
         about = [cls.__doc__] if module in told else [module.__doc__, cls.__doc__]
         told.add(module)
         text += "\n\n".join((f"\n## {name}", *(in_symbols(plain(paragraphs or "")) for paragraphs in about))) + "\n\n"
         if not large(cls):
-            counts = ("components", cls.dimension), ("pieces of H", cls.pieces), ("noises", cls.noises)
-            counts += (("Casimir functions", cls.conserved),)
-            text += f"Number of {', '.join(f'{what}: {n}' for what, n in counts)}.\n\n"
+            text += f"Number of components: {cls.dimension}, pieces of H: {cls.pieces}, noises: {cls.noises}, "
+            text += f"Casimir functions: {cls.conserved}.\n\n"
         text += table(("parameter", "value", "default", "what it is"), _parameters(cls, definitions))
     noise = definitions["Noise"]
-    about = in_symbols(plain(noise["description"]))
-    return f"{text}\n### noise of zeitlin\n\n{about}\n\n{key_table(key_rows(noise, noise, definitions))}"
+    described = in_symbols(plain(noise["description"]))
+    return f"{text}\n### noise of zeitlin\n\n{described}\n\n{key_table(key_rows(noise, noise, definitions))}"
 
 
 MODELS_PAGE = """# Models
