@@ -87,6 +87,7 @@ ONLY_IN = {
     "rich": ["printing", "table", "report", "api", "cli"],
     "jinja2": ["report"],
     "xarray": ["api"],
+    "pandas": ["api"],
     "dask": ["workers"],
     "distributed": ["workers"],
     "numba": _LOWEST,
