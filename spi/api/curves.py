@@ -13,9 +13,8 @@ from ..records import INTERVAL
 from .arrays import long_name
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..drawing import Figure
+    from ..drawing.axes import Axes
     from .results import Results
 
 

@@ -94,9 +94,9 @@ def _one_path(ready: TrajectoryPlan, line: Line) -> xr.Dataset:
     state = State(of_any_kind)
     _compile(ready, line)
     engine.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
-    group = ready.group(state)
-    kept = {name: value for name, value in group.attributes.items() if name not in _OF_EXPERIMENTS}
-    return dataset_of(group._replace(attributes=kept), "trajectory")
+    found = dataset_of(ready.group(state), "trajectory")
+    found.attrs = _without_experiment(found.attrs)
+    return found
 
 
 def times_of(ready: TrajectoryPlan) -> np.ndarray:
@@ -163,5 +163,10 @@ def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line
 
 
 def _attributes(ready: TrajectoryPlan) -> dict[str, Any]:
-    told = {"step": ready.case.step, "every": ready.case.every, **ready.description()}
-    return {name: value for name, value in told.items() if value is not None and name not in _OF_EXPERIMENTS}
+    """What was integrated."""
+    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description()})
+
+
+def _without_experiment(attributes: dict[str, Any]) -> dict[str, Any]:
+    """The attributes that say something of paths, as far as they are known."""
+    return {name: value for name, value in attributes.items() if value is not None and name not in _OF_EXPERIMENTS}

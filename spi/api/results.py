@@ -16,9 +16,8 @@ from .page import as_html
 from .specs import in_python
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from ..drawing import Figure
+    from ..drawing.axes import Axes
 
 _ORDERS = ("order", "uniform_order")
 
