@@ -22,8 +22,10 @@ _LONG_NAMES = {
     "casimirs": "Casimirs",
     "function": "test function",
 }
-_STRONG_ERROR = "strong error sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2)"
-_WEAK_ERROR = "weak error E phi(y_h(T)) - E phi(y(T))"
+_ERRORS = {
+    "strong": ("strong error", "sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2)"),
+    "weak": ("weak error", "E phi(y_h(T)) - E phi(y(T))"),
+}
 _UNITS = {"seconds": "s", "cpu_seconds": "s", "seconds_per_path": "s", "ns_per_step": "ns", "largest_angle": "rad"}
 
 
@@ -33,16 +35,18 @@ def long_name(name: str, kind: str = "") -> str:
     if base != name:
         what = "standard error" if name.endswith("_stderr") else "bound of the numerical error"
         return f"{what} of the {long_name(base)}"
-    by_kind = {"strong": _STRONG_ERROR, "weak": _WEAK_ERROR}
-    known = by_kind.get(kind) if name == "error" else None
-    return known or _LONG_NAMES.get(name) or name.replace("_", " ")
+    if name == "error" and kind in _ERRORS:
+        return _ERRORS[kind][0]
+    return _LONG_NAMES.get(name, name.replace("_", " "))
 
 
 def dataset_of(group: Group, kind: str = "") -> xr.Dataset:
     """The arrays of a group with their coordinates; components of states are called as in expressions."""
 
     def told(name: str) -> dict[str, str]:
-        return {"long_name": long_name(name, kind), **({"units": _UNITS[name]} if name in _UNITS else {})}
+        formula = {"formula": _ERRORS[kind][1]} if name == "error" and kind in _ERRORS else {}
+        units = {"units": _UNITS[name]} if name in _UNITS else {}
+        return {"long_name": long_name(name, kind), **formula, **units}
 
     coordinates: dict[str, Any] = {
         name: (name, _labels(group, name, values), told(name)) for name, values in group.coordinates.items()
