@@ -4,6 +4,7 @@ What stands there is asked of the program itself: the command line, the JSON Sch
 schemes, the experiments that come with it, and the glossary of CONTRIBUTING.md.
 """
 
+import inspect
 import sys
 import textwrap
 from collections.abc import Mapping
@@ -12,8 +13,9 @@ from typing import Any, get_type_hints
 
 import typer
 import yaml
-from words import Rows, default_of, in_symbols, key_rows, key_table, linked, plain, table, value_of
+from words import Rows, default_of, in_symbols, key_rows, key_table, linked, paragraphs, plain, table, value_of
 
+import spi
 from spi import shipped
 from spi.cli import app, options
 from spi.kinds import KINDS
@@ -236,6 +238,31 @@ def experiments() -> str:
     return text + table(("name", "figure", "kind", "title", "what it asks"), rows)
 
 
+def python() -> str:
+    """What ``import spi`` offers."""
+    offered = {name: getattr(spi, name) for name in spi.__all__ if name != "__version__"}
+    text = f"# Python\n\n```python\nimport spi\n```\n\n{paragraphs(spi.__doc__)}\n"
+    for name, thing in offered.items():
+        text += f"\n## spi.{name}\n\n"
+        if inspect.isfunction(thing):
+            text += f"```text\n{_call(name, thing)}\n```\n\n"
+        text += f"{paragraphs(thing.__doc__)}\n"
+        if thing is spi.Results:
+            members = ((member, inspect.getdoc(getattr(thing, member))) for member in vars(thing))
+            rows = ((f"`{member}`", plain(said.partition("\n\n")[0])) for member, said in members if member[0] != "_")
+            text += "\n" + table(("attribute or method", "what it is"), rows)
+    return text
+
+
+def _call(name: str, function: Any) -> str:
+    """How a function is called: its parameters and their defaults, a line if they fit into one."""
+    given = [str(one.replace(annotation=one.empty)) for one in inspect.signature(function).parameters.values()]
+    keywords = [one.kind is one.KEYWORD_ONLY for one in inspect.signature(function).parameters.values()]
+    if any(keywords):
+        given.insert(keywords.index(True), "*")
+    return textwrap.fill(f"spi.{name}({', '.join(given)})", 100, subsequent_indent=" " * len(f"spi.{name}("))
+
+
 def glossary() -> str:
     """The glossary of CONTRIBUTING.md."""
     page = FOLDER.parents[1].joinpath("CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -248,6 +275,7 @@ PAGES = {
     "models": models,
     "schemes": schemes,
     "experiments": experiments,
+    "python": python,
     "glossary": glossary,
 }
 

@@ -36,6 +36,12 @@ def plain(text: str) -> str:
     return "".join(_prose(code[i]) + _code(*code[i + 1 : i + 3]) for i in range(0, len(code), 3))
 
 
+def paragraphs(text: str | None) -> str:
+    """A docstring of several paragraphs, with blocks of code as they are."""
+    parts = re.split(r"\n\n+", inspect.cleandoc(text or ""))
+    return "\n\n".join(part if part.startswith("    ") else plain(part) for part in parts)
+
+
 def _prose(text: str) -> str:
     return re.sub(r"(?<=\S)\*(?=\S)", r"\*", text).replace("<", "&lt;")
 
