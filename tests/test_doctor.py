@@ -50,7 +50,7 @@ def test_an_installation_that_works():
 def group(errors, drift):
     """Results of the small run as a study might have stored them."""
     variables = {"error": (("h",), errors), "casimir_drift": (("h", "casimir"), np.full((len(errors), 1), drift))}
-    return Group("main", "splitting", {"h": 2.0 ** -np.arange(4, 8), "casimir": np.zeros(1, int)}, variables)
+    return Group("main", "splitting", {"h": 2.0 ** -np.arange(4, 8), "casimir": np.zeros(1, int)}, variables, {})
 
 
 def test_wrong_numbers_are_noticed():

@@ -1,4 +1,4 @@
-"""What is installed: a wheel, built from the source archive, has all that the program needs, and works without a clone."""
+"""What is installed: a wheel, built from the source archive, holds all that is needed and works without a clone."""
 
 import os
 import shutil
