@@ -134,13 +134,13 @@ def _small_run(watch: Watch) -> Iterator[Finding]:
         return
     yield _numbers(group)
     (case,) = experiment.cases
-    yield _speed(float(np.min(group.variables["ns_per_step"][1])), typical_ns(case.row("splitting"), case.model))
+    yield _speed(float(np.min(group.arrays["ns_per_step"])), typical_ns(case.row("splitting"), case.model))
 
 
 def _numbers(group: Group) -> Finding:
     """Whether the results of the small run are those that are known."""
-    off = float(np.max(np.abs(group.variables["error"][1] / np.array(_ERRORS) - 1)))
-    drift = float(np.max(group.variables["casimir_drift"][1]))
+    off = float(np.max(np.abs(group.arrays["error"] / np.array(_ERRORS) - 1)))
+    drift = float(np.max(group.arrays["casimir_drift"]))
     right = off < _TOLERANCE and drift < _DRIFT
     found = f"strong errors as known, to {off:.0e}; Casimir drift {drift:.0e}"
     return Finding("numbers", found, "" if right else "too much, so do not trust what spi computes here", sound=right)

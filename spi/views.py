@@ -13,8 +13,6 @@ from .records import Group, Reading, Results, by_case
 from .storage import StorageError, write_all
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from .drawing import Figure
     from .drawing.film import Film
 
@@ -74,8 +72,8 @@ def print_tables(results: Results, file: IO[str] | None = None) -> None:
     show(results, new_console(file))
 
 
-def show(results: Results, console: "Console", with_title: bool = True) -> None:
-    """Print the tables of each case; under them stand its claims with their verdicts.
+def show(results: Results, console: Any, with_title: bool = True) -> None:
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
 
     Of results of an unknown kind all numbers are printed.
     """

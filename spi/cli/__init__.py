@@ -193,11 +193,12 @@ def main() -> NoReturn:
 
 def _usage(error: typer.TyperException) -> str:
     """What is wrong with a command line; where an argument is missing, also what it should be."""
-    message, needed = error.format_message(), getattr(error, "param", None)
-    if needed is None or not message.startswith("Missing argument"):
+    message = error.format_message()
+    argument, context = (getattr(error, name, None) for name in ("param", "ctx"))
+    if not (argument and context and message.startswith("Missing argument")):
         return message
-    right = needed.help.rstrip(".")
-    return f"{message.rstrip('.')}: {right[0].lower()}{right[1:]}; see `{error.ctx.command_path} --help`"
+    right = argument.help.rstrip(".")
+    return f"{message.rstrip('.')}: {right[0].lower()}{right[1:]}; see `{context.command_path} --help`"
 
 
 def _code(error: Exception) -> int | None:

@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from ..printing.text import printable
 from .names import SPECS, complete_spec
 from .options import FAILED, INVALID, end
 from .streams import tell
@@ -83,7 +82,7 @@ def new(
     from ..storage import write_all
 
     if not Path(name).name or name.endswith("/") or not name.isprintable():
-        end(INVALID, f"'{name}' is no name of a file; say for instance `spi new my_experiment`")
+        end(INVALID, f"{name!r} is no name of a file; say for instance `spi new my_experiment`")
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
@@ -128,6 +127,7 @@ def doctor() -> None:
     wrong.
     """
     from ..doctor import findings
+    from ..printing.text import printable
     from .progress import ProgressLine
 
     sound = True

@@ -7,7 +7,6 @@ from .text import fraction, new_console, new_table, printable
 
 if TYPE_CHECKING:
     from ..schemes import Scheme  # a compiler comes with it
-    from ..spec import Heading
 
 _WIDTH = 80  # of what goes into a file or a pipe, and the least on a terminal
 
@@ -30,8 +29,8 @@ def print_schemes(schemes: Mapping[str, "Scheme"], file: IO[str] | None = None) 
     _print("schemes", ["name", "strong\norder", "with one\nnoise", "weak\norder", ""], rows, file)
 
 
-def print_experiments(title: str, experiments: Mapping[str, "Heading"], file: IO[str] | None = None) -> None:
-    """Print experiments: what to call them on the command line -> what stands over them."""
+def print_experiments(title: str, experiments: Mapping[str, Any], file: IO[str] | None = None) -> None:
+    """Print experiments: what to call them on the command line -> their ``spi.spec.Heading``."""
     rows = [(name, str(one.figure or "-"), one.title) for name, one in experiments.items()]
     _print(title, ["name", "figure", "title"], rows, file)
 

@@ -42,19 +42,24 @@ def orders(measure: str, found: Iterable[tuple[str, Order, float | None]]) -> st
             others[label] = None
     if not resolved:
         return f"no {measure} order is resolved"
-    told = [f"{_fitted(fits)} for {label}{_expected(expected)}" for (label, expected), fits in resolved.items()]
+    theories = {expected for _, expected in resolved}
+    common = _expected(next(iter(theories)), "all ") if len(theories) == 1 and len(resolved) > 1 else ""
+    told = [
+        f"{_fitted(fits)} for {label}{'' if common else _expected(expected)}"
+        for (label, expected), fits in resolved.items()
+    ]
     unresolved = f"; it is not resolved everywhere for {joined(list(others))}" if others else ""
-    return f"the {measure} order is {joined(told)}{unresolved}"
+    return f"the {measure} order is {joined(told)}{common}{unresolved}"
 
 
 def _fitted(fits: Sequence[Order]) -> str:
     if len(fits) == 1:
         return f"{fits[0].order:.3f} [{fits[0].low:.3f}, {fits[0].high:.3f}]"
-    return "{:.2f} to {:.2f}".format(*(end(fit.order for fit in fits) for end in (min, max)))
+    return " to ".join(dict.fromkeys(f"{end(fit.order for fit in fits):.2f}" for end in (min, max)))
 
 
-def _expected(order: float | None) -> str:
-    return "" if order is None else f" (expected {fraction(order)})"
+def _expected(order: float | None, whose: str = "") -> str:
+    return "" if order is None else f" ({whose}expected {fraction(order)})"
 
 
 def casimirs(found: Iterable[tuple[str, float]]) -> str:
@@ -68,7 +73,8 @@ def casimirs(found: Iterable[tuple[str, float]]) -> str:
     kept = [label for label, drift in drifts.items() if drift <= KEPT]
     moved = [f"by {short(drift, '.2g')} with {label}" for label, drift in drifts.items() if KEPT < drift < math.inf]
     lost = [label for label, drift in drifts.items() if drift == math.inf]
-    parts = [f"stay within {short(max(drifts[label] for label in kept))} with {joined(kept)}"] if kept else []
+    most = max((drifts[label] for label in kept), default=0.0)
+    parts = [f"stay {f'within {short(most)}' if most else 'as they were'} with {joined(kept)}"] if kept else []
     parts += [f"drift {joined(moved)}"] if moved else []
     parts += [f"are lost with {joined(lost)}"] if lost else []
     return f"the Casimir functions {joined(parts)}" if parts else ""

@@ -57,8 +57,9 @@ def picture(results: Results, prefix: str) -> Markup:
     from ..drawing import as_bytes
 
     figure, title = views.figure(results), escape(results.attributes.get("title", ""))
-    svg = _inline(as_bytes(figure, "svg").decode(), prefix)
-    if len(svg) <= LARGEST_SVG:
+    holds_images = any(axes.images for axes in figure.axes)  # of many pixels, which an SVG would repeat
+    svg = "" if holds_images else _inline(as_bytes(figure, "svg").decode(), prefix)
+    if 0 < len(svg) <= LARGEST_SVG:
         return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1))
     png = base64.b64encode(as_bytes(figure, "png", dpi=_DPI)).decode()
     width, height = (round(96 * inches) for inches in figure.get_size_inches())

@@ -14,9 +14,9 @@ from .. import shipped, views
 from ..claims import KEPT, VERDICTS, Verdict
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
-from ..printing.text import duration, fraction, new_table, short
+from ..printing.text import duration, fraction, short
 from ..records import Reading, Results, by_case
-from .tables import Line, PlainTable, Recorder
+from .tables import Cell, Line, PlainTable, Recorder, Row
 
 Facts = list[tuple[str, str]]  #: name and value
 
@@ -99,8 +99,15 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 
 def _told(kind: str, cases: Sequence[Sequence[Reading]]) -> Facts:
     say = getattr(KINDS[kind].table, "told", lambda readings: "")
-    told = [(case[0].about.case_title if len(cases) > 1 else "", say(case)) for case in cases]
-    return [(title, text) for title, text in told if text]
+    told = zip(_titles(cases), map(say, cases), strict=True)
+    return [(title if len(cases) > 1 else "", text) for title, text in told if text]
+
+
+def _titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
+    """The titles of the cases, with their names where several have one title."""
+    abouts = [case[0].about for case in cases]
+    counts = Counter(about.case_title for about in abouts)
+    return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
 
 
 def _counted(judged: Iterable[Verdict]) -> dict[str, int]:
@@ -117,29 +124,33 @@ def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
 
 def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> PlainTable | None:
     """All fitted orders with their intervals; None if there are none."""
+    if not KINDS[kind].keys.Case.quantities:
+        return None
     several = len(cases) > 1
-    table = new_table("orders", [*["case"] * several, "scheme", "order", "95 % interval", "expected"], left=1 + several)
-    for case in cases:
-        expected = {(one.about.variant, one.about.estimator): getattr(one, "expected_order", None) for one in case}
-        for one in KINDS[kind].claims.quantities(case):
-            if one.name in ("order", "uniform_order"):
-                theory = expected.get(
-                    (one.about.variant, one.about.estimator), getattr(case[0], "expected_order", None)
-                )
-                subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
-                interval = f"[{one.low:.3f}, {one.high:.3f}]" if math.isfinite(one.value) else ""
-                found = f"{one.value:.3f}" if math.isfinite(one.value) else "not resolved"
-                title = [case[0].about.case_title] * several
-                table.add_row(*title, subject, found, interval, "" if theory is None else fraction(theory))
-    return _recorded(table) if table.rows else None
+    headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")
+    left = (*[True] * several, True, False, False, False)
+    found = [
+        Row((*[Cell(title)] * several, *map(Cell, texts)))
+        for title, case in zip(_titles(cases), cases, strict=True)
+        for texts in _orders_of(kind, case)
+    ]
+    return PlainTable("orders", headings, left, tuple(found)) if found else None
 
 
-def _recorded(table: Any) -> PlainTable:
-    recorder = Recorder()
-    recorder.print(table)
-    (found,) = recorder.items
-    assert isinstance(found, PlainTable)
-    return found
+def _orders_of(kind: str, case: Sequence[Any]) -> Iterator[tuple[str, str, str, str]]:
+    """Of each fitted order of a case whose it is, the number, its interval and what theory says."""
+    expected = {one.about.scheme: getattr(one, "expected_order", None) for one in case if not one.about.extrapolate}
+    expected |= {one.about.variant: getattr(one, "expected_order", None) for one in case}
+    for one in KINDS[kind].claims.quantities(case):
+        if one.name not in ("order", "uniform_order"):
+            continue
+        subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
+        theory = expected.get(one.about.variant)
+        told = "" if theory is None else fraction(theory)
+        if math.isfinite(one.value):
+            yield subject, f"{one.value:.3f}", f"[{one.low:.3f}, {one.high:.3f}]", told
+        else:
+            yield subject, "not resolved", "", told
 
 
 def _printed(results: Results) -> list[PlainTable | Line]:
@@ -157,8 +168,8 @@ def _cost(results: Results) -> Iterator[tuple[str, str]]:
     paths = sorted({group.attributes["samples"] for group in groups if group.attributes.get("samples")})
     if paths:
         yield "paths", " to ".join(dict.fromkeys(f"{count:,}" for count in (paths[0], paths[-1])))
-    measured = [np.ravel(group.arrays.get("ns_per_step", group.attributes.get("ns_per_step"))) for group in groups]
-    known = np.concatenate([values for values in measured if values.dtype != object] or [np.empty(0)])
+    measured = [group.arrays.get("ns_per_step", group.attributes.get("ns_per_step", math.nan)) for group in groups]
+    known = np.concatenate([np.ravel(values) for values in measured])
     known = known[np.isfinite(known)]
     if known.size:
         ends = dict.fromkeys(short(float(end), ".3g") for end in (known.min(), known.max()))

@@ -182,7 +182,7 @@ def _meant(path: Path, names: Iterable[str]) -> str:
         return f"did you mean {there[near[0]]}?"
     if near := difflib.get_close_matches(path.stem, names, 1):
         return f"did you mean {near[0]}, which comes with spi? `spi list` shows all that do"
-    return "give the path of a YAML file" + " or a name that `spi list` shows" * bool(names)
+    return "give the path of a YAML file" + ("" if path.suffix else " or a name that `spi list` shows")
 
 
 def override(path: str | Path, text: str) -> Document:

@@ -139,8 +139,10 @@ def told(readings: Sequence[LongTimes]) -> str:
     errors, means = [], []
     for reading in readings:
         if reading.casimir_count:
-            rms = float(np.nan_to_num(reading.casimir_rms[:, -1], nan=np.inf).max())
-            errors.append(f"{short(rms)} with {whose(reading.about)}{_grown(reading)}")
+            rms = float(reading.casimir_rms[:, -1].max())
+            errors.append(
+                f"{short(rms) if math.isfinite(rms) else 'lost'} with {whose(reading.about)}{_grown(reading)}"
+            )
         if reading.law and np.isfinite(reading.law.z).all():
             means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")
     after = f"after {_count(readings[0].steps_each)} steps the root mean square error of the Casimir functions is"
@@ -154,7 +156,7 @@ def _grown(reading: LongTimes) -> str:
     if not known.size:
         return ""
     low, high = (f"{end(known):.2f}" for end in (np.min, np.max))
-    return f", growing as n^{low}" if low == high else f", growing as n^{low} to n^{high}"
+    return f" (growing as n^{low}{'' if low == high else f' to n^{high}'})"
 
 
 def chance(count: int) -> float:

@@ -53,8 +53,8 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 def told(readings: Sequence[Trajectory]) -> str:
     """What came out of a case, in one sentence: the Casimir functions, lost paths, and what the figure is about."""
     drifts = ((whose(one.about), max(one.casimir_drift)) for one in readings if one.casimir_drift)
-    lost = [f"{_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
-    left = f"{joined(lost)} left the finite numbers" if lost else ""
+    lost = [f"with {_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
+    left = f"the path leaves the finite numbers {joined(lost)}" if lost else ""
     return sentence([casimirs(drifts), left, *_populations(readings), *_energy(readings)])
 
 
