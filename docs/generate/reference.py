@@ -248,7 +248,7 @@ def python() -> str:
             text += f"```text\n{_call(name, thing)}\n```\n\n"
         text += f"{paragraphs(thing.__doc__)}\n"
         if thing is spi.Results:
-            members = ((member, inspect.getdoc(getattr(thing, member))) for member in vars(thing))
+            members = ((member, inspect.getdoc(getattr(thing, member)) or "") for member in vars(thing))
             rows = ((f"`{member}`", plain(said.partition("\n\n")[0])) for member, said in members if member[0] != "_")
             text += "\n" + table(("attribute or method", "what it is"), rows)
     return text
