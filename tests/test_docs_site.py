@@ -49,8 +49,8 @@ def test_reference_says_what_every_key_is(pages):
     pages = {path.stem: text for path, text in pages.items()}
     for name in ("spec", "models", "commands"):
         assert not re.findall(r"^\|.*\| *\|$", pages[name], re.MULTILINE)
-    assert "| `final_time` | number > 0 | time | **required** |" in pages["spec"]
-    assert "| `seed` | whole number ≥ 0 |  | `1` |" in pages["spec"]
+    assert "| `final_time` | number >\N{NO-BREAK SPACE}0 | time | **required** |" in pages["spec"]
+    assert "| `seed` | whole number ≥\N{NO-BREAK SPACE}0 |  | `1` |" in pages["spec"]
     for name, known in (("models", reference.MODELS), ("schemes", reference.SCHEMES), ("spec", reference.KINDS)):
         for entry in known:
             assert f"\n## {entry}\n" in pages[name]

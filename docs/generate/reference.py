@@ -181,7 +181,7 @@ def schemes() -> str:
     text = SCHEMES_PAGE + table(head, rows)
     for name, row in SCHEMES.items():
         formula = textwrap.fill(in_symbols(row.formula), 100, subsequent_indent="    ")
-        text += f"\n## {name}\n\n{row.label[0].upper()}{row.label[1:]}.\n\n```text\n{formula}\n```\n\n"
+        text += f"\n## {name}\n\nIn tables and figures it is called *{row.label}*.\n\n```text\n{formula}\n```\n\n"
         text += f"Source: {linked(row.reference)}.{_conditions(row)}\n"
     return text
 

@@ -121,8 +121,8 @@ def _number(schema: Schema) -> str:
     if least is not None and most < 1e9:
         return f"{name} from {least} to {most}"
     if above is not None:
-        return f"{name} > {above}"
-    return name if least is None else f"{name} ≥ {least}"
+        return f"{name} >\N{NO-BREAK SPACE}{above}"
+    return name if least is None else f"{name} ≥\N{NO-BREAK SPACE}{least}"
 
 
 def key_rows(schema: Schema, complete: Schema, definitions: Schema) -> dict[str, tuple]:
