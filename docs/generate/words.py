@@ -26,7 +26,7 @@ def table(headings: Iterable[str], rows: Rows) -> str:
 
 
 def _cell(value: object) -> str:
-    return re.sub(r"\s+", " ", str(value)).strip().replace("|", "\\|")
+    return re.sub(r"[ \n]+", " ", str(value)).strip().replace("|", "\\|")
 
 
 def plain(text: str) -> str:
