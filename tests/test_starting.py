@@ -39,6 +39,8 @@ def refusal(*arguments):
 
 def test_experiments_that_come_with_the_program_are_found_by_name():
     assert shipped.names() == NAMES
+    Path("toda_weak").mkdir()  # a folder of that name is no experiment
+    assert load("toda_weak").name == "toda_weak"
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and f"{Path('rigid_body_strong.yaml')}: valid" in out
     Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
@@ -71,12 +73,31 @@ def test_stored_results_are_found_by_name():
     assert refusal("show", "mime") == "spi: results/mime.h5: no such file; did you mean mine?\n"
     assert call("show", "mine") == call("show", "results/mine.h5")
     assert call("show", "mine")[0] == 0
+    Path("mine").mkdir()  # a folder of that name holds no results
+    assert call("show", "mine")[0] == 0
+    Path("mine").rmdir()
     storage.write("other/mine.h5", strong(strong_group("splitting", case_title="of the other folder")))
     assert call("plot", "mine", "--out", "other")[0] == 0
     assert sorted(path.name for path in Path("other").iterdir()) == ["mine.h5", "mine.pdf", "mine.png"]
     Path("mine").write_bytes(Path("results/mine.h5").read_bytes())  # a file of that name goes first
     Path("results/mine.h5").write_text("damaged")
     assert call("show", "mine")[0] == 0
+
+
+# --- help -----------------------------------------------------------------------------------------------------------
+
+
+def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    code, out, err = call("--help")
+    assert (code, err) == (0, "")
+    commands = re.findall(r"^  ([a-z]+) +\S.*\.$", out.partition("Commands:")[2], re.MULTILINE)
+    assert {"run", "list", "new", "plot", "show", "verify", "check", "doctor"} <= set(commands)
+    assert len(commands) == len(out.partition("Commands:")[2].strip().splitlines()) and "....\n" not in out
+    for command in commands:
+        code, page, err = call(command, "--help")
+        assert (code, err) == (0, "") and page.startswith(f"Usage: spi {command}")
+        assert max(map(len, page.splitlines())) <= 80 and "\x1b" not in page
 
 
 # --- spi list -------------------------------------------------------------------------------------------------------

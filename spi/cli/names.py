@@ -19,9 +19,10 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
 
     if source.suffix in SPECS:
         return results_of(source, folder)
-    if source.suffix or source.name != str(source) or source.exists():
-        return source
     path = folder / f"{source}.h5"
+    is_name = source.name == str(source) and not source.suffix and not source.is_file()
+    if not is_name or (source.is_dir() and not path.is_file()):
+        return source
     if not path.is_file():
         raise StorageError(f"{path}: no such file; {_meant(source.name, folder)}")
     return path
