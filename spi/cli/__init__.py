@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from . import running
-from .options import DONE, FAILED, INVALID, STOPPED, Overrides, Profile, Samples, Seed, Specs, end, load
+from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, end, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
@@ -133,10 +133,15 @@ def list_(
 
 @app.command()
 def check(
-    specs: Specs, profile: Profile = "laptop", overrides: Overrides = None, samples: Samples = None, seed: Seed = None
+    specs: Specs,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
 ) -> None:
     """Validate experiments and say what they would cost."""
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
     from ..runs import cost, reports
 
