@@ -20,28 +20,23 @@ _KEPT = ("model", "damping", "initial", "seed", "eps", "compositions", "schemes"
 class Given(NamedTuple):
     """What an experiment says that one of another kind can use."""
 
-    step: float  #: the largest step size h, below 1 where increments are truncated
+    step: float  #: a step size h, the largest of the experiment unless it is too large for its times
     length: int  #: steps of this size until the final time, at least 8
     samples: int | None  #: number of paths, None if one is followed
     functions: dict[str, str]  #: test functions by name, {} if it has none
+    measured: bool  #: whether it measures errors, so that its times and steps are fit for that
     case: BaseCase  #: the record
     keys: dict[str, Any]  #: what says what is integrated, as the file writes it
 
-    def steps(self, number: int) -> list[float]:
-        """h, h/2, h/4, ..."""
-        return [self.step / 2**k for k in range(number)]
+    def errors(self, number: int, finer: int) -> dict[str, Any]:
+        """The keys of errors against so many step sizes, and a reference that is so much finer than the smallest.
 
-    def final_time(self, least: int, most: int) -> float:
-        """The final time, or so many steps of the largest size if there are fewer or more."""
-        return self.step * min(max(self.length, least), most)
-
-    def errors(self, most: int) -> dict[str, Any]:
-        """The keys of errors against seven step sizes h, ..., h/64 and a reference of h/512, over `most` steps h."""
-        return {
-            "final_time": self.final_time(1, most),
-            "steps": self.steps(7),
-            "reference_step": self.step / 512,
-        }
+        Along a path that was only followed, 8 steps h are time enough, and h/4 is the largest step: later, paths of
+        different steps may have lost one another.
+        """
+        length, h = (self.length, self.step) if self.measured else (32, self.step / 4)
+        steps = [h / 2**k for k in range(number)]
+        return {"final_time": h * length, "steps": steps, "reference_step": steps[-1] / finer}
 
     def paths(self, most: int) -> int:
         """Those of the experiment, or `most` if it has none or more."""
@@ -82,7 +77,8 @@ def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
     while length < 8 or (h >= 1 and "truncate_noise" in keys):
         h, length = h / 2, 2 * length
     functions = dict(getattr(case, "functions", {}))
-    return Given(h, length, getattr(case, "samples", None), functions, case, keys)
+    measured = hasattr(case, "reference_step")
+    return Given(h, length, getattr(case, "samples", None), functions, measured, case, keys)
 
 
 def _plain(value: Any) -> Any:

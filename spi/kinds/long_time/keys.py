@@ -54,4 +54,4 @@ class Case(BaseCase):
 
 def of_another(given: Given) -> dict[str, Any]:
     """What an experiment of another kind lacks to be one of this."""
-    return {"steps": given.steps(2), "step_count": STEPS_PER_TOSS * 1000, "samples": given.paths(64)}
+    return {"steps": [given.step, given.step / 2], "step_count": STEPS_PER_TOSS * 1000, "samples": given.paths(64)}

@@ -104,4 +104,4 @@ class Case(BaseCase):
 def of_another(given: Given) -> dict[str, Any]:
     """What an experiment of another kind lacks to be one of this: the path and what is conserved along it."""
     panels = ["casimirs"] * (conserved(given.case.model) > 0) + ["hamiltonian", "components"]
-    return {"final_time": given.final_time(200, 10_000), "step": given.step, "panels": panels}
+    return {"final_time": given.step * min(max(given.length, 200), 10_000), "step": given.step, "panels": panels}

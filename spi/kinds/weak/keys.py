@@ -55,4 +55,4 @@ class Case(SampledCase):
 def of_another(given: Given) -> dict[str, Any]:
     """What an experiment of another kind lacks to be one of this: two moments, by plain sampling."""
     functions = given.functions or {"mean": "y1", "square": "y1^2"}
-    return {**given.errors(16), "functions": functions, "estimators": ["plain"], "samples": 10**5}
+    return {**given.errors(5, 4), "functions": functions, "estimators": ["plain"], "samples": 10**5}

@@ -42,4 +42,4 @@ class Case(SampledCase):
 
 def of_another(given: Given) -> dict[str, Any]:
     """What an experiment of another kind lacks to be one of this: strong errors."""
-    return {**given.errors(64), "samples": given.paths(500)}
+    return {**given.errors(7, 8), "samples": given.paths(500)}
