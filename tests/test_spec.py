@@ -1,5 +1,6 @@
 """Spec files: what good ones mean, and the one line that each bad one gets."""
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -515,13 +516,71 @@ def test_bad_override(spec, override, message):
 
 @given(st.text(max_size=60) | st.text("ab:-[]{}&*<>!|'\" \n#0.", max_size=40))
 @settings(max_examples=200, deadline=None)
-def test_garbage_is_an_error_of_one_line(tmp_path_factory, text):
+def test_garbage_is_an_error_of_a_line_for_each_mistake(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "garbage.yaml"
     path.write_text(text, encoding="utf-8", errors="replace")
-    assert error(load, path).startswith(f"{path}:")
+    with pytest.raises(SpecError) as caught:
+        load(path)
+    assert all(line.startswith(f"{path}:") for line in str(caught.value).splitlines())
     (path.parent / "good.yaml").write_text(GOOD)
     assume("=" not in text)
     assert error(load, path.parent / "good.yaml", overrides=[f"steps={text} x"])
+
+
+#: Pieces of GOOD, what stands in their place, and what is then reported besides.
+MISTAKES = [
+    ("title:", "titel:", "1: titel: is no known key; did you mean 'title'?"),
+    ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3"),
+    ("final_time: 1", "final_time: -1", "8: final_time: is '-1'; must be greater than 0"),
+    ("euler_maruyama", "euler_mar", "11: schemes: entry 1 is 'euler_mar'; did you mean 'euler_maruyama'?"),
+    ("samples: 10", "samples: 1/2", None),
+]
+
+
+def messages_of(text, **options):
+    with pytest.raises(SpecError) as caught:
+        load_text(text, **options)
+    return [line.removeprefix("s.yaml:") for line in str(caught.value).splitlines()]
+
+
+def load_text(text, **options):
+    return load("s.yaml", text=text, **options)
+
+
+@pytest.mark.parametrize("chosen", [c for n in (1, 2, 5) for c in itertools.combinations(MISTAKES, n)])
+def test_all_mistakes_are_named_at_once_in_their_order(chosen):
+    text = GOOD
+    for old, new, _ in chosen:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    alone = [messages_of(GOOD.replace(old, new)) for old, new, _ in chosen]
+    assert all(len(messages) == 1 for messages in alone)
+    assert messages_of(text) == [message for (message,) in alone]
+    for (message,), (_, _, expected) in zip(alone, chosen, strict=True):
+        assert expected in (None, message)
+
+
+def test_mistakes_in_cases_profiles_and_options_are_named_at_once():
+    text = GOOD.replace("samples: 10\n", "") + (
+        "cases:\n- {name: a, samples: 3, seed: x}\n- {name: b, samples: 3, steps: [4]}\n"
+        "profiles:\n  quick: {truncate_noise: 1}\n"
+    )
+    assert messages_of(text, overrides=["sed=3", "reference_step=0"]) == [
+        "13: cases.seed: is 'x' (unknown word 'x'); must be a whole number such as 500 or 10^6",
+        "14: cases.steps: has 2^2; must not exceed final_time, which is 1",
+        "16: profiles.quick.truncate_noise: is '1'; must be true or false",
+        " --set sed: is no known key; did you mean 'seed'?",
+        " --set reference_step: is '0'; must be greater than 0",
+    ]
+
+
+def test_what_depends_on_a_mistake_is_not_reported_as_another():
+    misspelt = GOOD.replace("splitting]", "ap_spliting]\neps: 0.1\nexpect: {ap_splitting: {order: 1/2}}")
+    assert messages_of(misspelt) == ["11: schemes: entry 2 is 'ap_spliting'; did you mean 'ap_splitting'?"]
+    of_another_model = GOOD.replace("rigid_body", "rigid_bdy").replace("2/3]", "2/3, 4]")
+    assert messages_of(of_another_model) == ["4: model.name: is 'rigid_bdy'; did you mean 'rigid_body'?"]
+    twice = GOOD.replace("final_time: 1", "final_time: x") + "steps: [0.3]\n"  # one step too many for the parser
+    assert messages_of(twice) == ["13: steps: is given twice; remove one"]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

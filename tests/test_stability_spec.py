@@ -42,7 +42,10 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
         ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
         ([WORD, "{pi: [0.5]}", SIGMA, "[pi, 1, 1]"], r"11: sweep: 'pi' cannot be swept; must be .*"),
         ([WORD, "{'a b': [0.5]}", SIGMA, "['a b', 1, 1]"], r"11: sweep: 'a b' cannot be swept; must be .*"),
-        ([WORD, "{s: [0.5, -1]}"], r"3: model\.sigma: entry 1 is '\(-1\)'; must be at least 0"),
+        (
+            [WORD, "{s: [0.5, -1]}"],
+            r"3: model\.sigma: entry 1 is '\(-1\)'; must be at least 0(\n.*entry.*){2}",
+        ),
         ([WORD, "{s: []}"], r"11: sweep\.s: is an empty list; .*"),
         ([WORD, "{s: 1}"], r"11: sweep\.s: is '1'; must be a list in square brackets"),
         ([START, "[0, 0, 0]"], r"4: initial: is 0; must not be, because errors are relative to its length"),

@@ -216,7 +216,10 @@ def test_bad_states(error, initial, message):
 def test_other_models_have_no_fields(error):
     model = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}"
     what = "3: initial: is a mapping, which is for sine_euler and zeitlin; must be a list, a number per component"
-    assert error(SPEC, "{name: sine_euler}", model) == what
+    assert (
+        error(SPEC, "{name: sine_euler}", model, "panels: [vorticity, spectrum, enstrophy]", "panels: [components]")
+        == what
+    )
     state = SPEC.splitlines()[2].removeprefix("initial: ")
     what = "7: panels: entry 1 is 'vorticity', which is for sine_euler and zeitlin; leave it out"
     assert error(SPEC, "{name: sine_euler}", model, state, "[1, 0, 0]") == what

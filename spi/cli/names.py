@@ -55,6 +55,12 @@ def complete_profile(incomplete: str) -> list[str]:
     return [name for name in ("laptop", "paper", "quick") if name.startswith(incomplete)]
 
 
+def complete_kind(incomplete: str) -> list[str]:
+    """The kinds of experiments: each is a folder of ``spi/kinds``, which is quicker to look at than to import."""
+    kinds = sorted(path.parent.name for path in Path(__file__).parents[1].glob("kinds/*/__init__.py"))
+    return [name for name in kinds if name.startswith(incomplete)]
+
+
 def _results(folder: Path) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.h5"))
 

@@ -13,6 +13,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial, reduce
 from itertools import chain
 from pathlib import Path
@@ -22,17 +23,15 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from .. import claims
-from . import expect, sweep
+from . import sweep
 from .cases import BaseCase
-from .document import Document, Location, SpecError, override, text_of
+from .conversion import converted
+from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
-from .heading import Heading, heading
-from .keys import entries_in, shown, suggestion
-from .layers import PROFILES, Layers
-from .models import is_another
-from .systems import overridden
+from .keys import Keys, entries_in, shown, suggestion
+from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Heading", "Layers", "SpecError", "heading", "load", "text_of"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load"]
 
 
 _NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
@@ -105,18 +104,29 @@ def load(
     document = Document(text, lambda line: f"{path}:{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    file = _valid(kinds.file.validate_python, document.data, [(document, ())])
+    faults = Faults()
+    file: Any = None
+    with faults:
+        file = _valid(kinds.file.validate_python, document.data, [(document, ())])
+    named = Files(path, files)
+    if file is None:
+        with suppress(Exception), faults:  # what else is wrong, as far as that can be told of a file that is invalid
+            kind = document.data["kind"]
+            _cases(kinds.cases[kind], named, document, _owners(document, ""), faults, [])
+            _last(kinds.profiles[kind], path, overrides, faults)
+        faults.raise_all()
     title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
-    owners = _owners(document, file, title)
+    with faults:
+        owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    case_class, named = kinds.cases[file.kind], Files(path, files)
-    each = [_cases(case_class, named, document, owners, above) for above in ([], *profiles.values())]
-    last: list[Layer] = [(override(path, one), ()) for one in overrides]
-    for layer in last:
-        _valid(kinds.profiles[file.kind].model_validate, layer[0].data, [layer])
-    cases = _cases(case_class, named, document, owners, profiles.get(profile, []) + last)
+    last = _last(kinds.profiles[file.kind], path, overrides, faults)
+    faults.raise_all()
+    read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
+    each = [read(above) for above in ([], *profiles.values())]
+    cases = read(profiles.get(profile, []) + last)
+    faults.raise_all()
     used = {name for built in (*each, cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
@@ -149,31 +159,51 @@ def _effective(case: BaseCase) -> dict[str, Any]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _owners(document: Document, file: Any, title: str) -> dict[str, Owner]:
+def _owners(document: Document, title: str) -> dict[str, Owner]:
     """name of a case -> (its location, its title); the file itself is case "main" if there is no other."""
     owners: dict[str, Owner] = {}
-    for n, case in enumerate(file.cases or ()):
-        if case.name in owners:
-            document.fail(("cases", n, "name"), f"is '{case.name}' in two cases; names must differ")
-        owners[case.name] = ("cases", n), case.title or case.name
+    for n, case in enumerate(document.data.get("cases") or ()):
+        if case["name"] in owners:
+            document.fail(("cases", n, "name"), f"is '{case['name']}' in two cases; names must differ")
+        owners[case["name"]] = ("cases", n), case.get("title") or case["name"]
     return owners or {"main": ((), title)}
 
 
+def _last(profile_class: type[Keys], path: str | Path, overrides: Iterable[str], faults: Faults) -> list[Layer]:
+    """The layers that overrides are, but for those with `faults`."""
+    layers: list[Layer] = []
+    for one in overrides:
+        with faults:
+            layer: Layer = override(path, one), ()
+            _valid(profile_class.model_validate, layer[0].data, [layer])
+            layers.append(layer)
+    return layers
+
+
 def _cases(
-    case_class: type[BaseCase], files: Files, file: Document, owners: dict[str, Owner], above: Sequence[Layer]
+    case_class: type[BaseCase],
+    files: Files,
+    file: Document,
+    owners: dict[str, Owner],
+    faults: Faults,
+    above: Sequence[Layer],
 ) -> tuple[BaseCase, ...]:
-    """The records of all cases of a file, with the layers `above`."""
+    """The records of all cases of a file, with the layers `above`, but for those with `faults`."""
     built, read = [], partial(case_class.model_validate, context=files)
     for name, (owner, title) in owners.items():
-        layers: list[Layer] = [(file, ()), (file, owner)]
-        for document, loc in above:
-            by_name = document.at(loc).get("cases", {})
-            if other := next((other for other in by_name if other not in owners), None):
-                document.fail((*loc, "cases", other), f"is no known case; {suggestion(other, owners)}")
-            layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
-        merged = reduce(_overridden, [document.at(loc) for document, loc in layers])
-        data = {k: v for k, v in merged.items() if k in case_class.model_fields} | {"name": name, "title": title}
-        built.append(_swept(read, data, layers) or _valid(read, data, layers))
+        with faults:
+            layers: list[Layer] = [(file, ()), (file, owner)]
+            for document, loc in above:
+                by_name = document.at(loc).get("cases", {})
+                if other := next((other for other in by_name if other not in owners), None):
+                    document.fail((*loc, "cases", other), f"is no known case; {suggestion(other, owners)}")
+                layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+            merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+            data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
+            unread = (
+                sweep.PLACES if "sweep" in case_class.model_fields and not isinstance(data.get("sweep"), dict) else ()
+            )
+            built.append(_swept(read, data, layers) or _valid(read, data, layers, unread))
     return tuple(built)
 
 
@@ -202,22 +232,6 @@ def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequen
     return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
 
 
-def _overridden(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """The mapping `below` with what `above` has in its place."""
-    result = {**below, **above}
-    if "model" in below and "model" in above:
-        old, new = below["model"], above["model"]
-        if not is_another(new, old):
-            result["model"] = overridden(old, new)
-    if "expect" in below:
-        gone = {n for key in expect.NAMING if key in above for n in expect.names_in(key, below.get(key))}
-        gone -= {n for key in expect.NAMING for n in expect.names_in(key, above.get(key))}
-        result["expect"] = expect.without(below["expect"], gone)
-        if "expect" in above:
-            result["expect"] = expect.merged(result["expect"], above["expect"])
-    return result
-
-
 # ---------------------------------------------------------------------------------------------------------------------
 # Errors
 # ---------------------------------------------------------------------------------------------------------------------
@@ -232,32 +246,48 @@ _RIGHT = {
 }
 
 
-def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer]) -> Any:
-    """What pydantic reads from `data`, which the layers together make up; SpecError for the first thing wrong."""
+def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unread: Sequence[str] = ()) -> Any:
+    """What pydantic reads from `data`, which the layers together make up; SpecError with all that is wrong.
+
+    Of the keys `unread` it cannot be told, since a mistake elsewhere leaves open what they mean.
+    """
     try:
         return read(data)
     except ValidationError as invalid:
         errors = invalid.errors(include_url=False)
-    kind, context = errors[0]["type"], errors[0].get("ctx", {})
+    found: dict[Location, str] = {}
+    for error in errors:
+        loc, message = _explained(error, errors, data)
+        if loc[:1] and loc[0] in unread:
+            continue
+        if any(loc[: len(other)] == other or other[: len(loc)] == loc for other in found):
+            continue  # one mistake, seen as each of the things that may stand there
+        document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
+        found[loc] = document.message(top + loc, message)
+    raise SpecError(*found.values())
+
+
+def _explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, str]:
+    """Where in `data` an error of pydantic is, and what is wrong there; `errors` are all of them."""
+    kind, context = error["type"], error.get("ctx", {})
     loc: Location = ()
     value = data
     keys = context.get("keys") or (context.get("discriminator", "").strip("'"),)
-    for step in (*errors[0]["loc"], *keys):
+    for step in (*error["loc"], *keys):
         if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
             loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing
     if kind == "spec":
-        message = errors[0]["msg"]
+        message = error["msg"]
         loc += tuple(key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,))
     elif kind in ("literal_error", "union_tag_invalid"):
         known = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
         message = f"is {shown(value)}; {suggestion(value, known)}"
     elif kind in ("missing", "too_long"):
-        missing = [int(error["loc"][-1]) for error in errors if error["type"] == "missing"]
+        missing = [int(e["loc"][-1]) for e in errors if e["type"] == "missing" and e["loc"][:-1] == error["loc"][:-1]]
         count = context["max_length"] if context else 1 + max(missing)
         message = f"has {entries_in(len(value))}; must have {count}"
     else:
-        right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", errors[0]["msg"])
+        right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", error["msg"])
         right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
         message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
-    document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
-    document.fail(top + loc, message)
+    return loc, message

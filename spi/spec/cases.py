@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pydantic
-from pydantic import model_validator
 
 from ..arithmetic import NumberError
 from ..claims import Claim, Sort
@@ -18,6 +17,7 @@ from ..protocol import NonNegative, Positive, dimension, in_kernels, large
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
 from ..systems import variables
+from ..systems.keys import MOST
 from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
 from .damping import damped_model
@@ -35,6 +35,7 @@ from .keys import (
     Schemes,
     Seed,
     Steps,
+    condition,
     entries_in,
     key_of,
     quantity,
@@ -131,7 +132,7 @@ class BaseCase(Keys):
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @model_validator(mode="after")
+    @condition
     def _check_damping(self) -> Self:
         """The case with its damping in the record of the model."""
         return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
@@ -142,26 +143,26 @@ class BaseCase(Keys):
         said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
-    @model_validator(mode="after")
+    @condition
     def _check_names(self) -> Self:
         """The case with those of its compositions that it uses."""
         check_names(self)
         used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
         return self.model_copy(update={"compositions": used})
 
-    @model_validator(mode="after")
+    @condition
     def _check_initial(self) -> Self:
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_words(self) -> Self:
         check_words(self.model, self.initial)
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_needs(self) -> Self:
         if large(in_kernels(self.model)):
             self._check_large()
@@ -184,7 +185,7 @@ class BaseCase(Keys):
                 right = "use euler_maruyama or a splitting without Lévy areas"
                 raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
-    @model_validator(mode="after")
+    @condition
     def _check_eps(self) -> Self:
         multiscale = [s for s in self.schemes if self.row(s).multiscale]
         if multiscale and self.eps is None:
@@ -199,7 +200,7 @@ class BaseCase(Keys):
                     raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_expect(self) -> Self:
         _ = self.claims
         return self
@@ -222,7 +223,7 @@ class ErrorCase(BaseCase):
         """T."""
         return self.final_time
 
-    @model_validator(mode="after")
+    @condition
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
@@ -232,7 +233,7 @@ class ErrorCase(BaseCase):
         check_schemes(self, self.schemes_used if self.bounded_increments else (), max(steps), "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
-    @model_validator(mode="after")
+    @condition
     def _check_reference_scheme(self) -> Self:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
@@ -271,10 +272,10 @@ class FunctionsCase(ErrorCase):
         # pairs, because their order decides that of the results, and in the least text that decides the values
         return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
 
-    @model_validator(mode="after")
+    @condition
     def _check_functions(self) -> Self:
         d, names = dimension(self.model), self.variables
-        right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
+        right = f"must be an expression in y1 .. y{min(d, MOST)} such as sin(2*pi*y1) + y2^2"
         trees = {}
         for name, text in self.functions.items():
             try:
@@ -301,12 +302,12 @@ class SampledCase(FunctionsCase):
 
     extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
 
-    @model_validator(mode="after")
+    @condition
     def _check_extrapolate(self) -> Self:
         check_extrapolate(self)
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_estimators(self) -> Self:
         check_once(self.estimators, "estimators")
         for name in self.estimators:

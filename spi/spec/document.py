@@ -1,6 +1,8 @@
 """YAML as plain data that knows where it stands in the file."""
 
 import difflib
+import math
+import re
 import unicodedata
 from collections.abc import Callable, Iterable
 from functools import reduce
@@ -18,10 +20,37 @@ _MERGE = "tag:yaml.org,2002:merge"
 
 
 class SpecError(ValueError):
-    """An invalid spec: one line ``path:line: key: what is wrong; what would be right``."""
+    """An invalid spec: for each mistake a line ``path:line: key: what is wrong; what would be right``."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__("".join(c if c.isprintable() else " " for c in message))
+    def __init__(self, *messages: str) -> None:
+        self.messages = tuple("".join(c if c.isprintable() else " " for c in message) for message in messages)
+        super().__init__("\n".join(self.messages))
+
+
+class Faults:
+    """Collects what is wrong with a spec: ``with faults:`` ends with a SpecError, and the program goes on behind it."""
+
+    def __init__(self) -> None:
+        self.messages: dict[str, str] = {}  # by what is wrong
+
+    def __enter__(self) -> "Faults":
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        if isinstance(error, SpecError):
+            for message in error.messages:
+                self.messages.setdefault(message.partition("; ")[0], message)
+        return isinstance(error, SpecError)
+
+    def raise_all(self) -> None:
+        """Raise the SpecError with all that was collected, from the top of the file to its end, if there is any."""
+        if self.messages:
+            raise SpecError(*sorted(self.messages.values(), key=_line))
+
+
+def _line(message: str) -> float:
+    found = re.match(r".*?:(\d+):", message)
+    return int(found[1]) if found else math.inf
 
 
 class Document:
@@ -47,10 +76,14 @@ class Document:
         return next(n for n in range(len(loc), -1, -1) if loc[:n] in self.places)
 
     def fail(self, loc: Location, message: str) -> NoReturn:
-        """Raise the SpecError about a location; a key that is missing is reported where its mapping starts."""
+        """Raise the SpecError about a location."""
+        raise SpecError(self.message(loc, message))
+
+    def message(self, loc: Location, message: str) -> str:
+        """What is wrong at a location; a key that is missing is reported where its mapping starts."""
         key = ".".join(name for name in loc if isinstance(name, str))
         item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
-        raise SpecError(f"{self.places[loc[: self.depth(loc)]]} {key}{': ' if key else ''}{item}{message}")
+        return f"{self.places[loc[: self.depth(loc)]]} {key}{': ' if key else ''}{item}{message}"
 
     def _compose(self, text: str, top: Location) -> Any:
         try:

@@ -23,7 +23,7 @@ from ..models.zeitlin import fields
 from ..models.zeitlin.lattice import places
 from ..protocol import Positive
 from ..systems import expanded, has_range
-from .keys import ABSENT, Keys, Seed, State, key_of, shown, wrong
+from .keys import ABSENT, Keys, Seed, State, condition, key_of, shown, wrong
 
 _MODE = re.compile(r"\s*([+-]?[0-9]{1,6})\s*,\s*([+-]?[0-9]{1,6})\s*")
 _FIELDS = ("modes", "vorticity", "random")
@@ -48,7 +48,7 @@ class Vorticity(Keys):
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
-    @pydantic.model_validator(mode="after")
+    @condition
     def _check_one(self) -> "Vorticity":
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:

@@ -4,18 +4,20 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 """
 
 import difflib
+import functools
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
-from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from ..arithmetic import NumberError, parse
 from ..protocol import Positive
@@ -68,16 +70,26 @@ def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _check_keys(data: Any, known: Iterable[str], needed: Mapping[str, Any]) -> Any:
-    """`data`, whose keys are all `known`; `needed` has the fields that must be there."""
-    if isinstance(data, dict):
-        for key in data:
-            if key not in known:
-                raise wrong("is no known key", suggestion(key, known), key)
-        for key, field in needed.items():
-            if key not in data:
-                raise wrong(f"missing key '{key}'", f"add {key}: {field.description}", key)
-    return data
+def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mapping[str, Any]) -> list[InitErrorDetails]:
+    """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
+    unknown = [key for key in data if key not in known]
+    meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
+    faults = [wrong("is no known key", suggestion(key, known), key) for key in unknown]
+    for key, field in needed.items():
+        if key not in data and key not in meant:
+            faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
+    return [InitErrorDetails(type=fault, loc=(), input=data) for fault in faults]
+
+
+def condition(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A method of a subclass of :class:`Keys` that raises the error about a condition between keys, if there is one.
+
+    It returns the record, or a copy with what it makes of it.  The conditions of a class are tried in the order in
+    which they are defined, those of its bases first.  After one that is not met the rest are tried without the key at
+    fault: what asks for that key is left out, so that no mistake hides another and none is reported twice.
+    """
+    check.is_condition = True  # type: ignore[attr-defined]
+    return check
 
 
 class Keys(pydantic.BaseModel):
@@ -85,10 +97,73 @@ class Keys(pydantic.BaseModel):
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _check(cls, data: Any) -> Any:
-        return _check_keys(data, cls.model_fields, needed_keys(cls))
+    def _check(cls, data: Any, read: pydantic.ModelWrapValidatorHandler[Self], info: pydantic.ValidationInfo) -> Any:
+        """The record; a ValidationError with all that is wrong, as far as one mistake does not hide another."""
+        if not isinstance(data, dict):
+            return read(data)
+        allowed = cls.model_config["extra"] == "allow"
+        faults = _faults_of_keys(data, data if allowed else cls.model_fields, needed_keys(cls))
+        known = {key: value for key, value in data.items() if allowed or key in cls.model_fields}
+        try:
+            record = read(known)
+        except ValidationError as invalid:
+            inner = [f for f in invalid.errors(include_url=False) if f["type"] != "missing" or len(f["loc"]) > 1]
+            faults += map(_again, inner)
+            record = cls._of_right_keys(known, {fault["loc"][0] for fault in inner if fault["loc"]}, info.context)
+        record = record._met(faults)
+        if faults:
+            raise ValidationError.from_exception_data(cls.__name__, faults)
+        return record
+
+    @classmethod
+    def _of_right_keys(cls, data: dict[str, Any], wrong_keys: Collection[Any], context: Any) -> Self:
+        """A record of what is right and given, or has a default; other keys are no attributes of it."""
+        right = {
+            k: f for k, f in cls.model_fields.items() if k not in wrong_keys and (k in data or not f.is_required())
+        }
+        fields: dict[str, Any] = {key: (field.annotation, field) for key, field in right.items()}
+        with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
+            read = create_model(cls.__name__, **fields)
+        values = read.model_validate({key: data[key] for key in right if key in data}, context=context)
+        return cls.model_construct(**dict(values))._without(set(cls.model_fields) - set(right))
+
+    def _without(self, keys: Iterable[str]) -> Self:
+        """A copy of which some keys are no attributes."""
+        copy = self.model_copy()
+        for key in keys:
+            copy.__dict__.pop(key, None)
+        return copy
+
+    def _met(self, faults: list[InitErrorDetails]) -> Any:
+        """The record once its conditions are met; adds to `faults` what is wrong."""
+        record, whole = self, not faults
+        for name in _conditions(type(self)):
+            try:
+                record = getattr(record, name)()
+            except PydanticCustomError as fault:
+                faults.append(InitErrorDetails(type=fault, loc=(), input=None))
+                record = record._without(map(str, (fault.context or {}).get("keys", ())[:1]))
+                whole = False
+            except Exception:
+                if whole:  # else it asked for a key that is wrong
+                    raise
+        return record
+
+
+@functools.cache
+def _conditions(cls: type[Keys]) -> tuple[str, ...]:
+    """The names of the conditions of a class."""
+    named = (item for base in reversed(cls.__mro__) for item in vars(base).items())
+    return tuple(dict.fromkeys(name for name, method in named if getattr(method, "is_condition", False)))
+
+
+def _again(fault: Any) -> InitErrorDetails:
+    """A reported error as one that can be raised."""
+    kind, context = fault["type"], fault.get("ctx", {})
+    error = PydanticCustomError(kind, "{what}; {right}" if kind == "spec" else fault["msg"], context)
+    return InitErrorDetails(type=error, loc=fault["loc"], input=fault["input"])
 
 
 def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
@@ -99,7 +174,14 @@ def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
 def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterable[str]) -> Any:
     """The annotation of a mapping of one of these classes, which `key` tells apart: it has one of `names`."""
     known = dict.fromkeys(k for cls in classes for k in cls.model_fields)
-    check = partial(_check_keys, known=known, needed={key: Field(description=" or ".join(names))})
+
+    def check(data: Any) -> Any:
+        """Where nothing tells which class it is, what is wrong with the keys."""
+        if isinstance(data, dict) and key not in data:
+            faults = _faults_of_keys(data, known, {key: Field(description=" or ".join(names))})
+            raise ValidationError.from_exception_data("keys", faults)
+        return data
+
     return Annotated[reduce(or_, classes), Field(discriminator=key), BeforeValidator(check)]
 
 

@@ -1,16 +1,16 @@
 """The keys of an experiment of kind long_time."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
-from pydantic import model_validator
 
 from spi.claims import AT_MOST, EQUAL, Sort
 from spi.rng import STEPS_PER_TOSS
 from spi.spec.cases import CLIP, BaseCase
 from spi.spec.checks import check_once, check_schemes
-from spi.spec.keys import Samples, Schemes, Steps, key_of, wrong
+from spi.spec.conversion import Given
+from spi.spec.keys import Samples, Schemes, Steps, condition, key_of, wrong
 
 #: What the figure can show.
 PANELS = ("growth", "law", "distance", "moments")
@@ -39,7 +39,7 @@ class Case(BaseCase):
         """Of the largest step size."""
         return max(self.steps) * self.step_count
 
-    @model_validator(mode="after")
+    @condition
     def _check_steps(self) -> Self:
         if self.step_count % STEPS_PER_TOSS:
             lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
@@ -50,3 +50,8 @@ class Case(BaseCase):
         if any(self.row(name).multiscale for name in self.schemes):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this."""
+    return {"steps": [given.step, given.step / 2], "step_count": STEPS_PER_TOSS * 1000, "samples": given.paths(64)}

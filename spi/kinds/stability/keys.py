@@ -4,12 +4,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import MinLen
-from pydantic import model_validator
 
 from spi.claims import AT_LEAST, AT_MOST, Sort
-from spi.protocol import Positive
+from spi.protocol import Positive, large
 from spi.spec.cases import FunctionsCase
-from spi.spec.keys import Samples, key_of, wrong
+from spi.spec.conversion import Given
+from spi.spec.keys import Samples, condition, key_of, wrong
 from spi.spec.sweep import Sweep
 
 #: What the figure can show.
@@ -49,13 +49,13 @@ class Case(FunctionsCase):
                 raise wrong("has a value twice", "remove one", word)
         return sweep
 
-    @model_validator(mode="after")
+    @condition
     def _check_not_zero(self) -> Self:
         if not any(self.initial):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_one_eps(self) -> Self:
         if self.eps is not None and len(self.eps) > 1:
             raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept word", "eps")
@@ -64,3 +64,21 @@ class Case(FunctionsCase):
     @pydantic.field_serializer("sweep")
     def _effective_sweep(self, sweep: Any) -> Any:
         return sweep.effective() if isinstance(sweep, Sweep) else sweep
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this: the initial value is scaled."""
+    if large(given.case.model):
+        raise wrong(f"is {given.case.model_name}", "give a word to sweep in a file of your own", "model")
+    written = given.keys["initial"]
+    plain = len(written) == len(given.case.initial)  # else ranges or complex numbers
+    return {
+        "initial": [f"scale*({y})" for y in (written if plain else given.case.initial)],
+        "sweep": {"scale": [0.01, 0.1, 1, 10, 100]},
+        "final_time": given.step * 16,
+        "steps": [given.step * 2.0**k for k in range(3, -6, -1)],
+        "reference_step": given.step / 128,
+        "samples": given.paths(100),
+        "truncate_noise": False,
+        **({"eps": given.case.eps[0]} if given.case.eps else {}),
+    }

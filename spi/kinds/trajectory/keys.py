@@ -1,18 +1,18 @@
 """The keys of an experiment of kind trajectory."""
 
 import math
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
-from pydantic import model_validator
 
 from spi.claims import AT_LEAST, AT_MOST, Sort
 from spi.models.zeitlin.fields import lattice_of
-from spi.protocol import NonNegative, Positive, dimension
+from spi.protocol import NonNegative, Positive, conserved, dimension
 from spi.spec.cases import CLIP, BaseCase
 from spi.spec.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
-from spi.spec.keys import Schemes, entries_in, key_of, quantity, wrong
+from spi.spec.conversion import Given
+from spi.spec.keys import Schemes, condition, entries_in, key_of, quantity, wrong
 
 #: What the figure can show.
 OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
@@ -56,14 +56,14 @@ class Case(BaseCase):
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
-    @model_validator(mode="after")
+    @condition
     def _check_step(self) -> Self:
         check_count(self.final_time, self.step, "step")
         check_multiple(self.final_time, self.step, "step", "is")
         check_schemes(self, self.schemes, self.step, "step")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_every(self) -> Self:
         steps, d = round(self.final_time / self.step), dimension(self.model)
         if steps % self.every:
@@ -75,7 +75,7 @@ class Case(BaseCase):
             raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
         between = self.every * self.step
@@ -93,9 +93,15 @@ class Case(BaseCase):
         check_once([quantity(n * between) for n in numbers], "times")
         return self.model_copy(update={"times": tuple(n * between for n in sorted(numbers))})
 
-    @model_validator(mode="after")
+    @condition
     def _check_panels(self) -> Self:
         for i, panel in enumerate(self.panels):
             if panel in OF_FIELDS and lattice_of(self.model) is None:
                 raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
         return self
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this: the path and what is conserved along it."""
+    panels = ["casimirs"] * (conserved(given.case.model) > 0) + ["hamiltonian", "components"]
+    return {"final_time": given.step * min(max(given.length, 200), 10_000), "step": given.step, "panels": panels}

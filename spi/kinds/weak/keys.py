@@ -1,14 +1,14 @@
 """The keys of an experiment of kind weak."""
 
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import MinLen
-from pydantic import model_validator
 
 from spi.claims import AT_MOST, EQUAL, ORDER, Sort
 from spi.spec.cases import SampledCase
-from spi.spec.keys import ESTIMATORS, Estimators, Functions, Samples, key_of, wrong
+from spi.spec.conversion import Given
+from spi.spec.keys import ESTIMATORS, Estimators, Functions, Samples, condition, key_of, wrong
 
 #: What the figure can show.
 PANELS = ("errors", "samples", "seconds", "eps")
@@ -32,7 +32,7 @@ class Case(SampledCase):
     }
     scoping: ClassVar = ("estimators", "functions")
 
-    @model_validator(mode="after")
+    @condition
     def _check_prefixes(self) -> Self:
         for before, n in pairwise(self.prefixes or ()):
             if n <= before:
@@ -41,7 +41,7 @@ class Case(SampledCase):
             raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
         return self
 
-    @model_validator(mode="after")
+    @condition
     def _check_panels(self) -> Self:
         if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
             raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")
@@ -50,3 +50,9 @@ class Case(SampledCase):
             right = "needs the estimator plain and prefixes, as in prefixes: [10^3, 10^4]"
             raise wrong(f"has '{panel}', but there are no results of fewer samples", right, "panels")
         return self
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this: two moments, by plain sampling."""
+    functions = given.functions or {"mean": "y1", "square": "y1^2"}
+    return {**given.errors(5, 4), "functions": functions, "estimators": ["plain"], "samples": 10**5}
