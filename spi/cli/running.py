@@ -10,7 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .names import stored
-from .options import BROKEN, INVALID, Fresh, Out, Overrides, Profile, Samples, Seed, Specs, Stored, Threads, end, load
+from .options import (
+    BROKEN,
+    INVALID,
+    As,
+    Fresh,
+    Out,
+    Overrides,
+    Profile,
+    Samples,
+    Seed,
+    Specs,
+    Stored,
+    Threads,
+    end,
+    load,
+)
 from .signals import STOP
 from .streams import tell
 
@@ -43,12 +58,13 @@ def run(
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
     ] = None,
+    kind: As = None,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
     Exit code 4 if a claim of a spec is broken.
     """
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind, _announce)
     from .. import runs as runner
     from .. import slices
     from .progress import ProgressLine
@@ -109,6 +125,16 @@ def verify(
     print_verification(file, found)
     if _broken(file.stem, storage.read(file)) or found.different:
         raise typer.Exit(BROKEN)
+
+
+def _announce(experiment: "Experiment") -> None:
+    """Say what will run and how long it will take, as soon as that is known."""
+    from ..printing.text import human_time
+    from ..runs import cost
+
+    found = cost(experiment)
+    long = f"; {'at most ' * found.at_most}about {human_time(found.seconds)} once compiled"
+    tell(f"spi: {experiment.name}: {experiment.title}{long * math.isfinite(found.seconds)}")
 
 
 def _prepare(threads: int | None) -> None:
