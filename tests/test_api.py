@@ -14,6 +14,7 @@ from weak_cases import case_of, results_of
 import spi
 from spi import runs
 from spi.api import progress
+from spi.ensemble import thread_count
 from spi.models import RigidBody
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
@@ -161,6 +162,23 @@ def test_an_interrupted_run_goes_on(monkeypatch, capsys):
     spi.run("rigid_body_strong", **TINY, fresh=True, progress=True)
     out, err = capsys.readouterr()
     assert out == "" and "\rrigid_body_strong: 2/2 main splitting 100%" in err and err.endswith(" \r")
+
+
+def test_threads_and_workers_are_those_of_the_run(monkeypatch):
+    told = []
+
+    def run(experiment, out, fresh, watch, workers):
+        told.append((thread_count(), getattr(workers, "size", None)))
+        raise spi.StorageError("cannot write s.h5; choose a folder with --out")
+
+    before = thread_count()
+    monkeypatch.setattr(runs, "run", run)
+    for asked in ({}, {"threads": 1}, {"workers": 1}):
+        with pytest.raises(spi.StorageError, match=r"choose a folder with out=$"):
+            spi.run("rigid_body_strong", **asked)
+    assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
+    (line,) = messages(spi.run, "rigid_body_strong", threads=10**4)
+    assert line.startswith("threads: is 10000; ") and len(told) == 3
 
 
 # --- paths -----------------------------------------------------------------------------------------------------------
