@@ -1,5 +1,6 @@
 """The Python interface: what is computed, and what its arguments mean."""
 
+import importlib
 import json
 import os
 import subprocess
@@ -9,11 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import COMPILED, INITIAL, LANES
+from own_models import OSCILLATOR
 from weak_cases import case_of, results_of
 
 import spi
-from spi import runs
+from spi import modules, runs
 from spi.api import progress
+from spi.api.paths import plan_of
+from spi.ensemble import thread_count
 from spi.models import RigidBody
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
@@ -163,6 +167,23 @@ def test_an_interrupted_run_goes_on(monkeypatch, capsys):
     assert out == "" and "\rrigid_body_strong: 2/2 main splitting 100%" in err and err.endswith(" \r")
 
 
+def test_threads_and_workers_are_those_of_the_run(monkeypatch):
+    told = []
+
+    def run(experiment, out, fresh, watch, workers):
+        told.append((thread_count(), getattr(workers, "size", None)))
+        raise spi.StorageError("cannot write s.h5; choose a folder with --out")
+
+    before = thread_count()
+    monkeypatch.setattr(runs, "run", run)
+    for asked in ({}, {"threads": 1}, {"workers": 1}):
+        with pytest.raises(spi.StorageError, match=r"choose a folder with out=$"):
+            spi.run("rigid_body_strong", **asked)
+    assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
+    (line,) = messages(spi.run, "rigid_body_strong", threads=10**4)
+    assert line.startswith("threads: is 10000; ") and len(told) == 3
+
+
 # --- paths -----------------------------------------------------------------------------------------------------------
 
 
@@ -181,6 +202,20 @@ def test_a_trajectory_is_that_of_a_run():
     some = spi.trajectory(RigidBody((2, 1, 2 / 3), (1, 2, 3), (1, 1, 1)), "splitting", samples=2, every=2, **PATH)
     np.testing.assert_array_equal(some.y, many.y[:2, ::2])
     assert some.sizes == {"path": 2, "t": 3, "component": 3, "casimir": 1}
+
+
+def test_a_class_of_ones_own_is_that_of_its_file(tmp_path, monkeypatch):
+    (tmp_path / "my_api_model.py").write_text(OSCILLATOR)
+    monkeypatch.syspath_prepend(tmp_path)
+    cls = importlib.import_module("my_api_model").Oscillator
+    keys = {"initial": [1, 0], "final_time": 1, "step": 2**-4}
+    for model, sigma in ((cls(sigma=(0.5,)), 0.5), ({"python": "my_api_model.py", "name": "Oscillator"}, None)):
+        found = plan_of(model, "euler_maruyama", keys).case.model
+        assert type(found).__qualname__ == "Oscillator" and modules.text_of(type(found)) == OSCILLATOR
+        assert sigma in (None, found.sigma[0])
+    assert plan_of(cls, "euler_maruyama", keys).case.model == cls()
+    silent = plan_of(cls(sigma=(None,)), "euler_maruyama", keys).case.model  # a noise of strength 0
+    assert silent.sigma == (None,)
 
 
 @pytest.mark.parametrize("most", [1, 64e6])  # bytes of states that are recorded at a time

@@ -68,11 +68,14 @@ def run(
 
 @contextlib.contextmanager
 def _threads(count: int | None) -> Iterator[None]:
-    """Within it kernels use so many threads; ValueError if there are not that many."""
+    """Within it kernels use so many threads; SpecError if there are not that many."""
     before = thread_count()
-    try:
-        if count is not None:
+    if count is not None:
+        try:
             use_threads(count)
+        except ValueError as error:
+            raise SpecError(f"threads: is {count}; {str(error).lower()}") from None
+    try:
         yield
     finally:
         use_threads(before)
