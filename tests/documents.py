@@ -117,7 +117,7 @@ def whole(block):
     text = re.sub(r"\A\s*#.*\n", "", block.text)
     within = block.notes.get("within")
     if within is None:
-        if not text.startswith(("kind:", "title:")):
+        if not re.search("^kind:", text, re.MULTILINE):
             raise Wrong(f"{block.place}: is no whole spec; say <!-- within: NAME --> above of which it is a part")
         return text
     name, _, key = within.partition(", ")
