@@ -31,6 +31,7 @@ def load(
     """
     if text is None:
         path = shipped.path_of(path)
+        text = spec.text_of(path, shipped.names())
     return spec.load(path, layers(), profile, overrides, text, files)
 
 
@@ -50,6 +51,20 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
     except ValueError as error:
         raise spec.SpecError(f"{path}: --as {kind}: {error}") from None
     return load(source.path.with_name(f"{source.name}_as_{kind}.yaml"), profile, overrides, text)
+
+
+def headings(paths: Iterable[Path]) -> tuple[dict[Path, spec.Heading], list[str]]:
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.spec.heading."""
+    found, problems = {}, []
+    for path in paths:
+        if heading := spec.heading(path, layers()):
+            found[path] = heading
+        else:
+            try:
+                load(path)
+            except spec.SpecError as error:
+                problems.append(str(error))
+    return found, problems
 
 
 def plans(experiment: spec.Experiment) -> list[Plan]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from . import engine, spec, storage, systems
 from .checkpoint import Limits, Stopped, sums_path
-from .loading import Source, layers, load, plans
+from .loading import Source, headings, layers, load, plans
 from .models.damped import undamped
 from .schemes import typical_ns
 from .session import NOBODY, USUAL, Cost, Progress, Session, Watch, cost_of, identity, results_path
@@ -19,6 +19,7 @@ __all__ = [
     "Stopped",
     "Watch",
     "cost",
+    "headings",
     "layers",
     "load",
     "plans",

@@ -1,4 +1,4 @@
-"""The experiments that come with the program, found by name from any folder."""
+"""The experiments that come with the program, found by name from any folder, and what a new one begins from."""
 
 from pathlib import Path
 
@@ -24,4 +24,9 @@ def path_of(spec: str | Path) -> Path:
     path = Path(spec)
     own = folder() / f"{path.name}.yaml"
     is_name = path.name == str(spec) and not path.suffix
-    return own if is_name and not path.exists() and own.is_file() else path
+    return own if is_name and not path.is_file() and own.is_file() else path
+
+
+def template(name: str) -> str:
+    """The text of a new experiment: `name` is "experiment", or "system" for one with an equation of its own."""
+    return Path(__file__).parent.joinpath("templates", f"{name}.yaml").read_text(encoding="utf-8")

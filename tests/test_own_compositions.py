@@ -8,8 +8,8 @@ import pytest
 
 from spi import storage, views, workers
 from spi.loading import Source, plans, plans_of
-from spi.printing import print_catalogue
-from spi.runs import cost, run
+from spi.printing.catalogue import print_experiments, print_schemes
+from spi.runs import cost, headings, run
 from spi.schemes import SCHEMES
 from spi.schemes.rows import flows
 from spi.schemes.splitting import LIE_TROTTER
@@ -216,7 +216,8 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path):
     (ax,) = views.figure(results).axes
     assert len({container.lines[0].get_color() for container in ax.containers}) == len(ax.containers) == 2
     listed = io.StringIO()
-    print_catalogue({}, SCHEMES, [experiment], listed)
+    print_schemes(SCHEMES, listed)
+    print_experiments("experiments", headings([experiment.path])[0], listed)
     assert "s.yaml" in listed.getvalue() and "mine" not in listed.getvalue()
 
 

@@ -10,15 +10,15 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import running
-from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, end, load
+from . import running, starting
+from .names import RESULTS, complete_results, stored
+from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, Stored, end, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
 app = typer.Typer(
     help="A laboratory for stochastic Poisson integrators.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -45,11 +45,15 @@ def _version(wanted: bool) -> None:
 
 
 @app.callback()
-def _common(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True)] = False) -> None:
+def _common(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+) -> None:
     """A laboratory for stochastic Poisson integrators."""
 
 
 app.command()(running.run)
+app.command("list")(starting.list_)
+app.command()(starting.new)
 app.command()(running.merge)
 app.command()(running.verify)
 
@@ -57,7 +61,12 @@ app.command()(running.verify)
 @app.command()
 def plot(
     sources: Annotated[
-        list[Path] | None, typer.Argument(metavar="[FILE|SPEC...]", help="Results or experiment files (default: all).")
+        list[Path] | None,
+        typer.Argument(
+            metavar="FILE|SPEC|NAME",
+            help="Results, or experiments that were run (default: all results).",
+            autocompletion=complete_results,
+        ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of results, and of figures (default: results; beside a FILE).")
@@ -67,15 +76,14 @@ def plot(
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage, views
-    from ..runs import results_of
     from .progress import ProgressLine
 
-    folder = out or Path("results")
-    stored = sources or sorted(folder.glob("*.h5"))
-    if not stored:
+    folder = out or RESULTS
+    wanted = sources or sorted(folder.glob("*.h5"))
+    if not wanted:
         end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --out")
-    for source in stored:
-        path = results_of(source, folder) if source.suffix in (".yaml", ".yml") else source
+    for source in wanted:
+        path = stored(source, folder)
         results = storage.read(path)
         with _about(path):
             figure = views.figure(results)
@@ -90,13 +98,14 @@ def plot(
 
 @app.command()
 def show(
-    file: Annotated[Path, typer.Argument(help="A results file.")],
+    source: Stored,
     format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
 ) -> None:
     """Print stored results to standard output."""
     from .. import storage, views
     from ..printing import as_csv, as_json
 
+    file = stored(source)
     results = storage.read(file)
     with _about(file):
         if format is Format.table:
@@ -104,31 +113,6 @@ def show(
         else:
             rows = views.rows(results)
             typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
-
-
-@app.command("list")
-def list_(
-    folder: Annotated[Path, typer.Option("--experiments", help="Folder of experiments.")] = Path("experiments"),
-) -> None:
-    """List models, schemes and experiments."""
-    from ..printing import print_catalogue
-    from ..runs import load
-    from ..schemes import SCHEMES
-    from ..spec import SpecError
-    from ..spec.models import catalogue
-
-    models, warnings = catalogue()
-    experiments, problems = [], []
-    for path in sorted(folder.glob("*.yaml")):
-        try:
-            experiments.append(load(path))
-        except SpecError as error:
-            problems.append(str(error))
-    print_catalogue(models, SCHEMES, experiments)
-    for problem in (*warnings, *problems):
-        tell(f"spi: {problem}")
-    if problems:
-        raise typer.Exit(INVALID)
 
 
 @app.command()
@@ -152,7 +136,7 @@ def check(
 
 @app.command()
 def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
-    """Print the Python source of the models of experiments, generated ones included."""
+    """Print the Python source of the models of experiments."""
     from ..runs import sources
 
     for experiment in load(specs, profile, overrides, None, None):
@@ -168,6 +152,9 @@ def schema() -> None:
     from ..runs import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
+
+
+app.command()(starting.doctor)
 
 
 @contextlib.contextmanager
@@ -198,7 +185,7 @@ def main() -> NoReturn:
         code = _code(error)
         if code is None:
             raise
-        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+        message = _usage(error) if isinstance(error, typer.TyperException) else str(error)
         tell(message if message.startswith("Usage") else "\n".join(f"spi: {line}" for line in message.split("\n")))
     if code == 128 + signal.SIGINT:
         STOP.ignore()
@@ -206,6 +193,16 @@ def main() -> NoReturn:
         code = STOPPED
     drop_unwritable_output()
     sys.exit(code or DONE)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What is wrong with a command line; where an argument is missing, also what it should be."""
+    message = error.format_message()
+    argument, context = (getattr(error, name, None) for name in ("param", "ctx"))
+    if not (argument and context and message.startswith("Missing argument")):
+        return message
+    right = argument.help.rstrip(".")
+    return f"{message.rstrip('.')}: {right[0].lower()}{right[1:]}; see `{context.command_path} --help`"
 
 
 def _code(error: Exception) -> int | None:

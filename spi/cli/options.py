@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from .names import complete_kind, complete_profile, complete_results, complete_spec
 from .streams import tell
 
 if TYPE_CHECKING:
@@ -12,13 +13,32 @@ if TYPE_CHECKING:
 
 DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
 
-Specs = Annotated[list[Path], typer.Argument(metavar="SPEC...", help="Experiment files (YAML).")]
-Profile = Annotated[str, typer.Option(help="laptop (the file itself), paper or quick.")]
+Specs = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="SPEC", help="Experiment files (YAML), or names that `spi list` shows.", autocompletion=complete_spec
+    ),
+]
+Stored = Annotated[
+    Path,
+    typer.Argument(
+        metavar="FILE|NAME", help="A file of results, or an experiment in ./results.", autocompletion=complete_results
+    ),
+]
+Profile = Annotated[
+    str, typer.Option(help="laptop (the file itself), paper or quick.", autocompletion=complete_profile)
+]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
 Samples = Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")]
 Seed = Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")]
 As = Annotated[
-    str | None, typer.Option("--as", metavar="KIND", help="Make it an experiment of another kind, as in strong.")
+    str | None,
+    typer.Option(
+        "--as",
+        metavar="KIND",
+        help="Make it an experiment of another kind, as in strong.",
+        autocompletion=complete_kind,
+    ),
 ]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]

@@ -9,7 +9,23 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .options import BROKEN, INVALID, As, Fresh, Out, Overrides, Profile, Samples, Seed, Specs, Threads, end, load
+from .names import stored
+from .options import (
+    BROKEN,
+    INVALID,
+    As,
+    Fresh,
+    Out,
+    Overrides,
+    Profile,
+    Samples,
+    Seed,
+    Specs,
+    Stored,
+    Threads,
+    end,
+    load,
+)
 from .signals import STOP
 from .streams import tell
 
@@ -44,7 +60,10 @@ def run(
     ] = None,
     kind: As = None,
 ) -> None:
-    """Run experiments: write <out>/<name>.h5 and print a table; exit code 4 if a claim of a spec is broken."""
+    """Run experiments: write <out>/<name>.h5 and print a table.
+
+    Exit code 4 if a claim of a spec is broken.
+    """
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from .. import runs as runner
     from .. import slices
@@ -74,7 +93,10 @@ def merge(
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
-    """Put parts that `spi run --part` computed together, and go on as `spi run` does."""
+    """Put parts together that `spi run --part` computed.
+
+    Then go on as `spi run` does.
+    """
     experiments = load(specs, profile, overrides, samples, seed)
     from .. import slices
 
@@ -83,16 +105,20 @@ def merge(
 
 
 def verify(
-    file: Annotated[Path, typer.Argument(help="A results file.")],
+    source: Stored,
     chunks: Annotated[int, typer.Option(help="How many chunks of paths to compute again, at random.", min=1)] = 8,
     threads: Threads = None,
 ) -> None:
-    """Compute some of the paths behind stored results again, compare bit for bit, and judge the claims."""
+    """Compute some of the paths again, and compare bit for bit.
+
+    They are those behind stored results, whose claims are judged as well.
+    """
     from .. import storage
     from ..printing import print_verification
     from ..verification import verify
     from .progress import ProgressLine
 
+    file = stored(source)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
         found = verify(file, chunks, line.report_chunk)

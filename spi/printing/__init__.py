@@ -1,15 +1,12 @@
-"""Numbers as JSON, CSV and text; the catalogue of what there is, and what an experiment would cost."""
+"""Numbers as JSON, CSV and text, and what an experiment would cost."""
 
 import csv
 import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
-from .text import fraction, is_odd, new_console, new_table, print_whole, printable
-
-if TYPE_CHECKING:  # a compiler comes with it
-    from ..schemes import Scheme
+from .text import is_odd, new_console, printable
 
 
 def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
@@ -29,29 +26,6 @@ def as_csv(records: list[dict[str, Any]]) -> str:
     writer.writeheader()
     writer.writerows(records)
     return text.getvalue()
-
-
-def print_catalogue(
-    models: dict[str, Any], schemes: dict[str, "Scheme"], experiments: Iterable[Any], file: IO[str] | None = None
-) -> None:
-    """Print what there is: models (name -> record), schemes (name -> row of the table of orders), experiments."""
-    console = new_console(file)
-    table = new_table("models", ["name", "parameters", ""], left=3)
-    for name, record in models.items():
-        table.add_row(name, ", ".join(record._fields), (record.__doc__ or "").splitlines()[0])
-    print_whole(console, table)
-    console.print()
-    orders = ["strong\norder", "with one\nnoise", "weak\norder"]
-    table = new_table("schemes", ["name", "", "preserves", *orders], left=3)
-    for name, row in schemes.items():
-        numbers = (row.strong_order, row.strong_order_commuting, row.weak_order)
-        table.add_row(name, row.label, row.preserves, *map(fraction, numbers))
-    print_whole(console, table)
-    console.print()
-    table = new_table("experiments", ["file", "title", "kind", "figure"], left=3)
-    for e in experiments:
-        table.add_row(printable(e.path), e.title, e.kind, str(e.figure or "-"))
-    print_whole(console, table)
 
 
 def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:

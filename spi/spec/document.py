@@ -4,7 +4,7 @@ import difflib
 import math
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import getitem
 from pathlib import Path
@@ -151,13 +151,13 @@ class Document:
         return {**merged, **own}
 
 
-def text_of(path: str | Path) -> str:
-    """The text of a file."""
+def text_of(path: str | Path, names: Iterable[str] = ()) -> str:
+    """The text of a file; `names` might have been given in the place of a path."""
     try:
         with open(path, "rb") as file:
             data = file.read(_MOST_BYTES + 1)
     except FileNotFoundError:
-        raise SpecError(f"{path}: no such file; {_meant(Path(path))}") from None
+        raise SpecError(f"{path}: no such file; {_meant(Path(path), names)}") from None
     except (OSError, ValueError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         raise SpecError(f"{path}: cannot be read ({reason}); give the path of a YAML file") from None
@@ -170,15 +170,19 @@ def text_of(path: str | Path) -> str:
         raise SpecError(f"{path}:{line}: encoding: is not UTF-8; save the file as UTF-8") from None
 
 
-def _meant(path: Path) -> str:
+def _meant(path: Path, names: Iterable[str]) -> str:
     """What to give instead of the path of a file that does not exist."""
     folders = (path.parent, path.parent / "experiments")
     for folder in folders:
         if (same := folder / f"{path.name}.yaml").is_file() or (same := folder / path.name).is_file():
             return f"did you mean {same}?"
-    there = {file.name: file for folder in folders[::-1] for file in folder.glob("*.yaml")}
-    near = difflib.get_close_matches(path.name, there, 1) or difflib.get_close_matches(f"{path.name}.yaml", there, 1)
-    return f"did you mean {there[near[0]]}?" if near else "give the path of a YAML file"
+    there = {file.stem: file for folder in folders[::-1] for file in folder.glob("*.yaml")}
+    near = difflib.get_close_matches(path.stem, there, 1)
+    if near:
+        return f"did you mean {there[near[0]]}?"
+    if near := difflib.get_close_matches(path.stem, names, 1):
+        return f"did you mean {near[0]}, which comes with spi? `spi list` shows all that do"
+    return "give the path of a YAML file" + ("" if path.suffix else " or a name that `spi list` shows")
 
 
 def override(path: str | Path, text: str) -> Document:

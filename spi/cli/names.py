@@ -1,0 +1,76 @@
+"""What stands for an experiment or its results on the command line, and how a shell completes it."""
+
+import difflib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+RESULTS = Path("results")  #: where results go unless --out says otherwise
+SPECS = (".yaml", ".yml")
+
+
+def stored(source: Path, folder: Path = RESULTS) -> Path:
+    """The results that a person means: a file of results, a spec file, or an experiment by its name.
+
+    Those of the latter two lie in `folder`.  Raises StorageError if those of a spec file are of another spec.
+    """
+    from ..runs import results_of
+    from ..storage import StorageError
+
+    if source.suffix in SPECS:
+        return results_of(source, folder)
+    path = folder / f"{source}.h5"
+    is_name = source.name == str(source) and not source.suffix and not source.is_file()
+    if not is_name or (source.is_dir() and not path.is_file()):
+        return source
+    if not path.is_file():
+        raise StorageError(f"{path}: no such file; {_meant(source.name, folder)}")
+    return path
+
+
+def _meant(name: str, folder: Path) -> str:
+    """What to do where there are no results of this name in a folder."""
+    from .. import shipped
+
+    if name in shipped.names():
+        return f"`spi run {name}` writes it"
+    near = difflib.get_close_matches(name, [*_results(folder), *shipped.names()], 1)
+    return f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
+
+
+def complete_spec(incomplete: str) -> list[str]:
+    """Names of the experiments that come with the program, and spec files."""
+    from .. import shipped
+
+    return [name for name in shipped.names() if name.startswith(incomplete)] + _files(incomplete, SPECS)
+
+
+def complete_results(incomplete: str) -> list[str]:
+    """Names of results in ./results, and files of results."""
+    return [name for name in _results(RESULTS) if name.startswith(incomplete)] + _files(incomplete, [".h5"])
+
+
+def complete_profile(incomplete: str) -> list[str]:
+    """The profiles of a spec, without what reads them: that takes a while."""
+    return [name for name in ("laptop", "paper", "quick") if name.startswith(incomplete)]
+
+
+def complete_kind(incomplete: str) -> list[str]:
+    """The kinds of experiment."""
+    from ..kinds import KINDS
+
+    return [name for name in KINDS if name.startswith(incomplete)]
+
+
+def _results(folder: Path) -> list[str]:
+    return sorted(path.stem for path in folder.glob("*.h5"))
+
+
+def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
+    """The files with these endings whose paths begin so; where there are none, a shell offers all files and folders."""
+    folder, start = os.path.split(incomplete)
+    try:
+        names = sorted(name for name in os.listdir(folder or ".") if name.startswith(start))
+    except OSError:
+        return []
+    return [os.path.join(folder, name) for name in names if name.endswith(tuple(endings))]

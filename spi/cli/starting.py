@@ -1,0 +1,142 @@
+"""The commands with which a person begins: list, new, doctor."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .names import SPECS, complete_spec
+from .options import FAILED, INVALID, As, end
+from .streams import tell
+
+
+class Listed(StrEnum):
+    models = "models"
+    schemes = "schemes"
+    experiments = "experiments"
+
+
+def list_(
+    what: Annotated[Listed | None, typer.Argument(metavar="models|schemes|experiments", help="Only these.")] = None,
+    folder: Annotated[Path, typer.Option("--experiments", help="Folder of your own.")] = Path("experiments"),
+) -> None:
+    """List models, schemes and experiments.
+
+    The experiments are those that come with spi, and those in ./experiments if there is such a folder.
+    """
+    from ..printing import catalogue
+
+    problems: list[str] = []
+    invalid: list[str] = []
+    if what in (None, Listed.models):
+        from ..spec.models import catalogue as known
+
+        models, problems = known()
+        catalogue.print_models(models)
+    if what in (None, Listed.schemes):
+        from ..schemes import SCHEMES
+
+        catalogue.print_schemes(SCHEMES)
+    if what in (None, Listed.experiments):
+        invalid = _list_experiments(folder)
+    for problem in (*problems, *invalid):
+        tell(f"spi: {problem}")
+    if invalid:
+        raise typer.Exit(INVALID)
+
+
+def _list_experiments(folder: Path) -> list[str]:
+    """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
+    from .. import shipped
+    from ..printing.catalogue import print_experiments
+    from ..runs import headings
+
+    found, _ = headings(map(shipped.path_of, shipped.names()))
+    print_experiments("experiments that come with spi: spi run NAME", {path.stem: one for path, one in found.items()})
+    if not folder.is_dir() or folder.samefile(shipped.folder()):
+        return []
+    found, problems = headings(sorted(folder.glob("*.yaml")))
+    if found:
+        print_experiments(f"experiments in {folder}", {str(path): one for path, one in found.items()})
+    return problems
+
+
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What it will be called.")],
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="EXPERIMENT",
+            help="Copy this one, and the files that it names.",
+            autocompletion=complete_spec,
+        ),
+    ] = None,
+    kind: As = None,
+    system: Annotated[bool, typer.Option("--system", help="Of an equation of your own, written in YAML.")] = False,
+) -> None:
+    """Write a commented experiment to begin from: NAME.yaml.
+
+    It runs as it is.  Nothing is overwritten.
+    """
+    from ..storage import write_all
+
+    if not Path(name).name or name.endswith("/") or not name.isprintable():
+        end(INVALID, f"{name!r} is no name of a file; say for instance `spi new my_experiment`")
+    target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
+    if source is not None and system:
+        end(INVALID, "--from and --system exclude one another; give one of them")
+    if source is None and kind is not None:
+        end(INVALID, "--as: is for copies; give --from EXPERIMENT as well")
+    texts = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
+    for path, text in [*texts.items()]:
+        if path.exists() or path.is_symlink():
+            if path == target or not _holds(path, text):
+                end(INVALID, f"{path}: is there already, and is not overwritten; choose another name or folder")
+            del texts[path]
+    write_all({path: text.encode() for path, text in texts.items()})
+    for path in texts:
+        tell(f"wrote {path}")
+    tell(f"spi: change it as you like; `spi check {target}` says what it would cost, `spi run {target}` runs it")
+
+
+def _template(which: str, target: Path) -> dict[Path, str]:
+    from .. import shipped
+
+    return {target: shipped.template(which).replace("NAME.yaml", str(target)).replace("NAME", target.stem)}
+
+
+def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
+    """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
+    from ..loading import load, load_as
+
+    experiment = load(source) if kind is None else load_as(kind, source)
+    return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}
+
+
+def _holds(path: Path, text: str) -> bool:
+    """Whether a file has this text."""
+    try:
+        return path.read_text(encoding="utf-8") == text
+    except (OSError, ValueError):
+        return False
+
+
+def doctor() -> None:
+    """Test whether spi works here, by a small run as well.
+
+    Its numbers are known; the first time its kernel is compiled, which takes some seconds.  Exit code 1 if something is
+    wrong.
+    """
+    from ..doctor import findings
+    from ..printing.text import printable
+    from .progress import ProgressLine
+
+    sound = True
+    with ProgressLine("doctor") as line:
+        for finding in findings(line.watch):
+            typer.echo(printable(finding))
+            sound &= finding.sound
+    if not sound:
+        end(FAILED, "something is wrong, see above")
