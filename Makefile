@@ -9,6 +9,9 @@ INSTALLED = $(VENV)/.installed
 INSTALLED_TEST = $(VENV)/.installed-test
 PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
+GALLERY ?= results/gallery
+PROFILE ?= quick
+
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
 #: The tests of the inner loop: seconds each once the kernels are compiled.
@@ -16,7 +19,7 @@ QUICK = coins dispatch disk_cache estimators expressions floors kinds model_fiel
   rigid_body rng spec spec_eps stability_tables stability_views storage tables tables_weak vorticity work_points work_precision_tables \
   work_precision_views
 
-.PHONY: help install demo test test-quick test-uncompiled lint check figures bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-quick test-uncompiled lint check figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -59,6 +62,12 @@ check: lint ## lint, and validate every experiment
 	$(SPI) check experiments/*.yaml
 
 figures: $(EXPERIMENTS) ## run and plot every experiment
+
+# Claims of a quick profile may be broken (exit code 4): the page tells which.
+gallery: $(INSTALLED) ## run every experiment (PROFILE=quick) and put all on one page, GALLERY/gallery.html, and in docs/
+	$(SPI) run --profile $(PROFILE) --out $(GALLERY) experiments/*.yaml || [ $$? -eq 4 ]
+	$(SPI) report --results $(GALLERY) --out $(GALLERY)/gallery.html
+	$(VENV)/bin/python docs/generate/gallery.py $(GALLERY)
 
 $(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
 	$(SPI) run $<

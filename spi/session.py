@@ -187,6 +187,7 @@ def _attributes(experiment: spec.Experiment) -> dict[str, Any]:
         "model_modules": _stored_modules(experiment),
         "kind": experiment.kind,
         "title": experiment.title,
+        "asks": experiment.asks,
         "figure": experiment.figure,
         "seed": experiment.cases[0].seed,
         "stream_version": STREAM_VERSION,

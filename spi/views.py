@@ -68,17 +68,19 @@ def rows(results: Results) -> list[dict[str, Any]]:
 
 
 def print_tables(results: Results, file: IO[str] | None = None) -> None:
-    """Print the tables of each case to ``file`` (standard output if None), in colour if that is a terminal.
+    """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
+    show(results, new_console(file))
 
-    Under the tables of a case stand its claims with their verdicts.
+
+def show(results: Results, console: Any, with_title: bool = True) -> None:
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
 
     Of results of an unknown kind all numbers are printed.
     """
     known = results.attributes.get("kind") in KINDS
     read = readings(results) if known else []  # before anything is printed: they may not be readable
-    console = new_console(file)
     title = results.attributes.get("title")
-    if title:
+    if title and with_title:
         console.print(printable(title), style="bold", markup=False)
     if not known:
         anything.show(console, results.groups)

@@ -10,7 +10,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import running, starting
+from . import reporting, running, starting
 from .names import RESULTS, complete_results, stored
 from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, Stored, end, load
 from .signals import STOP
@@ -154,6 +154,7 @@ def schema() -> None:
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
 
+app.command()(reporting.report)
 app.command()(starting.doctor)
 
 

@@ -79,6 +79,11 @@ class ProgressLine:
         if self.bar:
             self._show(self.bar, None, f"{self.name}: computing {name}", total, number - 1)
 
+    def report_figure(self, number: int, total: int, name: str) -> None:
+        STOP.check()
+        if self.bar:
+            self._show(self.bar, None, f"{self.name} drawing {number} of {total}", total, number - 1, name)
+
     def report_frame(self, number: int, total: int) -> None:
         STOP.check()
         if self.bar:

@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import sys
+from typing import Any
 
 
 def _import_matplotlib() -> None:
@@ -24,14 +25,20 @@ from matplotlib.figure import Figure as Figure  # noqa: E402 (for those who may 
 
 from . import style  # noqa: E402
 
+#: Without a date and the name of the program the same results give the same bytes.
+_METADATA = {"pdf": {"CreationDate": None}, "png": {"Software": None}, "svg": {"Date": None, "Creator": None}}
+
 
 def as_files(figure: Figure) -> dict[str, bytes]:
     """The content of the files of a figure: ending -> bytes, PDF and PNG."""
-    files = {}
-    # Without a date and the name of the program the same results give the same bytes.
-    for form, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
-        content = io.BytesIO()
-        with style.applied():
-            figure.savefig(content, format=form, metadata=metadata)
-        files[form] = content.getvalue()
-    return files
+    return {form: as_bytes(figure, form) for form in ("pdf", "png")}
+
+
+def as_bytes(figure: Figure, form: str, **options: Any) -> bytes:
+    """A figure as "pdf", "png" or "svg"; `options` are those of matplotlib's ``savefig``."""
+    from matplotlib import rc_context
+
+    content = io.BytesIO()
+    with style.applied(), rc_context({"svg.hashsalt": "spi"}):  # without salt ids would be random
+        figure.savefig(content, format=form, metadata=_METADATA[form], **options)
+    return content.getvalue()

@@ -9,10 +9,12 @@ from typing import Any
 
 import matplotlib
 import matplotlib.style
+from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.textpath import TextPath
+from matplotlib.textpath import text_to_path
 
 from ..records import Description, Reading
 from ..schemes import SCHEMES
@@ -143,11 +145,18 @@ def wrapped(items: Iterable[str], separator: str, size: float, width: float) -> 
     lines: list[str] = []
     for item in items:
         longer = separator.join([*lines[-1:], item])
-        if lines and TextPath((0, 0), longer, size=size).get_extents().width < 72 * (width - 0.4):
+        if lines and inches(longer, size) < width - 0.4:
             lines[-1] = longer
         else:
             lines.append(item)
     return lines
+
+
+def inches(text: str, size: float) -> float:
+    """How wide a text is in letters of so many points; an outline of its letters would take ten times as long."""
+    is_formula = is_math_text(text)
+    width: float = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), is_formula)[0]
+    return width / 72
 
 
 def split_facts(told: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:

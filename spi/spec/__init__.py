@@ -58,6 +58,7 @@ class Experiment(NamedTuple):
     path: Path
     name: str  #: of the file, without its ending
     title: str
+    asks: str | None  #: the question that the experiment answers; it decides nothing, just as the title
     figure: int | None  #: of the paper
     kind: str
     profile: str
@@ -147,6 +148,7 @@ def load(
         path=Path(path),
         name=Path(path).stem,
         title=title,
+        asks=file.asks,
         figure=file.figure,
         kind=file.kind,
         profile=profile,

@@ -27,7 +27,7 @@ from .systems import overridden
 PROFILES = ("laptop", "paper", "quick")
 
 #: The keys of a file that are none of its cases.
-ONLY_IN_FILES = ("kind", "figure", "cases", "profiles")
+ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
@@ -51,6 +51,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
         "title": title,
+        "asks": (key_of(str | None, "what the experiment asks, a sentence for reports"), None),
         "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
         "profiles": (profiles, ABSENT),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
 
 from .reading import Law, LongTimes, with_laws
@@ -131,6 +132,31 @@ def _largest_z(law: Law, i: int) -> tuple[str, str]:
     if np.isnan(z).any():
         return "not finite", ""
     return f"{z.max():.1f}", law.moments[z.argmax()]
+
+
+def told(readings: Sequence[LongTimes]) -> str:
+    """What came out of a case, in one sentence: errors of the Casimirs after all steps, and the law of the states."""
+    errors, means = [], []
+    for reading in readings:
+        if reading.casimir_count:
+            rms = float(reading.casimir_rms[:, -1].max())
+            errors.append(
+                f"{short(rms) if math.isfinite(rms) else 'lost'} with {whose(reading.about)}{_grown(reading)}"
+            )
+        if reading.law and np.isfinite(reading.law.z).all():
+            means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")
+    after = f"after {_count(readings[0].steps_each)} steps the root mean square error of the Casimir functions is"
+    law = "the means of the stationary law are off by at most so many standard errors:"
+    return sentence([f"{after} {joined(errors)}" if errors else "", f"{law} {joined(means)}" if means else ""])
+
+
+def _grown(reading: LongTimes) -> str:
+    """The power of the number of steps by which the errors grow, from the smallest to the largest that is known."""
+    known = reading.growth[np.isfinite(reading.growth)]
+    if not known.size:
+        return ""
+    low, high = (f"{end(known):.2f}" for end in (np.min, np.max))
+    return f" (growing as n^{low}{'' if low == high else f' to n^{high}'})"
 
 
 def chance(count: int) -> float:

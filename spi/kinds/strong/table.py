@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.sentences import casimirs, orders, sentence, whose
 from spi.printing.text import (
     INTERVAL,
     angle_note,
@@ -70,6 +71,13 @@ def show(console: "Console", heading: str, readings: Sequence[StrongErrors]) -> 
         for line in _summary(reading):
             console.print(line, markup=False, soft_wrap=True)
     console.print()
+
+
+def told(readings: Sequence[StrongErrors]) -> str:
+    """What came out of a case, in one sentence: orders, and how far the Casimir functions drift."""
+    fitted = ((whose(reading.about), reading.order, reading.expected_order) for reading in readings)
+    drifts = ((whose(one.about), float(one.casimir_drift.max())) for one in readings if one.casimir_drift.size)
+    return sentence([orders("strong", fitted), casimirs(drifts)])
 
 
 def _summary(reading: StrongErrors) -> Iterator[str]:

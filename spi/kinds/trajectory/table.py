@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.sentences import casimirs, joined, sentence, whose
 from spi.printing.text import in_order, new_table, power_of_two, print_whole, short
 
 from .reading import Trajectory
@@ -47,3 +48,32 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
         )
     print_whole(console, table)
     console.print()
+
+
+def told(readings: Sequence[Trajectory]) -> str:
+    """What came out of a case, in one sentence: the Casimir functions, lost paths, and what the figure is about."""
+    drifts = ((whose(one.about), max(one.casimir_drift)) for one in readings if one.casimir_drift)
+    lost = [f"with {_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
+    left = f"the path leaves the finite numbers {joined(lost)}" if lost else ""
+    return sentence([casimirs(drifts), left, *_populations(readings), *_energy(readings)])
+
+
+def _whose(reading: Trajectory) -> str:
+    return whose(reading.about, with_eps=True)
+
+
+def _populations(readings: Sequence[Trajectory]) -> Iterator[str]:
+    """Which schemes keep all components positive, where the figure shows populations."""
+    if "populations" not in readings[0].panels:
+        return
+    lowest = {_whose(one): float(one.lowest.min()) for one in readings}
+    positive = [label for label, value in lowest.items() if value > 0]
+    others = [f"{value:.3g} with {label}" for label, value in lowest.items() if not value > 0]
+    yield f"all populations stay positive with {joined(positive)}" if positive else ""
+    yield f"the smallest population is {joined(others)}" if others else ""
+
+
+def _energy(readings: Sequence[Trajectory]) -> Iterator[str]:
+    """From where to where the Hamiltonian goes, if there is one path whose figure shows it."""
+    if len(readings) == 1 and "hamiltonian" in readings[0].panels:
+        yield "the Hamiltonian goes from {:.4g} to {:.4g}".format(*readings[0].hamiltonian[[0, -1]])

@@ -18,6 +18,7 @@ from ..reading import Stages, WeakErrors
 from ..reading.comparisons import agreement
 from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
+from .told import told as told
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -1,0 +1,55 @@
+"""Write docs/gallery.md and its small figures from stored results: python docs/generate/gallery.py RESULTS."""
+
+import sys
+from pathlib import Path
+
+from spi import drawing, storage, views
+from spi.records import Results
+from spi.report.sections import Section, section
+
+DOCS = Path(__file__).parents[1]
+PIXELS = (380, 520)  #: the largest width and height of a figure
+
+HEAD = """# Gallery
+
+All experiments that come with the program: what each asks, and its figure. The figures are those of the profile `{profile}`;
+`spi run NAME` computes the experiment itself.
+
+`make gallery` writes this page, and a page with all tables, claims and specs beside the results (see [report.md](report.md)).
+"""
+
+ENTRY = """
+### {title}
+
+`{name}`: {asks}
+
+![{title}](gallery/{name}.png)
+"""
+
+
+def small(results: Results) -> bytes:
+    """The figure as a PNG of few pixels, in true colours."""
+    figure = views.figure(results)
+    dpi = min(pixels / inches for pixels, inches in zip(PIXELS, figure.get_size_inches(), strict=True))
+    return drawing.as_bytes(figure, "png", dpi=dpi, pil_kwargs={"optimize": True})
+
+
+def page(sections: list[Section], profile: str) -> str:
+    """The text of gallery.md, the experiments by their kind."""
+    parts = [HEAD.format(profile=profile)]
+    for kind in dict.fromkeys(one.kind for one in sections):
+        parts.append(f"\n## {kind.capitalize()}\n")
+        parts += [ENTRY.format(**one._asdict()) for one in sections if one.kind == kind]
+    return "".join(parts)
+
+
+def main(folder: Path) -> None:
+    found = {path: storage.read(path) for path in sorted(folder.glob("*.h5"))}
+    sections = [section(path, results, path.stem) for path, results in found.items()]
+    profile = next(iter(found.values())).attributes["profile"]
+    files = {DOCS / "gallery" / f"{path.stem}.png": small(results) for path, results in found.items()}
+    storage.write_all({DOCS / "gallery.md": page(sections, profile).encode(), **files})
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,200 @@
+"""What a report says of each experiment."""
+
+import json
+import math
+import shlex
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import shipped, views
+from ..claims import KEPT, VERDICTS, Verdict
+from ..kinds import KINDS
+from ..printing import claims as printed_claims
+from ..printing.text import duration, fraction, short
+from ..records import Reading, Results, by_case
+from .tables import Cell, Line, PlainTable, Recorder, Row
+
+Facts = list[tuple[str, str]]  #: name and value
+
+#: The names of attributes of a results file, and what they are called in a report.
+_PROVENANCE = {
+    "seed": "seed",
+    "profile": "profile",
+    "created": "computed",
+    "spi_version": "spi",
+    "stream_version": "version of the random streams",
+    "source_digest": "digest of the sources that compute",
+    "spec_hash": "digest of the spec (SHA-256)",
+    "machine_processor": "processor",
+    "machine_instruction_set": "instruction set",
+    "machine_cpu_count": "processors",
+    "machine_platform": "platform",
+    "machine_python": "Python",
+    "machine_numpy": "NumPy",
+    "machine_numba": "Numba",
+    "machine_h5py": "h5py",
+}
+
+
+class Section(NamedTuple):
+    """One experiment in a report, but for its figure."""
+
+    name: str  #: of the results file, without its ending
+    anchor: str  #: by which the page refers to it, unlike those of the others
+    title: str
+    kind: str
+    paper_figure: int | None
+    asks: str  #: what the experiment asks; empty if its spec does not say
+    told: Facts  #: the title of a case and what came out of it; one without a title if there is one case
+    verdicts: dict[str, int]  #: how many claims are kept, not decided and broken; empty if there are none
+    complaints: list[tuple[str, str]]  #: of each claim that is not kept the verdict, and what is to be said
+    orders: PlainTable | None
+    items: list[PlainTable | Line]  #: what `spi show` prints
+    cost: Facts
+    provenance: Facts
+    command: str  #: that repeats it
+    files: Facts  #: the spec and the files that belong to it: name and text
+
+    @property
+    def tables(self) -> list[PlainTable]:
+        """The tables among the items, that of the orders before them."""
+        printed = [item for item in self.items if isinstance(item, PlainTable)]
+        return [self.orders, *printed] if self.orders else printed
+
+
+def section(path: Path, results: Results, anchor: str) -> Section:
+    """What is to be said of the results in the file `path`.
+
+    ValueError if they are of an unknown kind or hold nothing, StorageError if they cannot be read as such.
+    """
+    kind = results.attributes.get("kind", "")
+    if kind not in KINDS:
+        raise ValueError(f"there is no report of results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
+    read = views.readings(results)
+    if not read:
+        raise ValueError("the results hold no scheme, so there is nothing to report")
+    judged, attributes = views.verdicts(results), results.attributes
+    return Section(
+        name=path.stem,
+        anchor=anchor,
+        title=attributes.get("title") or path.stem,
+        kind=kind.replace("_", " "),
+        paper_figure=attributes.get("figure"),
+        asks=attributes.get("asks", ""),
+        told=_told(kind, by_case(read)),
+        verdicts=_counted(judged),
+        complaints=list(_complaints(judged)),
+        orders=_orders(kind, by_case(read)),
+        items=_printed(results),
+        cost=list(_cost(results)),
+        provenance=list(_provenance(attributes)),
+        command=_command(path.stem, attributes),
+        files=list(_files(path.stem, attributes)),
+    )
+
+
+def _told(kind: str, cases: Sequence[Sequence[Reading]]) -> Facts:
+    say = getattr(KINDS[kind].table, "told", lambda readings: "")
+    told = zip(_titles(cases), map(say, cases), strict=True)
+    return [(title if len(cases) > 1 else "", text) for title, text in told if text]
+
+
+def _titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
+    """The titles of the cases, with their names where several have one title."""
+    abouts = [case[0].about for case in cases]
+    counts = Counter(about.case_title for about in abouts)
+    return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
+
+
+def _counted(judged: Iterable[Verdict]) -> dict[str, int]:
+    counts = Counter(one.verdict for one in judged)
+    return {verdict: counts[verdict] for verdict in VERDICTS} if counts else {}
+
+
+def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
+    for one in judged:
+        if one.verdict != KEPT:
+            came_out = printed_claims.came_out(one)
+            yield one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; what came out: {came_out}"
+
+
+def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> PlainTable | None:
+    """All fitted orders with their intervals; None if there are none."""
+    if not KINDS[kind].keys.Case.quantities:
+        return None
+    several = len(cases) > 1
+    headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")
+    left = (*[True] * several, True, False, False, False)
+    found = [
+        Row((*[Cell(title)] * several, *map(Cell, texts)))
+        for title, case in zip(_titles(cases), cases, strict=True)
+        for texts in _orders_of(kind, case)
+    ]
+    return PlainTable("orders", headings, left, tuple(found)) if found else None
+
+
+def _orders_of(kind: str, case: Sequence[Any]) -> Iterator[tuple[str, str, str, str]]:
+    """Of each fitted order of a case whose it is, the number, its interval and what theory says."""
+    expected = {one.about.scheme: getattr(one, "expected_order", None) for one in case if not one.about.extrapolate}
+    expected |= {one.about.variant: getattr(one, "expected_order", None) for one in case}
+    for one in KINDS[kind].claims.quantities(case):
+        if one.name not in ("order", "uniform_order"):
+            continue
+        subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
+        theory = expected.get(one.about.variant)
+        told = "" if theory is None else fraction(theory)
+        if math.isfinite(one.value):
+            yield subject, f"{one.value:.3f}", f"[{one.low:.3f}, {one.high:.3f}]", told
+        else:
+            yield subject, "not resolved", "", told
+
+
+def _printed(results: Results) -> list[PlainTable | Line]:
+    recorder = Recorder()
+    views.show(results, recorder, with_title=False)
+    return recorder.items
+
+
+def _cost(results: Results) -> Iterator[tuple[str, str]]:
+    """What the results cost, as far as all kinds store it."""
+    groups = results.groups
+    seconds = math.fsum(group.attributes.get("wall_seconds", 0.0) for group in groups)
+    threads = max((group.attributes.get("threads", 0) for group in groups), default=0)
+    yield "time", f"{duration(seconds)} of wall-clock time" + (f" on {threads} threads" if threads else "")
+    paths = sorted({group.attributes["samples"] for group in groups if group.attributes.get("samples")})
+    if paths:
+        yield "paths", " to ".join(dict.fromkeys(f"{count:,}" for count in (paths[0], paths[-1])))
+    measured = [group.arrays.get("ns_per_step", group.attributes.get("ns_per_step", math.nan)) for group in groups]
+    known = np.concatenate([np.ravel(values) for values in measured])
+    known = known[np.isfinite(known)]
+    if known.size:
+        ends = dict.fromkeys(short(float(end), ".3g") for end in (known.min(), known.max()))
+        yield "time per step and path", f"{' to '.join(ends)} ns"
+
+
+def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    yield from ((label, str(attributes[key])) for key, label in _PROVENANCE.items() if key in attributes)
+    if attributes.get("overrides"):
+        yield "overrides", "; ".join(attributes["overrides"])
+
+
+def _command(name: str, attributes: dict[str, Any]) -> str:
+    """What repeats the results, by the name of the experiment if it came with the program as it stands there."""
+    own = shipped.path_of(name)
+    ships = own.suffix == ".yaml" and own.read_text(encoding="utf-8") == attributes.get("spec")
+    words = ["spi", "run", name if ships else f"{name}.yaml"]
+    if (profile := attributes.get("profile", "laptop")) != "laptop":
+        words += ["--profile", profile]
+    for override in attributes.get("overrides", ()):
+        words += [override] if override.startswith("--") else ["--set", override]
+    return shlex.join(words)
+
+
+def _files(name: str, attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    if "spec" in attributes:
+        yield f"{name}.yaml", attributes["spec"]
+    yield from json.loads(attributes.get("model_sources") or "{}").items()
