@@ -82,7 +82,7 @@ class ProgressLine:
     def report_figure(self, number: int, total: int, name: str) -> None:
         STOP.check()
         if self.bar:
-            self._show(self.bar, None, f"{self.name} drawing {number} of {total}", total, number - 1, name)
+            self._show(self.bar, None, f"{self.name}: drawing {name}", total, number - 1)
 
     def report_frame(self, number: int, total: int) -> None:
         STOP.check()
