@@ -9,6 +9,8 @@ from typing import NamedTuple
 from . import shipped, spec
 from .kinds import KINDS
 from .kinds.plans import Plan
+from .spec.document import text_of
+from .spec.heading import Heading, heading
 from .spec.keys import suggestion
 
 
@@ -31,7 +33,7 @@ def load(
     """
     if text is None:
         path = shipped.path_of(path)
-        text = spec.text_of(path, shipped.names())
+        text = text_of(path, shipped.names())
     return spec.load(path, layers(), profile, overrides, text, files)
 
 
@@ -53,17 +55,18 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
     return load(source.path.with_name(f"{source.name}_as_{kind}.yaml"), profile, overrides, text)
 
 
-def headings(paths: Iterable[Path]) -> tuple[dict[Path, spec.Heading], list[str]]:
+def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
     """The headings of the valid ones among spec files, and what is wrong with the others; see spi.spec.heading."""
-    found, problems = {}, []
+    found: dict[Path, Heading] = {}
+    problems: list[str] = []
     for path in paths:
-        if heading := spec.heading(path, layers()):
-            found[path] = heading
+        if one := heading(path, layers()):
+            found[path] = one
         else:
             try:
                 load(path)
             except spec.SpecError as error:
-                problems.append(str(error))
+                problems += error.messages
     return found, problems
 
 

@@ -28,22 +28,10 @@ from .cases import BaseCase
 from .conversion import converted
 from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
-from .heading import Heading, heading
 from .keys import Keys, entries_in, shown, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 
-__all__ = [
-    "PROFILES",
-    "BaseCase",
-    "Experiment",
-    "Heading",
-    "Layers",
-    "SpecError",
-    "converted",
-    "heading",
-    "load",
-    "text_of",
-]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load"]
 
 
 _NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
