@@ -37,21 +37,6 @@ def load(
     return spec.load(path, layers(), profile, overrides, text, files)
 
 
-def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.spec.heading."""
-    found: dict[Path, Heading] = {}
-    problems: list[str] = []
-    for path in paths:
-        if one := heading(path, layers()):
-            found[path] = one
-        else:
-            try:
-                load(path)
-            except spec.SpecError as error:
-                problems += error.messages
-    return found, problems
-
-
 def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> spec.Experiment:
     """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
 
@@ -68,6 +53,21 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
     except ValueError as error:
         raise spec.SpecError(f"{path}: --as {kind}: {error}") from None
     return load(source.path.with_name(f"{source.name}_as_{kind}.yaml"), profile, overrides, text)
+
+
+def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.spec.heading."""
+    found: dict[Path, Heading] = {}
+    problems: list[str] = []
+    for path in paths:
+        if one := heading(path, layers()):
+            found[path] = one
+        else:
+            try:
+                load(path)
+            except spec.SpecError as error:
+                problems += error.messages
+    return found, problems
 
 
 def plans(experiment: spec.Experiment) -> list[Plan]:

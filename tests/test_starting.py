@@ -198,6 +198,14 @@ def test_a_new_experiment_from_another_has_its_comments_and_its_files():
     assert sorted(Path().rglob("*")) == before
 
 
+def test_a_new_experiment_may_be_one_of_another_kind():
+    assert call("new", "mine", "--from", "rigid_body_qualitative", "--as", "strong")[0] == 0
+    assert load("mine.yaml").kind == "strong" != load("rigid_body_qualitative").kind
+    assert "did you mean 'strong'" in refusal("new", "other", "--from", "rigid_body_qualitative", "--as", "srong")
+    assert "give --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
+    assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
+
+
 def test_nothing_is_overwritten_and_odd_names_are_refused():
     Path("mine.yaml").write_text("precious")
     for options in ((), ("--system",), ("--from", "rigid_body_strong")):

@@ -1,6 +1,5 @@
 """What several commands have in common: options, exit codes, and how a command ends."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
@@ -53,20 +52,16 @@ def load(
     samples: str | None,
     seed: str | None,
     kind: str | None = None,
-    announce: "Callable[[Experiment], None]" = lambda experiment: None,
 ) -> list["Experiment"]:
-    """All experiments, before anything runs, each announced; made into those of another kind if that is given."""
+    """All experiments, before anything runs; made into those of another kind if that is given."""
     from ..loading import load, load_as
 
     overrides = list(overrides or [])
     overrides += [f"--samples={samples}"] if samples is not None else []
     overrides += [f"--seed={seed}"] if seed is not None else []
-    experiments = []
-    for path in specs:
-        valid = load(path, profile, overrides) if kind is None else load_as(kind, path, profile, overrides)
-        announce(valid)
-        experiments.append(valid)
-    return experiments
+    if kind is not None:
+        return [load_as(kind, path, profile, overrides) for path in specs]
+    return [load(path, profile, overrides) for path in specs]
 
 
 def end(code: int, message: str) -> NoReturn:

@@ -1,9 +1,10 @@
 """How far a run is, on a terminal."""
 
+import math
 import sys
 from typing import TYPE_CHECKING
 
-from ..printing.text import printable
+from ..printing.text import human_time, printable
 from .signals import STOP
 from .streams import tell
 
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from ..runs import Progress, Watch
+    from ..runs import Cost, Progress, Watch
 
 
 class ProgressLine:
@@ -50,7 +51,7 @@ class ProgressLine:
         """What a run is given to tell how far it is."""
         from ..runs import Watch
 
-        return Watch(self.report, self.report_compiling, self.tell)
+        return Watch(self.report, self.report_compiling, self.tell, self.report_beginning)
 
     def tell(self, news: str) -> None:
         """Say something that stays, above the line if there is one."""
@@ -58,6 +59,11 @@ class ProgressLine:
             self.bar.console.print(f"spi: {news}", markup=False, soft_wrap=True)
         else:
             tell(f"spi: {news}")
+
+    def report_beginning(self, title: str, cost: "Cost") -> None:
+        """Say what runs and how long it will take; where that is open, what runs."""
+        long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
+        self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
 
     def report_compiling(self, number: int, total: int, name: str) -> None:
         STOP.check()

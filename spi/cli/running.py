@@ -64,7 +64,7 @@ def run(
 
     Exit code 4 if a claim of a spec is broken.
     """
-    experiments = load(specs, profile, overrides, samples, seed, kind, _announce)
+    experiments = load(specs, profile, overrides, samples, seed, kind)
     from .. import runs as runner
     from .. import slices
     from .progress import ProgressLine
@@ -125,16 +125,6 @@ def verify(
     print_verification(file, found)
     if _broken(file.stem, storage.read(file)) or found.different:
         raise typer.Exit(BROKEN)
-
-
-def _announce(experiment: "Experiment") -> None:
-    """Say what will run and how long it will take, as soon as that is known."""
-    from ..printing.text import human_time
-    from ..runs import cost
-
-    found = cost(experiment)
-    long = f"; {'at most ' * found.at_most}about {human_time(found.seconds)} once compiled"
-    tell(f"spi: {experiment.name}: {experiment.title}{long * math.isfinite(found.seconds)}")
 
 
 def _prepare(threads: int | None) -> None:

@@ -4,14 +4,14 @@ What is integrated stays: model, damping, initial value, seed, eps, compositions
 increments.  Step sizes, final times and numbers of paths suit the other kind, in proportion to the largest step.
 """
 
+from contextlib import suppress
 from typing import Any, NamedTuple
-
-import yaml
 
 from .cases import BaseCase
 from .document import Document
 from .layers import ONLY_IN_FILES, laid_over
 from .sweep import versions
+from .writing import as_yaml
 
 #: The keys that say what is integrated.
 _KEPT = ("model", "damping", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
@@ -66,7 +66,7 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], kind: str, keys
         whole = {"title": title, "kind": kind, **made[0]}
     else:
         whole = {"title": title, "kind": kind, "cases": made}
-    return yaml.safe_dump(_plain(whole), sort_keys=False, allow_unicode=True, width=120, default_flow_style=None)
+    return as_yaml(_with_numbers(whole))
 
 
 def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
@@ -81,17 +81,14 @@ def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
     return Given(h, length, getattr(case, "samples", None), functions, measured, case, keys)
 
 
-def _plain(value: Any) -> Any:
+def _with_numbers(value: Any) -> Any:
     """Values as a person would write them: numbers without quotes."""
     if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
+        return {key: _with_numbers(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, str):
-        for kind in (int, float):
-            try:
-                if str(kind(value)) == value:
-                    return kind(value)
-            except ValueError:
-                pass
+        return [_with_numbers(inner) for inner in value]
+    for kind in (int, float) if isinstance(value, str) else ():
+        with suppress(ValueError):
+            if str(kind(value)) == value:
+                return kind(value)
     return value
