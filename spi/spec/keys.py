@@ -285,7 +285,8 @@ def _listed(value: Any) -> Any:
 
 def key_of(hint: Any, description: str | None, unit: str | None = None) -> Any:
     """The annotation of a key; its unit, if it has one, stands in the JSON Schema."""
-    return Annotated[_read(hint), Field(description=description, json_schema_extra={"unit": unit} if unit else None)]
+    units = [Field(json_schema_extra={"unit": unit})] if unit else []
+    return Annotated[_read(hint), *units, Field(description=description)]
 
 
 _List = Annotated[tuple[Positive, ...], MinLen(1)]
