@@ -147,7 +147,11 @@ def check_command(command):
         given = _given(*command.arguments, spoken_of=command.spoken_of)
         if given.get("specs"):
             wanted = [given.get(key) for key in ("specs", "profile", "overrides", "samples", "seed")]
-            options.load(*wanted, *filter(None, [given.get("kind")]))
+            options.load(*wanted, given.get("kind"))
+        for source in [*(given.get("sources") or ()), *filter(None, [given.get("source")])]:
+            name = Path(source).stem.partition("_as_")[0]
+            if name not in shipped.names() and not Path(f"{name}.yaml").exists():
+                raise Wrong(f"no experiment is called {name}")
     except Exception as error:
         raise Wrong(f"{command.place}: spi {shlex.join(command.arguments)}: {error}") from error
 

@@ -116,6 +116,7 @@ def test_a_page_without_mistakes(folder):
         ("make demo", "mkae demo", "calls none of spi, make"),
         ("`spi plot FILE`", "`spi plot FILE --flim`", "no such option: --flim"),
         ("`spi run --part`", "`spi rnu --part`", "no such command"),
+        ("`spi plot FILE`", "`spi plot results/rigid_bdoy_strong.h5`", "no experiment is called rigid_bdoy_strong"),
         ("1 + 1 == 2", "1 + 1 == 3", "page.md"),
         ("1 + 1 == 2", "1 + 1 === 2", "page.md"),
         ("```python", "```pyhton", "has the language pyhton"),
