@@ -105,6 +105,8 @@ def load(
     document = Document(text, lambda line: f"{path}:{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
+    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
+        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     faults = Faults()
     file: Any = None
     with faults:
