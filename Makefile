@@ -12,7 +12,7 @@ PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --co
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
 #: The tests of the inner loop: seconds each once the kernels are compiled.
-QUICK = coins dispatch disk_cache estimators expressions floors kinds model_fields models plot plot_trajectory plot_weak \
+QUICK = coins dispatch estimators expressions floors kinds model_fields models plot plot_trajectory plot_weak \
   rigid_body rng spec spec_eps stability_tables stability_views storage tables tables_weak vorticity work_points work_precision_tables \
   work_precision_views
 
