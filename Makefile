@@ -15,7 +15,7 @@ PROFILE ?= quick
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
 #: The tests of the inner loop: seconds each once the kernels are compiled.
-QUICK = coins dispatch disk_cache docs_site docs_words estimators expressions floors kinds model_fields models plot plot_trajectory plot_weak \
+QUICK = coins dispatch docs_site docs_words estimators expressions floors kinds model_fields models plot plot_trajectory plot_weak \
   rigid_body rng spec spec_eps stability_tables stability_views storage tables tables_weak vorticity work_points work_precision_tables \
   work_precision_views
 

@@ -118,8 +118,10 @@ def answer(draw, folder):
     if code == 0:
         right = not certain and out.startswith(f"{file}: valid") and out.count("\n") == 1 and not err
     else:
-        right = code == 2 and not out and err.startswith(f"spi: {file}:") and err.count("\n") == 1
-    right = right and not FOREIGN.search(err.removeprefix(f"spi: {file}")) and os.listdir(folder) == [file.name]
+        lines = err.splitlines()  # one for each mistake
+        right = code == 2 and not out and len({*lines}) == len(lines) > 0
+        right = right and all(line.startswith(f"spi: {file}:") for line in lines)
+    right = right and not FOREIGN.search(err.replace(f"spi: {file}", "")) and os.listdir(folder) == [file.name]
     file.unlink()
     return what, code, right, err, text
 

@@ -1,4 +1,4 @@
-"""Changed experiments: ``spi check`` takes each of them or refuses it in one line, and writes nothing."""
+"""Changed experiments: ``spi check`` takes each of them or refuses it in a line for each mistake, and writes nothing."""
 
 import random
 import signal
@@ -16,7 +16,7 @@ def _signals():
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_changed_experiment_is_taken_or_refused_in_one_line(tmp_path, seed):
+def test_a_changed_experiment_is_taken_or_refused_in_plain_lines(tmp_path, seed):
     draw = random.Random(f"mutations {seed}")
     codes = set()
     for _ in range(10):
