@@ -80,5 +80,5 @@ bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, w
 	$(VENV)/bin/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
-	rm -rf results .venv build *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf results site .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find spi tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -30,7 +30,7 @@ import numpy as np
 from machine import arithmetic_peak, best_time
 
 from spi.ensemble import brownian, empty_report, grid, integrate
-from spi.kinds.trajectory.study import Recorder
+from spi.kinds.trajectory.study import recorder_of_one
 from spi.models.zeitlin import Zeitlin
 from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import row_order
@@ -227,7 +227,7 @@ def our_states(n, h, steps, scheme, paths=1, every=1):
     omega, (m1, m2) = typical(n), np.array(modes(n)).T
     initial = np.stack([omega[m1, m2].real, omega[m1, m2].imag], axis=1).ravel()
     states, report = np.tile(initial, (steps // every + 1, 1)), empty_report(1, 1)
-    observer = Recorder(states, 0, every)
+    observer = recorder_of_one(states, 0, every)
     integrate(SCHEMES[scheme].record, model, initial, grid(h, steps), brownian(1), observer, report, 0, 1, paths)
     return states
 

@@ -1,13 +1,40 @@
-"""spi: a laboratory for stochastic Poisson integrators."""
+"""spi: a laboratory for stochastic Poisson integrators.
+
+    results = spi.run("rigid_body_strong", samples=1000)   # a spec file, an experiment by name, or a dict
+    results["splitting"].error                             # an xarray.DataArray
+    results.plot()                                         # the figure that `spi plot` draws
+
+``spi.load`` reads results that are stored; ``spi.trajectory`` and ``spi.expectations`` give arrays at once.
+"""
 
 import atexit
 import hashlib
+import importlib
 import os
 import sys
 import tempfile
 from pathlib import Path
 
 __version__ = "0.1.0"
+
+#: What Python users are offered, name -> the module that has it; imported when it is first asked for.
+_OFFERED = {
+    **dict.fromkeys(("Results", "expectations", "experiments", "load", "run", "trajectory"), "api"),
+    "SpecError": "spec",
+    "StorageError": "storage",
+}
+__all__ = ["__version__", *_OFFERED]
+
+
+def __getattr__(name):
+    """One of the names in `_OFFERED`."""
+    if name not in _OFFERED:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_OFFERED[name]}"), name)
+
+
+def __dir__():
+    return __all__
 
 
 #: What :func:`source_digest` leaves out because it reads, keeps or shows: modules, and those of a kind of experiment.

@@ -27,6 +27,7 @@ _DOUBLES = {"avx512f": 8, "avx2": 4, "avx": 4, "neon": 2, "sse2": 2}
 #: The quick profile of the experiment rigid_body_strong for one scheme, and its strong errors, which depend on the
 #: processor in their last bits only.
 _SPEC = """\
+title: a small run whose numbers are known
 kind: strong
 model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
 initial: [cos(1.1), 0, sin(1.1)]

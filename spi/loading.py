@@ -9,6 +9,9 @@ from typing import NamedTuple
 from . import shipped, spec
 from .kinds import KINDS
 from .kinds.plans import Plan
+from .spec.document import text_of
+from .spec.heading import Heading, heading
+from .spec.keys import suggestion
 
 
 @functools.cache
@@ -30,21 +33,40 @@ def load(
     """
     if text is None:
         path = shipped.path_of(path)
-        text = spec.text_of(path, shipped.names())
+        text = text_of(path, shipped.names())
     return spec.load(path, layers(), profile, overrides, text, files)
 
 
-def headings(paths: Iterable[Path]) -> tuple[dict[Path, spec.Heading], list[str]]:
+def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> spec.Experiment:
+    """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
+
+    SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
+    """
+    if kind not in KINDS:
+        raise spec.SpecError(f"--as: '{kind}' is no kind of experiment; {suggestion(kind, KINDS)}")
+    source = load(path)
+    if source.kind == kind:
+        return load(path, profile, overrides)
+    keys = KINDS[kind].keys
+    try:
+        text = spec.converted(source.text, source.title, source.cases, kind, keys)
+    except ValueError as error:
+        raise spec.SpecError(f"{path}: --as {kind}: {error}") from None
+    return load(source.path.with_name(f"{source.name}_as_{kind}.yaml"), profile, overrides, text)
+
+
+def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
     """The headings of the valid ones among spec files, and what is wrong with the others; see spi.spec.heading."""
-    found, problems = {}, []
+    found: dict[Path, Heading] = {}
+    problems: list[str] = []
     for path in paths:
-        if heading := spec.heading(path, layers()):
-            found[path] = heading
+        if one := heading(path, layers()):
+            found[path] = one
         else:
             try:
                 load(path)
             except spec.SpecError as error:
-                problems.append(str(error))
+                problems += error.messages
     return found, problems
 
 

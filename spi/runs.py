@@ -1,18 +1,15 @@
 """The one path from a spec to results, shared by the command line, Python users, the Makefile and the tests."""
 
 import inspect
-import math
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 from . import engine, spec, storage, systems
 from .checkpoint import Limits, Stopped, sums_path
-from .ensemble import thread_count
 from .loading import Source, headings, layers, load, plans
 from .models.damped import undamped
 from .schemes import typical_ns
-from .session import NOBODY, USUAL, Progress, Session, Watch, identity, results_path
+from .session import NOBODY, USUAL, Cost, Progress, Session, Watch, cost_of, identity, results_path
 from .workers import Workers
 
 __all__ = [
@@ -33,9 +30,6 @@ __all__ = [
     "sources",
     "sums_path",
 ]
-
-#: What a run takes before and after its study, once everything is compiled.
-STARTING_SECONDS = 2.0
 
 
 def run(
@@ -61,6 +55,7 @@ def run(
             watch.tell(f"{session.target} holds the results of this very spec; nothing is computed (--fresh does)")
             return session.target
         checkpoint.resume()
+    watch.report_beginning(experiment.title, session.cost())
     with checkpoint.kept():
         if checkpoint.missing():
             session.compile()
@@ -87,15 +82,6 @@ def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
     return path
 
 
-class Cost(NamedTuple):
-    """What an experiment would cost."""
-
-    path_steps: float  #: steps of all paths, step sizes, schemes and cases together
-    seconds: float  #: an estimate; NaN where nothing bounds the work
-    megabytes: float
-    at_most: bool  #: whether a target may be reached before
-
-
 def reports(experiment: spec.Experiment) -> dict[str, list[str]]:
     """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
     found: dict[tuple[str, ...], list[str]] = {}
@@ -115,11 +101,4 @@ def sources(experiment: spec.Experiment) -> list[str]:
 
 def cost(experiment: spec.Experiment) -> Cost:
     """The cost of an experiment from the steps to be taken and typical times of one step."""
-    each = [plan.cost() for plan in plans(experiment)]
-    at_most = any(getattr(case, "standard_error", None) is not None for case in experiment.cases)
-    return Cost(
-        path_steps=math.fsum(one.path_steps for one in each),
-        seconds=STARTING_SECONDS + sum(one.seconds for one in each) / thread_count(),
-        megabytes=max(one.bytes for one in each) / 1e6,
-        at_most=at_most,
-    )
+    return cost_of(experiment, plans(experiment))

@@ -1,6 +1,7 @@
 """What every way to compute an experiment begins and ends with, and who is told how far it is."""
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,11 +10,36 @@ import numpy as np
 
 from . import SOURCE_DIGEST, __version__, compiling, engine, modules, spec, storage
 from .checkpoint import Checkpoint, Limits, sums_path
+from .ensemble import thread_count
 from .kinds.plans import KernelCall, Plan
 from .kinds.state import State
 from .models.damped import undamped
 from .records import Results
 from .rng import STREAM_VERSION
+
+
+class Cost(NamedTuple):
+    """What an experiment would cost."""
+
+    path_steps: float  #: steps of all paths, step sizes, schemes and cases together
+    seconds: float  #: an estimate; NaN where nothing bounds the work
+    megabytes: float
+    at_most: bool  #: whether a target may be reached before
+
+
+#: What a run takes before and after its study, once everything is compiled.
+STARTING_SECONDS = 2.0
+
+
+def cost_of(experiment: spec.Experiment, ready: Sequence[Plan]) -> Cost:
+    """What the plans of an experiment would cost."""
+    each = [plan.cost() for plan in ready]
+    return Cost(
+        path_steps=math.fsum(one.path_steps for one in each),
+        seconds=STARTING_SECONDS + sum(one.seconds for one in each) / thread_count(),
+        megabytes=max(one.bytes for one in each) / 1e6,
+        at_most=any(getattr(case, "standard_error", None) is not None for case in experiment.cases),
+    )
 
 
 class Progress(NamedTuple):
@@ -36,6 +62,8 @@ class Watch(NamedTuple):
     #: which of how many kernels is compiled next, and for which scheme
     report_compiling: Callable[[int, int, str], None] = lambda number, total, name: None
     tell: Callable[[str], None] = lambda news: None  #: what else a person should know
+    #: what is about to be computed: its title, and what it would cost from the start
+    report_beginning: Callable[[str, Cost], None] = lambda title, cost: None
 
 
 NOBODY, USUAL = Watch(), Limits()
@@ -63,6 +91,10 @@ class Session:
             storage.check_replaceable(self.target, identity(experiment))
         self.checkpoint = Checkpoint(experiment, path, limits, watch.tell)
         storage.check_writable(path)
+
+    def cost(self) -> Cost:
+        """What all of it would cost."""
+        return cost_of(self.experiment, [state.plan for state in self.checkpoint.states])
 
     def compile(self) -> None:
         """Compile what is missing of all kernels."""

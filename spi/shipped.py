@@ -24,7 +24,7 @@ def path_of(spec: str | Path) -> Path:
     path = Path(spec)
     own = folder() / f"{path.name}.yaml"
     is_name = path.name == str(spec) and not path.suffix
-    return own if is_name and not path.exists() and own.is_file() else path
+    return own if is_name and not path.is_file() and own.is_file() else path
 
 
 def template(name: str) -> str:

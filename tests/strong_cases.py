@@ -99,10 +99,10 @@ def by_splitting(model, h, dW, y):
 BY_HAND = {"euler_maruyama": by_euler_maruyama, "splitting": by_splitting}
 
 
-def paths_by_hand(case, scheme):
-    """h -> states [step, component, path] for the reference step and all others."""
+def paths_by_hand(case, scheme, sizes=None):
+    """h -> states [step, component, path] for step sizes, by default the reference step and all others."""
     fine, result = fine_increments(case), {}
-    for h in (case.reference_step, *case.steps):
+    for h in sizes or (case.reference_step, *case.steps):
         dW = fine.reshape(-1, round(h / case.reference_step), 3, case.samples).sum(axis=1)
         y, states = np.repeat(np.array(case.initial)[:, np.newaxis], case.samples, axis=1), []
         with np.errstate(over="ignore", invalid="ignore"):

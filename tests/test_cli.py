@@ -110,7 +110,12 @@ def test_every_command_has_help(spi):
 def test_from_spec_to_figure(spi):
     code, out, err = spi("run", SPEC, *TINY, "--set", "expect=null")
     assert code == 0
-    assert err == f"results: {RESULTS}; `spi plot {RESULTS}` draws them\n"  # no progress: stderr is no terminal
+    first, *compiling, last = err.splitlines()  # no progress: stderr is no terminal
+    assert re.fullmatch("spi: rigid_body_strong: Strong errors, stochastic rigid body; about .* s once compiled", first)
+    assert last == f"results: {RESULTS}; `spi plot {RESULTS}` draws them"
+    assert all(
+        re.fullmatch(r"spi: rigid_body_strong: compiling \d kernels?, .* kept for later runs", c) for c in compiling
+    )
     assert out.startswith("Strong errors, stochastic rigid body\n")
     assert "Euler-Maruyama: order" in out
     assert "splitting: order" in out
@@ -237,7 +242,12 @@ def test_bad_specs_are_refused_in_one_line(spi, wrong, command):
     SPEC.write_text(text.replace(there, instead, 1), encoding="utf-8")
     line = text[: text.index(there)].count("\n") + 1
     before = files()
-    message = one_line(spi(command, SPEC))
+    result = spi(command, SPEC)
+    if wrong == "step that does not end at T":  # nor do those of the profile
+        message, of_profile = result[2].splitlines()
+        assert result[:2] == (2, "") and of_profile.startswith(f"spi: {SPEC}:")
+    else:
+        message = one_line(result)
     found = re.match(rf"spi: {SPEC}:(\d+): (\S+?):? ", message)
     assert found, message
     assert key in message
@@ -452,7 +462,7 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
         assert min(n for n in counts if n) >= done[-1]  # went on where the last one stopped
         done.append(counts[-1])
     assert done[1] > 0
-    parts = r"rigid_body_strong 1/1 main euler_maruyama .* \d+/600000 \S+ paths/s, standard error \S+e-\d+ \S+:\S\S$"
+    parts = r"\d+/600000 \S+:\S\S .* rigid_body_strong 1/1 main euler_maruyama: \S+ paths/s, standard error \S+e-\d+$"
     assert any(re.match(parts, line) for line in program.lines())
 
     program = OnTerminal(arguments, tmp_path / "stdout")
@@ -460,6 +470,30 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
     assert {p for p in out.rglob("*") if p.is_file()} == {out / "rigid_body_strong.h5", checkpoint}
     assert "Euler-Maruyama: order" in (tmp_path / "stdout").read_text()
     assert program.lines()[-1].startswith("results: ")
+
+
+@pytest.mark.parametrize("width", [40, 80, 100, 200])
+def test_the_count_and_the_time_left_are_shown_at_any_width(width, monkeypatch):
+    from rich.console import Console
+
+    from spi.cli.progress import ProgressLine
+    from spi.runs import Progress
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", str(width))
+    with ProgressLine("a_long_name_of_an_experiment") as line:
+        line.report(Progress("main", "splitting_order2/multilevel", 12345, 100000, 3.0, 1e-3, 2, 8))
+        shown = Console(width=width, force_terminal=True)
+        with shown.capture() as caught:
+            shown.print(line.bar.make_tasks_table(line.bar.tasks))
+        line.report_compiling(2, 3, "splitting_order2")
+        with shown.capture() as compiling:
+            shown.print(line.bar.make_tasks_table(line.bar.tasks))
+    plain, compiling = (re.sub(r"\x1b\[[0-9;]*m", "", one.get()) for one in (caught, compiling))
+    assert plain.startswith(" 12345/100000 --:-- ") and len(plain.rstrip("\n")) <= width and plain.count("\n") == 1
+    assert "a_long_name" in plain or width == 40
+    assert ("standard error 1.0e-03" in plain) == (width >= 150)
+    assert compiling.startswith("1/3 --:--") and ("compiling splitting_order2" in compiling) == (width >= 80)
 
 
 @compiled_only
@@ -479,7 +513,10 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     assert process.returncode == 3
     assert out == ""
     checkpoint = kept[0].relative_to(tmp_path)
-    assert err == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there\n"
+    assert (
+        err.splitlines()[-1]
+        == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there"
+    )
     left = {p.name for p in kept[0].parent.iterdir()}
     assert left <= {checkpoint.name, checkpoint.name + ".previous"} and checkpoint.name in left
 

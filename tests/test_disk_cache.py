@@ -20,16 +20,13 @@ compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
 # --- the disk cache --------------------------------------------------------------------------------------------------
 
 
-STATES = """
-import helpers, spi.schemes
-from spi.ensemble import integrate as kernel
-states, _ = helpers.simulate(spi.schemes.SCHEMES["euler_maruyama"].record, h=0.125, steps=4)
-"""
-#: A smaller kernel, which takes less to compile: the Hamiltonian of states of a model.
+#: A small kernel, which takes little to compile: the Hamiltonian of states of a model.
 ENERGIES = """
 import numpy as np
+import spi.models
 from spi.kinds.trajectory.study import invariants as kernel
 from spi.protocol import conserved, dimension
+model = {}
 states = np.empty(2)
 kernel(model, 1.0 + np.arange(2.0 * dimension(model)).reshape(2, -1), states, np.empty((2, conserved(model))))
 """
@@ -72,19 +69,19 @@ def run(folder, program):
 def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
     """One story, since every first run costs a compilation: cold, warm, and after an edit of another file."""
     shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(Path(__file__).with_name("helpers.py"), tmp_path)
-    cold = run(tmp_path, STATES)
+    program = ENERGIES.format("spi.models.RigidBody((2.0, 1.0, 0.5), (1.0, 2.0, 3.0))")
+    cold = run(tmp_path, program)
     assert (cold["hits"], cold["misses"]) == (0, 1)
-    warm = run(tmp_path, STATES)
+    warm = run(tmp_path, program)
     assert (warm["hits"], warm["misses"]) == (1, 0)
     assert warm["states"] == cold["states"]
 
-    # Numba itself would not notice this: the kernel `integrate` lies in another file.
+    # Numba itself would not notice this: the kernel `invariants` lies in another file.
     edited = tmp_path / "spi" / "models" / "rigid_body.py"
-    source, old, new = edited.read_text(), "c = 1.0 / model.noise_inertia[k]", "c = 2.0 / model.noise_inertia[k]"
+    source, old, new = edited.read_text(), "return 0.5 * (y[0] * y[0] / i[0]", "return 1.5 * (y[0] * y[0] / i[0]"
     assert source.count(old) == 1, "the model has changed: choose another constant to edit in this test"
     edited.write_text(source.replace(old, new))
-    after = run(tmp_path, STATES)
+    after = run(tmp_path, program)
     assert (after["hits"], after["misses"]) == (0, 1)
     assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
     assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
@@ -101,8 +98,8 @@ def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_nee
         "from pathlib import Path; from spi.modules import stored; module = stored('it', Path('{}').read_text())"
     )
 
-    def outcome(imported="import spi.models", model="spi.models.MaxwellBloch((1.0, 1.0))"):
-        found = run(tmp_path, f"{imported}\nmodel = {model}\n{ENERGIES}")
+    def outcome(imported="", model="spi.models.MaxwellBloch((1.0, 1.0))"):
+        found = run(tmp_path, f"{imported}\n{ENERGIES.format(model)}")
         return (found["hits"], found["misses"]), found["states"]
 
     file.write_text(OSCILLATOR)

@@ -54,7 +54,19 @@ FLOOR = {name: number for number, names in enumerate(FLOORS) for name in names}
 ORDERED = FLOORS[0] + FLOORS[1]
 
 # Packages that are one module in several files; the members of the others (models) are strangers.
-_PARTS = ["expressions", "systems", "kolmogorov", "schemes", "spec", "storage", "drawing", "printing", "report", "cli"]
+_PARTS = [
+    "expressions",
+    "systems",
+    "kolmogorov",
+    "schemes",
+    "spec",
+    "storage",
+    "drawing",
+    "printing",
+    "report",
+    "api",
+    "cli",
+]
 ONE_THING = [*_PARTS, "models.zeitlin"]
 
 #: Members of a package of strangers that know others of it: fields are those of every model on the lattice.
@@ -87,6 +99,7 @@ ONLY_IN = {
     "rich": ["printing", "table", "report", "api", "cli"],
     "jinja2": ["report"],
     "xarray": ["api"],
+    "pandas": ["api"],
     "dask": ["workers"],
     "distributed": ["workers"],
     "numba": _LOWEST,

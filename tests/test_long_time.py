@@ -20,7 +20,7 @@ from spi.kinds.long_time.study import paths
 from spi.kinds.state import State
 from spi.protocol import memory_size
 from spi.records import Part
-from spi.rng import LANES, STEPS_PER_TOSS
+from spi.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
 from spi.schemes import scheme_row
 
 # fixtures
@@ -35,17 +35,17 @@ compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without 
 
 def check_pieces(name, eps=None):
     scheme, model = scheme_row(name, eps).record, RIGID_BODY._replace(sigma=(1.0, 0.7, None))
-    start, n = initial_rows(scheme, model, INITIAL, 1), STEPS_PER_TOSS
-    whole = rows_after(scheme, model, start, 0.1, 0, 2 * n)
+    start, n, more = initial_rows(scheme, model, INITIAL, 1), STEPS_PER_TOSS, 2 * STEPS_PER_DRAW
+    whole = rows_after(scheme, model, start, 0.1, 0, n + more)
     first = rows_after(scheme, model, start, 0.1, 0, n)
     assert np.isfinite(whole).all() and whole.shape == start.shape
-    assert np.array_equal(rows_after(scheme, model, first, 0.1, n, n), whole)
+    assert np.array_equal(rows_after(scheme, model, first, 0.1, n, more), whole)
     if not memory_size(scheme, model):
-        assert not np.array_equal(rows_after(scheme, model, first, 0.1, 0, n), whole)  # other increments
+        assert not np.array_equal(rows_after(scheme, model, first, 0.1, 0, more), whole)  # other increments
     else:
         forgotten = first.copy()
         forgotten[:, len(INITIAL) * LANES :] = 0.0
-        assert not np.array_equal(rows_after(scheme, model, forgotten, 0.1, n, n), whole)
+        assert not np.array_equal(rows_after(scheme, model, forgotten, 0.1, n, more), whole)
 
 
 def test_pieces_with_coins_and_with_memory_give_the_same_bits():

@@ -394,10 +394,11 @@ def test_a_registered_model_is_used_by_its_name(installed, spec):
         spec(text.replace("sigma", "sgima"))
     code, out, err = command("list")
     assert (code, err) == (0, "") and "spring" in out and "rigid_body" in out
-    code, out, err = command("run", "s.yaml", "--set", "schemes=[euler_maruyama]")
+    run = "run", "s.yaml", "--set", "schemes=[euler_maruyama]"
+    code, out, err = command(*run)
     assert code == 2 and "model.sgima" in err  # as the file now says
     Path("s.yaml").write_text(text)
-    assert command("run", "s.yaml")[0] == 0
+    assert command(*run)[0] == 0
 
 
 def test_a_broken_package_is_no_obstacle(installed, spec):

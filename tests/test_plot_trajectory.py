@@ -7,6 +7,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from trajectory_results import LABELS, THREE, trajectories, trajectory_group
+from view_helpers import rendered
 
 from spi import views
 from spi.drawing import style
@@ -111,35 +112,33 @@ def test_changes_of_casimirs_at_their_own_scale():
     assert notes(ax) == {"Euler-Maruyama leaves at $t=0.01$"}
 
 
-def test_rigid_body_panels(tmp_path):
+def test_rigid_body_panels():
     groups = [
         path_group(s, on_circle(0.8), np.ones((101, 1)), panels=("casimirs", "hamiltonian", "sphere")) for s in THREE
     ]
-    fig = views.figure(trajectories(*groups))
+    fig = rendered(views.figure(trajectories(*groups)))
     *flat, solid = fig.axes
     assert [ax.get_ylabel() for ax in flat] == ["$C(y)$", "$H(y)$"] and not any(ax.get_title("left") for ax in flat)
     assert solid.name == "3d" and solid.get_title().startswith("splitting, noise first")
     assert (solid.get_xlabel(), solid.get_ylabel(), solid.get_zlabel()) == ("$y_1$", "$y_2$", "$y_3$")
     assert notes(solid) == {"start"}
-    save(trajectories(*groups), tmp_path, "sphere")
     two = path_group("splitting", on_circle(0.8)[:, :2], np.ones((101, 1)), panels=("sphere",))
     with pytest.raises(ValueError, match="'sphere' needs three"):
         views.figure(trajectories(two))
 
 
-def test_two_casimirs_and_complex_modes(tmp_path):
+def test_two_casimirs_and_complex_modes():
     y = np.tile([0.1, 0.3, 0.2, 0.3, 0.3, -0.2, 0.4, 0.1], (101, 1))
     group = path_group(
         "splitting", y, np.tile([0.53, 0.0], (101, 1)), panels=("casimirs", "components"), model="sine_euler"
     )
-    fig = views.figure(trajectories(group))
+    fig = rendered(views.figure(trajectories(group)))
     one, two, modes = fig.axes
     assert [ax.get_ylabel() for ax in (one, two)] == ["$C_1(y)$", "$C_2(y)$"]
     assert two.get_ylim()[0] < -0.1
     assert r"\omega(0)=(0.1+0.3i,\,0.2+0.3i,\,0.3-0.2i,\,0.4+0.1i)" in fig.texts[1].get_text()
     assert len(notes(modes)) == 8 and r"$\mathrm{Im}\,\omega_{(-1,1)}$" in notes(modes)
     assert len({(line.get_color(), line.get_linestyle()) for line in modes.lines}) > 4
-    save(trajectories(group), tmp_path, "modes")
 
 
 def test_path_that_leaves_the_quadrant_and_the_finite_numbers(tmp_path):
@@ -176,14 +175,12 @@ def over_eps(panels, count=3):
     ("panels", "count", "columns"),
     [("components", 3, 2), ("components", 2, 3), ("components", 4, 3), ("casimirs", 3, 1)],
 )
-def test_components_at_several_eps(panels, count, columns, tmp_path):
-    results = trajectories(*over_eps((panels,), count))
-    fig = views.figure(results)
+def test_components_at_several_eps(panels, count, columns):
+    fig = rendered(views.figure(trajectories(*over_eps((panels,), count))))
     assert 1 + max(ax.get_subplotspec().colspan.start for ax in fig.axes) == columns
     if (panels, count) == ("components", 3):
         titles = [ax.get_title() for ax in fig.axes]
         assert titles == [*(rf"AP, $\varepsilon={e}$" for e in ("1", "10^{-1}", "0.03")), "splitting"]
-    save(results, tmp_path, "eps")
 
 
 def test_two_cases_of_four_components_keep_their_rows():
@@ -202,15 +199,14 @@ def test_curves_at_several_eps_differ():
     assert fig.legends[0].get_texts()[0].get_text() == r"AP, $\varepsilon=1$"
 
 
-def test_a_row_per_case_and_no_more_than_four_side_by_side(tmp_path):
+def test_a_row_per_case_and_no_more_than_four_side_by_side():
     groups = [
         *prey(),
         *(group._replace(case="other") for group in prey(("components", "phase", "populations", "hamiltonian"))),
     ]
-    fig = views.figure(trajectories(*groups))
+    fig = rendered(views.figure(trajectories(*groups)))
     spots = [(ax.get_subplotspec().rowspan.start, ax.get_subplotspec().colspan.start) for ax in fig.axes]
     assert spots == [(0, 0), (0, 1), (0, 2), (1, 0), *((2 + i // 3, i % 3) for i in range(6))]
-    save(trajectories(*groups), tmp_path, "rows")
 
 
 def test_nothing_but_a_path_that_blows_up(tmp_path):

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from view_helpers import rendered
 from weak_results import H, save, weak, weak_group
 
 from spi import views
@@ -123,9 +124,9 @@ def test_the_band_of_a_curve_only_where_it_can_be_seen():
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(0.5 / 64 + 1e-6)
 
 
-def test_by_number_of_paths(tmp_path):
+def test_by_number_of_paths():
     results = weak(*one_scheme("splitting_order2", ("errors", "samples")))
-    left, right = views.figure(results).axes
+    left, right = rendered(views.figure(results)).axes
     assert [text.split(":")[0] for text in legend_texts(left)[:2]] == ["multilevel", "Kolmogorov, no sampling"]
     assert right.get_title() == "plain Monte Carlo by number of paths"
     assert legend_texts(right)[:5] == [
@@ -137,7 +138,6 @@ def test_by_number_of_paths(tmp_path):
     shown = results.groups[0].variables["prefix_error"][1][2, 0]
     points, _ = sampled(right, "$10^{6}$")
     np.testing.assert_array_equal(points[:, 1], np.abs(shown[np.abs(shown) >= 4e-4]))
-    save(results, tmp_path, "samples")
 
 
 def test_all_paths_where_no_prefix_has_them():
@@ -147,9 +147,9 @@ def test_all_paths_where_no_prefix_has_them():
     assert legend_texts(ax)[3] == "5000000 paths"
 
 
-def test_accuracy_against_seconds(tmp_path):
+def test_accuracy_against_seconds():
     results = weak(*one_scheme(panels=("seconds",)))
-    accuracy, estimates = views.figure(results).axes
+    accuracy, estimates = rendered(views.figure(results)).axes
     middle = H[2]  # of 2^-3 .. 2^-8, 2^-5.5 rounds to the larger one
     assert accuracy.get_title() == "splitting, $h=2^{-5}$: accuracy" and middle == 2**-5
     plain, multilevel, exact, _ = legend_texts(accuracy)
@@ -163,7 +163,6 @@ def test_accuracy_against_seconds(tmp_path):
     assert constant == round(0.5 * middle + 1e-5, 12)
     (line,) = (line for line in estimates.lines if line.get_label().startswith("Kolmogorov"))
     assert list(line.get_ydata()) == [0.5 * middle] * 2
-    save(results, tmp_path, "seconds")
 
 
 def test_seconds_without_the_other_estimators(tmp_path):
@@ -216,7 +215,7 @@ def test_paths_that_blow_up():
     assert edge.get_xdata().tolist() == [2**-3, 2**-4]
 
 
-def test_one_step_size(tmp_path):
+def test_one_step_size():
     groups = [
         g._replace(coordinates={**g.coordinates, "h": H[:1]})
         for g in one_scheme(panels=("errors", "samples", "seconds"))
@@ -227,8 +226,7 @@ def test_one_step_size(tmp_path):
                 group.variables[name] = (axes, values[..., :1])
             elif name.startswith("order"):
                 group.variables[name] = (axes, values * np.nan)
-    assert legend_texts(views.figure(weak(*groups)).axes[0])[0].endswith("order not resolved")
-    save(weak(*groups), tmp_path, "one")
+    assert legend_texts(rendered(views.figure(weak(*groups))).axes[0])[0].endswith("order not resolved")
 
 
 def test_only_schemes_with_prefixes_have_panels_of_seconds():

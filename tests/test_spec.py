@@ -934,3 +934,9 @@ def test_json_schema():
     assert registered["properties"]["name"] == {"not": {"enum": list(MODELS)}}
     from_elsewhere = schema["$defs"]["_FromElsewhere"]
     assert from_elsewhere["properties"]["python"]["type"] == "string" and from_elsewhere["additionalProperties"] is True
+
+
+def test_a_system_is_not_taken_for_an_experiment(spec):
+    system = "algebra: so(3)\nvariables: [a, b, c]\nhamiltonian: a^2 + 2*b^2 + 3*c^2\n"
+    what = "s.yaml:1: is a system, no experiment; an experiment has it as model: {system: s.yaml}"
+    assert error(spec, system) == what

@@ -12,6 +12,7 @@ from damage import call
 from strong_results import strong, strong_group
 
 from spi import shipped, storage
+from spi.kinds import KINDS
 from spi.runs import load
 from spi.spec import SpecError
 
@@ -39,6 +40,8 @@ def refusal(*arguments):
 
 def test_experiments_that_come_with_the_program_are_found_by_name():
     assert shipped.names() == NAMES
+    Path("toda_weak").mkdir()  # a folder of that name is no experiment
+    assert load("toda_weak").name == "toda_weak"
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and f"{Path('rigid_body_strong.yaml')}: valid" in out
     Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
@@ -71,12 +74,31 @@ def test_stored_results_are_found_by_name():
     assert refusal("show", "mime") == "spi: results/mime.h5: no such file; did you mean mine?\n"
     assert call("show", "mine") == call("show", "results/mine.h5")
     assert call("show", "mine")[0] == 0
+    Path("mine").mkdir()  # a folder of that name holds no results
+    assert call("show", "mine")[0] == 0
+    Path("mine").rmdir()
     storage.write("other/mine.h5", strong(strong_group("splitting", case_title="of the other folder")))
     assert call("plot", "mine", "--out", "other")[0] == 0
     assert sorted(path.name for path in Path("other").iterdir()) == ["mine.h5", "mine.pdf", "mine.png"]
     Path("mine").write_bytes(Path("results/mine.h5").read_bytes())  # a file of that name goes first
     Path("results/mine.h5").write_text("damaged")
     assert call("show", "mine")[0] == 0
+
+
+# --- help -----------------------------------------------------------------------------------------------------------
+
+
+def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    code, out, err = call("--help")
+    assert (code, err) == (0, "")
+    commands = re.findall(r"^  ([a-z]+) +\S.*\.$", out.partition("Commands:")[2], re.MULTILINE)
+    assert {"run", "list", "new", "plot", "show", "verify", "check", "doctor"} <= set(commands)
+    assert len(commands) == len(out.partition("Commands:")[2].strip().splitlines()) and "....\n" not in out
+    for command in commands:
+        code, page, err = call(command, "--help")
+        assert (code, err) == (0, "") and page.startswith(f"Usage: spi {command}")
+        assert max(map(len, page.splitlines())) <= 80 and "\x1b" not in page
 
 
 # --- spi list -------------------------------------------------------------------------------------------------------
@@ -107,10 +129,10 @@ def test_a_part_of_the_list():
 def test_experiments_of_ones_own_are_listed_beside_the_others():
     Path("experiments").mkdir()
     Path("experiments/mine.yaml").write_bytes(shipped.path_of("toda_weak").read_bytes())  # whose model is not looked at
-    Path("experiments/bad.yaml").write_text("kind: weak\nsampels: 3\n")
+    Path("experiments/bad.yaml").write_text("kind: waek")
     code, out, err = call("list", "experiments")
     assert code == 2 and "experiments/mine.yaml" in out and "bad" not in out and "toda_weak" in out
-    assert err.startswith("spi: experiments/bad.yaml:2: sampels: is no known key") and err.count("\n") == 1
+    assert err.startswith("spi: experiments/bad.yaml:1: kind: is 'waek'; did you mean 'weak'?") and err.count("\n") == 1
 
 
 def test_experiments_are_not_listed_twice_where_they_lie(monkeypatch):
@@ -176,6 +198,14 @@ def test_a_new_experiment_from_another_has_its_comments_and_its_files():
     assert sorted(Path().rglob("*")) == before
 
 
+def test_a_new_experiment_may_be_one_of_another_kind():
+    assert call("new", "mine", "--from", "rigid_body_qualitative", "--as", "strong")[0] == 0
+    assert load("mine.yaml").kind == "strong" != load("rigid_body_qualitative").kind
+    assert "did you mean 'strong'" in refusal("new", "other", "--from", "rigid_body_qualitative", "--as", "srong")
+    assert "give --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
+    assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
+
+
 def test_nothing_is_overwritten_and_odd_names_are_refused():
     Path("mine.yaml").write_text("precious")
     for options in ((), ("--system",), ("--from", "rigid_body_strong")):
@@ -229,4 +259,5 @@ def test_names_and_files_are_completed_and_nothing_heavy_is_imported():
     assert completed("spi run rigid_body_strong --profile q") == ["quick"]
     assert completed("spi new own --from heavy_top_s") == ["heavy_top_strong"]
     assert completed("spi run nowhere/x") == []
+    assert completed("spi check rigid_body_strong --as ") == sorted(KINDS)
     assert completed("spi do") == ["doctor"]

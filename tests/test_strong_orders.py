@@ -41,7 +41,7 @@ def test_blow_up_is_counted_and_left_out_of_the_fit():
         "samples=256",
     )
     found, attributes = study(case, "euler_maruyama")
-    paths = paths_by_hand(case, "euler_maruyama")
+    paths = paths_by_hand(case, "euler_maruyama", case.steps)
     lost = [int((~np.isfinite(paths[h][-1]).all(axis=0)).sum()) for h in case.steps]
     assert 0 < lost[0] < case.samples
     assert lost[1:] == [0, 0, 0, 0]

@@ -1,7 +1,9 @@
 """What tests read off printed tables and figures."""
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 
+from spi.drawing import style
 from spi.schemes import SCHEMES as ROWS
 
 SCHEMES = ("euler_maruyama", "midpoint", "splitting")
@@ -31,6 +33,13 @@ def lines_of(text, scheme):
         if not line.strip():
             return [one.split() for one in block]
         block.append(line)
+
+
+def rendered(fig):
+    """The figure, drawn to the last pixel as a file of it would be, which takes twice as long to write."""
+    with style.applied():
+        FigureCanvasAgg(fig).draw()
+    return fig
 
 
 def inches_of_panels(fig):

@@ -12,7 +12,7 @@ import typer
 
 from . import reporting, running, starting
 from .names import RESULTS, complete_results, stored
-from .options import DONE, FAILED, INVALID, STOPPED, Overrides, Profile, Samples, Seed, Specs, Stored, end, load
+from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, Stored, end, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
@@ -117,10 +117,15 @@ def show(
 
 @app.command()
 def check(
-    specs: Specs, profile: Profile = "laptop", overrides: Overrides = None, samples: Samples = None, seed: Seed = None
+    specs: Specs,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
 ) -> None:
     """Validate experiments and say what they would cost."""
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
     from ..runs import cost, reports
 

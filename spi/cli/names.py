@@ -19,9 +19,10 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
 
     if source.suffix in SPECS:
         return results_of(source, folder)
-    if source.suffix or source.name != str(source) or source.exists():
-        return source
     path = folder / f"{source}.h5"
+    is_name = source.name == str(source) and not source.suffix and not source.is_file()
+    if not is_name or (source.is_dir() and not path.is_file()):
+        return source
     if not path.is_file():
         raise StorageError(f"{path}: no such file; {_meant(source.name, folder)}")
     return path
@@ -52,6 +53,12 @@ def complete_results(incomplete: str) -> list[str]:
 def complete_profile(incomplete: str) -> list[str]:
     """The profiles of a spec, without what reads them: that takes a while."""
     return [name for name in ("laptop", "paper", "quick") if name.startswith(incomplete)]
+
+
+def complete_kind(incomplete: str) -> list[str]:
+    """The kinds of experiments: each is a folder of ``spi/kinds``, which is quicker to look at than to import."""
+    kinds = sorted(path.parent.name for path in Path(__file__).parents[1].glob("kinds/*/__init__.py"))
+    return [name for name in kinds if name.startswith(incomplete)]
 
 
 def _results(folder: Path) -> list[str]:

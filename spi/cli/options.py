@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from .names import complete_profile, complete_results, complete_spec
+from .names import complete_kind, complete_profile, complete_results, complete_spec
 from .streams import tell
 
 if TYPE_CHECKING:
@@ -31,20 +31,36 @@ Profile = Annotated[
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
 Samples = Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")]
 Seed = Annotated[str | None, typer.Option(help="Seed; short for --set seed=S.")]
+As = Annotated[
+    str | None,
+    typer.Option(
+        "--as",
+        metavar="KIND",
+        help="Make it an experiment of another kind, as in strong.",
+        autocompletion=complete_kind,
+    ),
+]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")]
 
 
 def load(
-    specs: list[Path], profile: str, overrides: list[str] | None, samples: str | None, seed: str | None
+    specs: list[Path],
+    profile: str,
+    overrides: list[str] | None,
+    samples: str | None,
+    seed: str | None,
+    kind: str | None = None,
 ) -> list["Experiment"]:
-    """All experiments, before anything runs."""
-    from ..runs import load
+    """All experiments, before anything runs; made into those of another kind if that is given."""
+    from ..loading import load, load_as
 
     overrides = list(overrides or [])
     overrides += [f"--samples={samples}"] if samples is not None else []
     overrides += [f"--seed={seed}"] if seed is not None else []
+    if kind is not None:
+        return [load_as(kind, path, profile, overrides) for path in specs]
     return [load(path, profile, overrides) for path in specs]
 
 

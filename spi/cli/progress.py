@@ -1,9 +1,10 @@
 """How far a run is, on a terminal."""
 
+import math
 import sys
 from typing import TYPE_CHECKING
 
-from ..printing.text import printable
+from ..printing.text import human_time, printable
 from .signals import STOP
 from .streams import tell
 
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from ..runs import Progress, Watch
+    from ..runs import Cost, Progress, Watch
 
 
 class ProgressLine:
@@ -21,20 +22,23 @@ class ProgressLine:
         self.name = printable(name)
         self.bar: Bar | None = None
         self.task: TaskID | None = None
+        self.told = False  #: where there is no line: that kernels are compiled
 
     def __enter__(self) -> "ProgressLine":
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+            from rich.table import Column
 
+            # The count and the time left are never cut, however narrow the terminal is; the text is.
+            whole, cut = Column(no_wrap=True), Column(no_wrap=True, ratio=1, overflow="ellipsis")
             columns = [
-                TextColumn("{task.description}"),
-                BarColumn(20),
-                MofNCompleteColumn(),
-                TextColumn("{task.fields[news]}"),
-                TimeRemainingColumn(),
+                MofNCompleteColumn(table_column=whole),
+                TimeRemainingColumn(compact=True, table_column=whole.copy()),
+                BarColumn(10, table_column=whole.copy()),
+                TextColumn("{task.description}", markup=False, table_column=cut),
             ]
-            self.bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self.bar = Progress(*columns, console=Console(stderr=True), transient=True, expand=True)
             self.bar.start()
         return self
 
@@ -47,7 +51,7 @@ class ProgressLine:
         """What a run is given to tell how far it is."""
         from ..runs import Watch
 
-        return Watch(self.report, self.report_compiling, self.tell)
+        return Watch(self.report, self.report_compiling, self.tell, self.report_beginning)
 
     def tell(self, news: str) -> None:
         """Say something that stays, above the line if there is one."""
@@ -56,42 +60,50 @@ class ProgressLine:
         else:
             tell(f"spi: {news}")
 
+    def report_beginning(self, title: str, cost: "Cost") -> None:
+        """Say what runs and how long it will take; where that is open, what runs."""
+        long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
+        self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
+
     def report_compiling(self, number: int, total: int, name: str) -> None:
         STOP.check()
         if self.bar:
-            description = f"{self.name} compiling {number} of {total}: {name}"
-            self._show(self.bar, None, description, total, number - 1, "once, some seconds for each scheme")
+            self._show(self.bar, None, f"{self.name}: compiling {name}, kept for later runs", total, number - 1)
+        elif not self.told:
+            self.told = True
+            kernels = "1 kernel, some seconds" if total == 1 else f"{total} kernels, some seconds each"
+            tell(f"spi: {self.name}: compiling {kernels}, kept for later runs")
 
     def report_chunk(self, number: int, total: int, name: str) -> None:
         STOP.check()
         if self.bar:
-            self._show(self.bar, None, f"{self.name} computing {number} of {total}", total, number - 1, name)
+            self._show(self.bar, None, f"{self.name}: computing {name}", total, number - 1)
 
     def report_figure(self, number: int, total: int, name: str) -> None:
         STOP.check()
         if self.bar:
-            self._show(self.bar, None, f"{self.name} drawing {number} of {total}", total, number - 1, name)
+            self._show(self.bar, None, f"{self.name}: drawing {name}", total, number - 1)
 
     def report_frame(self, number: int, total: int) -> None:
         STOP.check()
         if self.bar:
-            self._show(self.bar, None, f"{self.name} drawing frames", total, number, "of a film")
+            self._show(self.bar, None, f"{self.name}: drawing the frames of a film", total, number)
 
     def report(self, progress: "Progress") -> None:
         STOP.check()
         if not self.bar:
             return
-        description = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
+        part = f"{self.name} {progress.number + 1}/{progress.parts} {progress.case} {progress.part}"
         news = "starting"
         if progress.done:
             rate = f"{progress.done / progress.seconds:.3g} paths/s, " if isinstance(progress.done, int) else ""
             news = f"{rate}standard error {progress.stderr:.1e}"
-        self._show(self.bar, progress.number, description, progress.total, progress.done, news)
+        self._show(self.bar, progress.number, f"{part}: {news}", progress.total, progress.done)
 
-    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float, news: str) -> None:
-        """Show how far a part is, None for the compilation before them."""
+    def _show(self, bar: "Bar", part: int | None, description: str, total: float, completed: float) -> None:
+        """Show how far a part is, None for what is no part."""
         if self.task is None or bar.tasks[-1].fields["part"] != part:
             if self.task is not None:
                 bar.remove_task(self.task)
-            self.task = bar.add_task(description, part=part, total=total, completed=int(completed), news=news)
-        bar.update(self.task, description=description, total=total, completed=completed, news=news)
+            self.task = bar.add_task(description, part=part, total=total, completed=int(completed))
+        bar.update(self.task, description=description, total=total, completed=completed)

@@ -10,7 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .names import stored
-from .options import BROKEN, INVALID, Fresh, Out, Overrides, Profile, Samples, Seed, Specs, Stored, Threads, end, load
+from .options import (
+    BROKEN,
+    INVALID,
+    As,
+    Fresh,
+    Out,
+    Overrides,
+    Profile,
+    Samples,
+    Seed,
+    Specs,
+    Stored,
+    Threads,
+    end,
+    load,
+)
 from .signals import STOP
 from .streams import tell
 
@@ -43,12 +58,13 @@ def run(
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
     ] = None,
+    kind: As = None,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
     Exit code 4 if a claim of a spec is broken.
     """
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind)
     from .. import runs as runner
     from .. import slices
     from .progress import ProgressLine

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from .names import SPECS, complete_spec
-from .options import FAILED, INVALID, end
+from .options import FAILED, INVALID, As, end
 from .streams import tell
 
 
@@ -73,27 +73,22 @@ def new(
             autocompletion=complete_spec,
         ),
     ] = None,
+    kind: As = None,
     system: Annotated[bool, typer.Option("--system", help="Of an equation of your own, written in YAML.")] = False,
 ) -> None:
     """Write a commented experiment to begin from: NAME.yaml.
 
     It runs as it is.  Nothing is overwritten.
     """
-    from ..storage import write_all
-
     if not Path(name).name or name.endswith("/") or not name.isprintable():
         end(INVALID, f"{name!r} is no name of a file; say for instance `spi new my_experiment`")
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
-    texts = _template("system" if system else "experiment", target) if source is None else _copies(source, target)
-    for path, text in [*texts.items()]:
-        if path.exists() or path.is_symlink():
-            if path == target or not _holds(path, text):
-                end(INVALID, f"{path}: is there already, and is not overwritten; choose another name or folder")
-            del texts[path]
-    write_all({path: text.encode() for path, text in texts.items()})
-    for path in texts:
+    if source is None and kind is not None:
+        end(INVALID, "--as: is for copies; give --from EXPERIMENT as well")
+    texts = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
+    for path in _write(texts, target):
         tell(f"wrote {path}")
     tell(f"spi: change it as you like; `spi check {target}` says what it would cost, `spi run {target}` runs it")
 
@@ -104,12 +99,24 @@ def _template(which: str, target: Path) -> dict[Path, str]:
     return {target: shipped.template(which).replace("NAME.yaml", str(target)).replace("NAME", target.stem)}
 
 
-def _copies(source: str, target: Path) -> dict[Path, str]:
+def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
     """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
-    from ..runs import load
+    from ..loading import load, load_as
 
-    experiment = load(source)
+    experiment = load(source) if kind is None else load_as(kind, source)
     return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}
+
+
+def _write(texts: dict[Path, str], target: Path) -> list[Path]:
+    """Write the files but overwrite none, all or nothing; which ones: others than `target` may be there already."""
+    from ..storage import write_all
+
+    missing = {path: text for path, text in texts.items() if path == target or not _holds(path, text)}
+    for path in missing:
+        if path.exists() or path.is_symlink():
+            end(INVALID, f"{path}: is there already, and is not overwritten; choose another name or folder")
+    write_all({path: text.encode() for path, text in missing.items()})
+    return list(missing)
 
 
 def _holds(path: Path, text: str) -> bool:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arithmetic import NumberError, Numbers, read
-from ..dispatch import INDICES, number
+from ..dispatch import INDICES, MOST, number
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Records: what they hold, what they mean for arrays and in generated code, how they are written
@@ -84,11 +84,12 @@ class _Trees(Numbers):
     functions = tuple(_FUNCTIONS)
 
     def __init__(self, dimension, names=()):
-        components = {f"y{k + 1}": Component(INDICES[k]()) for k in range(dimension)}
+        within = min(dimension, MOST)  # of a large model an expression can name the first components only
+        components = {f"y{k + 1}": Component(INDICES[k]()) for k in range(within)}
         self.named = {name: Component(INDICES[k]()) for k, name in enumerate(names)}
         self.calls = any("(" in name for name in names)
         self.constants = {**Numbers.constants, **components, **self.named}
-        self.state = f"y1 .. y{dimension}" if dimension > 1 else "only y1"
+        self.state = f"y1 .. y{within}" if dimension > 1 else "only y1"
 
     def call(self, word, inside):
         """The component x(2) of a system whose variables have indices."""

@@ -149,6 +149,14 @@ def duration(seconds: float) -> str:
     return f"{scaled:.{digits}f} {('s', 'ms', 'µs', 'ns', 'ps')[-power]}"
 
 
+def human_time(seconds: float) -> str:
+    """``45 s``, ``12 min``, ``3.5 h``: a time that somebody waits, with two digits."""
+    for unit, length, most in (("s", 1, 100), ("min", 60, 100), ("h", 3600, 48)):
+        if seconds < most * length:
+            return f"{float(f'{seconds / length:.2g}'):g} {unit}"
+    return f"{seconds / 86400:.2g} days"
+
+
 def with_pi(text: str) -> str:
     """The text of an expression in which 6.283185307179586 is 2*pi again."""
     return re.sub(r"[0-9.]+", _multiple_of_pi, text)

@@ -23,17 +23,15 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from .. import claims
-from . import expect, sweep
+from . import sweep
 from .cases import BaseCase
+from .conversion import converted
 from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
-from .heading import Heading, heading
 from .keys import Keys, entries_in, shown, suggestion
-from .layers import ONLY_IN_FILES, PROFILES, Layers
-from .models import is_another
-from .systems import overridden
+from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 
-__all__ = ["PROFILES", "BaseCase", "Experiment", "Heading", "Layers", "SpecError", "heading", "load", "text_of"]
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load"]
 
 
 _NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
@@ -107,6 +105,8 @@ def load(
     document = Document(text, lambda line: f"{path}:{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
+    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
+        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     faults = Faults()
     file: Any = None
     with faults:
@@ -202,7 +202,7 @@ def _cases(
                 if other := next((other for other in by_name if other not in owners), None):
                     document.fail((*loc, "cases", other), f"is no known case; {suggestion(other, owners)}")
                 layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
-            merged = reduce(_overridden, [document.at(loc) for document, loc in layers])
+            merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
             data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
             unread = (
                 sweep.PLACES if "sweep" in case_class.model_fields and not isinstance(data.get("sweep"), dict) else ()
@@ -234,22 +234,6 @@ def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequen
     found = [_valid(read, version, layers) for version in sweep.versions(data)]
     ((word, values),) = found[0].sweep.items()
     return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
-
-
-def _overridden(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """The mapping `below` with what `above` has in its place."""
-    result = {**below, **above}
-    if "model" in below and "model" in above:
-        old, new = below["model"], above["model"]
-        if not is_another(new, old):
-            result["model"] = overridden(old, new)
-    if "expect" in below:
-        gone = {n for key in expect.NAMING if key in above for n in expect.names_in(key, below.get(key))}
-        gone -= {n for key in expect.NAMING for n in expect.names_in(key, above.get(key))}
-        result["expect"] = expect.without(below["expect"], gone)
-        if "expect" in above:
-            result["expect"] = expect.merged(result["expect"], above["expect"])
-    return result
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from ..protocol import NonNegative, Positive, dimension, in_kernels, large
 from ..schemes import SCHEMES, Scheme, composed, with_eps
 from ..schemes.rows import compositions, has_loops
 from ..systems import variables
+from ..systems.keys import MOST
 from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
 from .damping import damped_model
@@ -274,7 +275,7 @@ class FunctionsCase(ErrorCase):
     @condition
     def _check_functions(self) -> Self:
         d, names = dimension(self.model), self.variables
-        right = f"must be an expression in y1 .. y{d} such as sin(2*pi*y1) + y2^2"
+        right = f"must be an expression in y1 .. y{min(d, MOST)} such as sin(2*pi*y1) + y2^2"
         trees = {}
         for name, text in self.functions.items():
             try:

@@ -8,6 +8,7 @@ from annotated_types import Ge, MinLen
 from pydantic import create_model
 
 from ..models import MODELS
+from . import expect
 from .cases import BaseCase
 from .keys import (
     ABSENT,
@@ -18,8 +19,9 @@ from .keys import (
     needed_keys,
     one_of,
 )
-from .models import COMPLETE, NOT_BUILT_IN, ModelPart
+from .models import COMPLETE, NOT_BUILT_IN, ModelPart, is_another
 from .sweep import PLACES
+from .systems import overridden
 
 #: ``laptop`` is the file itself; so are the others where the file does not define them.
 PROFILES = ("laptop", "paper", "quick")
@@ -77,3 +79,19 @@ class Layers(NamedTuple):
         """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""
         schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self.file.json_schema()}
         return {**schema, "title": "An experiment of spi"}
+
+
+def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """The mapping `below` with what `above` has in its place."""
+    result = {**below, **above}
+    if "model" in below and "model" in above:
+        old, new = below["model"], above["model"]
+        if not is_another(new, old):
+            result["model"] = overridden(old, new)
+    if "expect" in below:
+        gone = {n for key in expect.NAMING if key in above for n in expect.names_in(key, below.get(key))}
+        gone -= {n for key in expect.NAMING for n in expect.names_in(key, above.get(key))}
+        result["expect"] = expect.without(below["expect"], gone)
+        if "expect" in above:
+            result["expect"] = expect.merged(result["expect"], above["expect"])
+    return result

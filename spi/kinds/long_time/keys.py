@@ -1,6 +1,6 @@
 """The keys of an experiment of kind long_time."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
@@ -9,6 +9,7 @@ from spi.claims import AT_MOST, EQUAL, Sort
 from spi.rng import STEPS_PER_TOSS
 from spi.spec.cases import CLIP, BaseCase
 from spi.spec.checks import check_once, check_schemes
+from spi.spec.conversion import Given
 from spi.spec.keys import Samples, Schemes, Steps, condition, key_of, wrong
 
 #: What the figure can show.
@@ -49,3 +50,8 @@ class Case(BaseCase):
         if any(self.row(name).multiscale for name in self.schemes):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this."""
+    return {"steps": [given.step, given.step / 2], "step_count": STEPS_PER_TOSS * 1000, "samples": given.paths(64)}

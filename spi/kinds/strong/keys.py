@@ -1,9 +1,10 @@
 """The keys of an experiment of kind strong."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from spi.claims import ORDER, STEPWISE
 from spi.spec.cases import ErrorCase
+from spi.spec.conversion import Given
 from spi.spec.keys import Samples, key_of
 
 
@@ -13,3 +14,8 @@ class Case(ErrorCase):
     samples: key_of(Samples, "number of Brownian paths")
 
     quantities: ClassVar = ORDER | STEPWISE
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this."""
+    return {**given.errors(7, 8), "samples": given.paths(500)}

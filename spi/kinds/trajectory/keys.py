@@ -1,16 +1,17 @@
 """The keys of an experiment of kind trajectory."""
 
 import math
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
 from spi.claims import AT_LEAST, AT_MOST, Sort
 from spi.models.zeitlin.fields import lattice_of
-from spi.protocol import NonNegative, Positive, dimension
+from spi.protocol import NonNegative, Positive, conserved, dimension
 from spi.spec.cases import CLIP, BaseCase
 from spi.spec.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
+from spi.spec.conversion import Given
 from spi.spec.keys import Schemes, condition, entries_in, key_of, quantity, wrong
 
 #: What the figure can show.
@@ -98,3 +99,9 @@ class Case(BaseCase):
             if panel in OF_FIELDS and lattice_of(self.model) is None:
                 raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
         return self
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this: the path and what is conserved along it."""
+    panels = ["casimirs"] * (conserved(given.case.model) > 0) + ["hamiltonian", "components"]
+    return {"final_time": given.step * min(max(given.length, 200), 10_000), "step": given.step, "panels": panels}

@@ -23,16 +23,22 @@ from spi.tallies import Chunk, PathSet
 
 
 class Recorder(NamedTuple):
-    """The states of one lane after every so many steps."""
+    """The states of some consecutive lanes of each block after every so many steps."""
 
-    y: np.ndarray  #: (stored + 1, d)
-    lane: int
+    y: np.ndarray  #: (blocks, stored + 1, lanes, d)
+    lane: int  #: the first of the lanes
     every: int
 
     def observe(observer, model, row, paths, level, n, y, reference):
         if n % observer.every == 0:
-            for i in range(observer.y.shape[1]):
-                observer.y[n // observer.every, i] = y[i * LANES + observer.lane]
+            for lane in range(observer.y.shape[2]):
+                for i in range(observer.y.shape[3]):
+                    observer.y[row, n // observer.every, lane, i] = y[i * LANES + observer.lane + lane]
+
+
+def recorder_of_one(y: np.ndarray, lane: int, every: int) -> Recorder:
+    """The observer that keeps the states of one lane of one block in `y` (stored + 1, d)."""
+    return Recorder(y[np.newaxis, :, np.newaxis], lane, every)
 
 
 class Path(NamedTuple):
@@ -85,7 +91,7 @@ class TrajectoryPlan(PathsPlan):
         energy, conserved = np.empty(2), np.empty((2, len(casimir_indices(self.model))))
         of_states = KernelCall(invariants, (self.model, y, energy, conserved))
         what = self.scheme, self.model, self._start(y, 0), self.least.grid, self.stream
-        return [KernelCall(integrate, (*what, Recorder(y, 0, 1), empty_report(1, 1), 0, 1, 1)), of_states]
+        return [KernelCall(integrate, (*what, recorder_of_one(y, 0, 1), empty_report(1, 1), 0, 1, 1)), of_states]
 
     def _start(self, y: np.ndarray, n: int) -> Any:
         """Where to go on from after n steps: of a large model the stored state in the lane of the path."""
@@ -122,7 +128,7 @@ class TrajectoryPlan(PathsPlan):
         y[: len(path.y)] = path.y
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
-            report, recorder = empty_report(1, 1), Recorder(y, lane, self.case.every)
+            report, recorder = empty_report(1, 1), recorder_of_one(y, lane, self.case.every)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
             start, end = self._start(y, path.steps), self.case.path + 1
             integrate(self.scheme, self.model, start, times, self.stream, recorder, report, block, 1, end)

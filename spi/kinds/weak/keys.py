@@ -1,12 +1,13 @@
 """The keys of an experiment of kind weak."""
 
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import MinLen
 
 from spi.claims import AT_MOST, EQUAL, ORDER, Sort
 from spi.spec.cases import SampledCase
+from spi.spec.conversion import Given
 from spi.spec.keys import ESTIMATORS, Estimators, Functions, Samples, condition, key_of, wrong
 
 #: What the figure can show.
@@ -49,3 +50,9 @@ class Case(SampledCase):
             right = "needs the estimator plain and prefixes, as in prefixes: [10^3, 10^4]"
             raise wrong(f"has '{panel}', but there are no results of fewer samples", right, "panels")
         return self
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this: two moments, by plain sampling."""
+    functions = given.functions or {"mean": "y1", "square": "y1^2"}
+    return {**given.errors(5, 4), "functions": functions, "estimators": ["plain"], "samples": 10**5}

@@ -1,12 +1,13 @@
 """The keys of an experiment of kind work_precision."""
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from annotated_types import Ge, Le, MinLen
 
 from spi.claims import ORDER, STEPWISE
 from spi.protocol import Positive
 from spi.spec.cases import SampledCase
+from spi.spec.conversion import Given
 from spi.spec.keys import ESTIMATORS, condition, key_of, wrong
 
 Targets = Annotated[tuple[Positive, ...], MinLen(1)]
@@ -37,3 +38,8 @@ class Case(SampledCase):
         elif not self.estimators:
             raise wrong("missing key 'estimators'", f"add estimators: some of {', '.join(ESTIMATORS)}", "estimators")
         return self
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this: strong errors."""
+    return {**given.errors(7, 8), "samples": given.paths(500)}

@@ -1,0 +1,19 @@
+"""spi in Python: what ``import spi`` offers, see ``docs/python.md``."""
+
+import warnings
+
+from .. import CACHE_PROBLEM, shipped
+from .expecting import expectations
+from .paths import trajectory
+from .results import Results, load
+from .running import run
+
+__all__ = ["Results", "expectations", "experiments", "load", "run", "trajectory"]
+
+if CACHE_PROBLEM:
+    warnings.warn(f"{CACHE_PROBLEM}; what is compiled cannot be kept for another process", stacklevel=2)
+
+
+def experiments() -> list[str]:
+    """The names of the experiments that come with spi, which :func:`run` takes."""
+    return shipped.names()

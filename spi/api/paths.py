@@ -1,0 +1,172 @@
+"""States along paths, as arrays."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from .. import engine
+from ..compiling import compile_missing
+from ..ensemble import empty_report, integrate
+from ..kinds.state import State
+from ..kinds.trajectory.study import Recorder, TrajectoryPlan, invariants, plan
+from ..protocol import casimir_indices
+from ..records import Part
+from ..rng import LANES
+from ..session import kernel_calls
+from ..spec import SpecError
+from .arrays import component_names, dataset_of
+from .progress import Line
+from .specs import of_mapping, whole
+
+_BATCH_BYTES = 64e6  # of the states of some blocks, which are handed to an observer together
+
+_OF_EXPERIMENTS = ("case_title", "panels")  # attributes that say nothing of a path
+
+Observer = Callable[[np.ndarray, np.ndarray], Any]
+
+
+def trajectory(
+    model: Any,
+    scheme: str,
+    *,
+    initial: Sequence[Any],
+    final_time: Any,
+    step: Any,
+    seed: int = 1,
+    path: int = 0,
+    samples: int | None = None,
+    every: int = 1,
+    observe: Observer | None = None,
+    progress: bool | None = None,
+    **options: Any,
+) -> xr.Dataset:
+    """Paths of a scheme: states, Hamiltonian and Casimirs at the times 0, k h, 2 k h, ..., T with k = `every`.
+
+    `model` is what stands under ``model:`` in a spec: a name, a mapping, also of a system of your own such as
+    ``{"system": "heavy_top.yaml"}``; or a model's class, or a record of it.  `initial`, `final_time` T, `step` h and
+    `seed` are as in a spec, and so are further `options`: damping, eps, truncate_noise, compositions.
+
+    Without `samples` it is the one path of number `path`: ``y`` (t, component), ``hamiltonian`` (t) and ``casimirs``
+    (t, casimir).  With `samples` there are those of the numbers 0, ..., samples - 1, and a first axis ``path``.  The
+    same seed, number and step give the same Brownian path with every scheme, and the same numbers as ``spi.run``.
+
+    `observe` keeps something else in place of the states, so that memory does not bound the number of samples: it is
+    called with the times (times,) and the states (paths, times, components) of some paths at a time, and returns an
+    array whose first axis is that of the paths, or a mapping of names and such arrays; the variables of the result are
+    these, or ``observed``.
+
+    Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
+    """
+    count = None if samples is None else whole("samples", samples, 1)
+    if observe is not None and count is None:
+        raise SpecError("samples: missing; add samples, how many paths are observed")
+    asked = {"initial": initial, "final_time": final_time, "step": step, "seed": seed, "path": path, "every": every}
+    ready = plan_of(model, scheme, asked | options)
+    with Line("trajectory", progress) as line:
+        if count is None:
+            return _one_path(ready, line)
+        if observe is None:
+            return _all_states(ready, count, line)
+        return _observed(ready, count, observe, line)
+
+
+def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
+    """The plan of a path; SpecError if anything is wrong with the keys of the spec that it would have."""
+    fixed = {"kind": "trajectory", "model": model, "schemes": [scheme], "panels": ["components"]}
+    (case,) = of_mapping(fixed | keys, "trajectory", place="").cases
+    if len(case.runs) > 1:
+        raise SpecError(f"eps: has {len(case.runs)} values; must be one number here")
+    ((name, eps),) = case.runs
+    return plan(case, Part(name, eps=eps))
+
+
+def _compile(ready: Any, line: Line) -> None:
+    """Compile what is missing of the kernels of a plan."""
+    compile_missing(kernel_calls([ready]), line.watch.report_compiling)
+
+
+def _one_path(ready: TrajectoryPlan, line: Line) -> xr.Dataset:
+    """One path with its invariants."""
+    of_any_kind: Any = ready
+    state = State(of_any_kind)
+    _compile(ready, line)
+    engine.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
+    found = dataset_of(ready.group(state), "trajectory")
+    found.attrs = _without_experiment(found.attrs)
+    return found
+
+
+def times_of(ready: TrajectoryPlan) -> np.ndarray:
+    """The times of the stored states."""
+    return np.arange(ready.case.steps_stored + 1) * ready.case.every * ready.case.step
+
+
+def _batches(ready: TrajectoryPlan, samples: int, line: Line) -> Iterator[np.ndarray]:
+    """The states (paths, times, d) of the first so many paths, block after block."""
+    times, d = ready.case.steps_stored + 1, len(ready.initial)
+    most = max(1, int(_BATCH_BYTES / (8 * LANES * times * d)))
+    total = math.ceil(samples / LANES)
+    _compile(ready, line)
+    for first in range(0, total, most):
+        line.share("paths", first, total)
+        blocks = min(most, total - first)
+        y = np.empty((blocks, times, LANES, d))
+        y[:, 0] = ready.initial
+        what = ready.scheme, ready.model, ready.initial, ready.grid, ready.stream
+        integrate(*what, Recorder(y, 0, ready.case.every), empty_report(blocks, 1), first, blocks, samples)
+        yield y.transpose(0, 2, 1, 3).reshape(-1, times, d)[: samples - first * LANES]
+
+
+def _all_states(ready: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
+    """The states of all paths with their invariants."""
+    y = np.concatenate(list(_batches(ready, samples, line)))
+    times, count = times_of(ready), len(casimir_indices(ready.model))
+    energy, conserved = np.empty(y.shape[:2]), np.empty((*y.shape[:2], count))
+    flat = y.reshape(-1, y.shape[2])
+    invariants(ready.model, flat, energy.reshape(-1), conserved.reshape(len(flat), count))
+    return xr.Dataset(
+        {
+            "y": (("path", "t", "component"), y, {"long_name": "state"}),
+            "hamiltonian": (("path", "t"), energy, {"long_name": "Hamiltonian"}),
+            "casimirs": (("path", "t", "casimir"), conserved, {"long_name": "Casimirs"}),
+        },
+        {
+            "path": np.arange(samples),
+            "t": ("t", times, {"long_name": "time"}),
+            "component": component_names(ready.case.variables, y.shape[2]),
+            "casimir": np.arange(count),
+        },
+        _attributes(ready),
+    )
+
+
+def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line) -> xr.Dataset:
+    """What an observer makes of all paths."""
+    found: dict[str, list[np.ndarray]] = {}
+    times = times_of(ready)
+    for y in _batches(ready, samples, line):
+        told = observe(times, y)
+        for name, values in told.items() if isinstance(told, dict) else [("observed", told)]:
+            values = np.asarray(values)
+            if values.shape[:1] != y.shape[:1]:
+                what = f"returned {name} of shape {values.shape} for {len(y)} paths"
+                raise ValueError(f"observe {what}; the first axis must be that of the paths")
+            found.setdefault(name, []).append(values)
+    arrays = {name: np.concatenate(parts) for name, parts in found.items()}
+    variables = {
+        name: (("path", *(f"{name}_{i}" for i in range(1, values.ndim))), values) for name, values in arrays.items()
+    }
+    return xr.Dataset(variables, {"path": np.arange(samples)}, _attributes(ready))
+
+
+def _attributes(ready: TrajectoryPlan) -> dict[str, Any]:
+    """What was integrated."""
+    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description()})
+
+
+def _without_experiment(attributes: dict[str, Any]) -> dict[str, Any]:
+    """The attributes that say something of paths, as far as they are known."""
+    return {name: value for name, value in attributes.items() if value is not None and name not in _OF_EXPERIMENTS}

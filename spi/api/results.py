@@ -1,0 +1,179 @@
+"""Results as a Python user sees them: parts by name, arrays as xarray, tables as pandas."""
+
+import difflib
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import xarray as xr
+
+from .. import claims, records, storage, views
+from ..kinds import KINDS
+from .arrays import dataset_of
+from .page import as_html
+from .specs import in_python
+
+if TYPE_CHECKING:
+    from ..drawing import Figure
+    from ..drawing.axes import Axes
+
+_ORDERS = ("order", "uniform_order")
+
+
+class Results:
+    """The results of an experiment, or of some of its parts.
+
+    A part is what was computed at a time: a scheme in a case, at one eps and by one estimator where there are several.
+    Its name has these in this order, as in "main/splitting" or "weak_noise/splitting/plain"; :attr:`parts` lists them.
+
+    Indexing narrows: ``results["splitting"]`` has the parts in whose name "splitting" stands, ``results["weak_noise"]``
+    those of that case, and ``results["weak_noise/splitting"]`` and ``results["weak_noise"]["splitting"]`` those of
+    both.  Where one part is left its arrays are attributes: ``results["splitting"].error``.
+    """
+
+    def __init__(self, stored: records.Results, path: Path | None = None) -> None:
+        self.stored = stored  #: what is in the file, as :mod:`spi.records` describes it
+        self.path = path  #: of the file; None if there is none
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The names of the parts."""
+        return tuple(_name(group) for group in self.stored.groups)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What is known of the whole experiment: kind, title, profile, seed, versions, ..."""
+        return self.stored.attributes
+
+    @property
+    def kind(self) -> str:
+        """The kind of the experiment, as in its spec."""
+        return str(self.attributes["kind"])
+
+    @property
+    def spec(self) -> str:
+        """The text of the spec, YAML; overrides are among the :attr:`attributes`."""
+        return str(self.attributes["spec"])
+
+    def __getitem__(self, name: str) -> "Results":
+        """The parts whose names have all words of `name`, divided by slashes; KeyError if there are none."""
+        words = set(name.split("/"))
+        found = tuple(group for group in self.stored.groups if words <= set(_name(group).split("/")))
+        if not found:
+            known = dict.fromkeys(word for part in self.parts for word in part.split("/"))
+            near = difflib.get_close_matches(name, [*known, *self.parts], 1)
+            raise KeyError(f"no part {name}; " + (f"did you mean {near[0]}?" if near else f"parts: {self._listed()}"))
+        return Results(records.Results(self._narrowed(found), found, self.stored.chunks), self.path)
+
+    def _narrowed(self, groups: tuple[records.Group, ...]) -> dict[str, Any]:
+        """The attributes with the claims about some groups only."""
+        stated = claims.of_text(self.attributes.get("expect"))
+        whose = {(group.case, group.attributes["scheme"]) for group in groups}
+        return self.attributes | {"expect": claims.as_text(one for one in stated if (one.case, one.scheme) in whose)}
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.parts)
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    def __getattr__(self, name: str) -> xr.DataArray:
+        if name.startswith("_") or name == "stored":
+            raise AttributeError(name)
+        if len(self) == 1 and name not in self.dataset:
+            raise AttributeError(f"{self.parts[0]} has no {name}; arrays: {', '.join(map(str, self.dataset))}")
+        return self._only(name)[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *(map(str, self.dataset.variables) if len(self) == 1 else ())]
+
+    @property
+    def dataset(self) -> xr.Dataset:
+        """The arrays of the one part that this is narrowed to, with their coordinates; AttributeError if several."""
+        return self._only("dataset")
+
+    def _only(self, wanted: str) -> xr.Dataset:
+        """The arrays of the only part."""
+        if len(self) != 1:
+            raise AttributeError(f"{wanted} is of one part; choose one by its name: {self._listed()}")
+        return self._dataset
+
+    @cached_property
+    def _dataset(self) -> xr.Dataset:
+        return dataset_of(self.stored.groups[0], self.kind)
+
+    def _listed(self) -> str:
+        return ", ".join(self.parts)
+
+    def to_xarray(self) -> xr.DataTree:
+        """The arrays of all parts, a node for each, of the names and in the order of :attr:`parts`."""
+        groups = {_name(group): dataset_of(group, self.kind) for group in self.stored.groups}
+        return xr.DataTree.from_dict({"/": xr.Dataset(attrs=self.attributes), **groups})
+
+    @property
+    def orders(self) -> pd.DataFrame:
+        """The fitted orders of convergence with their 95 % intervals, and what theory expects; empty where none is."""
+        rows = []
+        for case in records.by_case(views.readings(self.stored)):
+            expected = {_key(one.about): getattr(one, "expected_order", None) for one in case}
+            for found in KINDS[self.kind].claims.quantities(case):
+                if found.name in _ORDERS:
+                    which = {"estimator": found.about.estimator, "function": found.function}
+                    told = {"case": found.about.case, "scheme": found.about.variant, **which, "quantity": found.name}
+                    interval = {"order": found.value, "low": found.low, "high": found.high}
+                    rows.append(told | interval | {"expected": expected.get(_key(found.about))})
+        frame = pd.DataFrame(rows)
+        return frame.drop(columns=[name for name in ("estimator", "function") if rows and not any(frame[name])])
+
+    @property
+    def claims(self) -> pd.DataFrame:
+        """What the spec expects of these parts, what came out, and the verdicts; empty where nothing is expected."""
+        rows = [
+            {
+                **{"case": one.claim.case, "subject": one.subject, "claim": one.claim.text},
+                **{name: getattr(one.found, name, float("nan")) for name in ("value", "low", "high")},
+                "verdict": one.verdict,
+            }
+            for one in views.verdicts(self.stored)
+        ]
+        return pd.DataFrame(rows)
+
+    def table(self) -> pd.DataFrame:
+        """A row for each case, scheme and point of the first axis, as ``spi show --format csv`` prints them."""
+        return pd.DataFrame(views.rows(self.stored))
+
+    def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
+        """The figure of these parts as ``spi plot`` draws it; in axes of your own the curve of each of them.
+
+        A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
+        against time; `look` is handed on to matplotlib.  Returns the figure, or the axes.
+
+        ValueError if there is nothing to draw.
+        """
+        from .curves import draw_into, shown_in_notebooks
+
+        return shown_in_notebooks(views.figure(self.stored)) if ax is None else draw_into(ax, self, quantity, look)
+
+    def __repr__(self) -> str:
+        where = f", {self.path}" if self.path else ""
+        return f"<spi.Results: {self.attributes.get('title', '')} ({self.kind}{where}): {self._listed()}>"
+
+    def _repr_html_(self) -> str:
+        return as_html(self)
+
+
+def load(path: str | Path) -> Results:
+    """The results in a file that a run wrote; StorageError if it cannot be read."""
+    with in_python():
+        return Results(storage.read(path), Path(path))
+
+
+def _name(group: records.Group) -> str:
+    return "/".join(filter(None, (group.case, group.variant, group.estimator)))
+
+
+def _key(about: records.Description) -> tuple[str, str]:
+    """What tells a part from others of its case."""
+    return about.variant, about.estimator

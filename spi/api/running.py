@@ -1,0 +1,88 @@
+"""Experiments run from Python, by the same path as from the command line."""
+
+import contextlib
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import runs, workers
+from ..ensemble import thread_count, use_threads
+from ..spec import SpecError
+from .progress import Line
+from .results import Results, load
+from .specs import experiment_of, in_python
+
+if TYPE_CHECKING:
+    from ..workers import Workers
+
+
+def run(
+    what: str | Path | Mapping[str, Any],
+    *,
+    name: str | None = None,
+    profile: str = "laptop",
+    out: str | Path | None = "results",
+    fresh: bool = False,
+    threads: int | None = None,
+    workers: int | str | None = None,
+    progress: bool | None = None,
+    **overrides: Any,
+) -> Results:
+    """Run an experiment and return its results.
+
+    `what` is a spec file, the name of an experiment that comes with spi (see :func:`spi.experiments`), or a mapping
+    with the keys of a spec file.  Values are Python data: numbers, texts such as "2^-5 .. 2^-13", lists, mappings,
+    NumPy arrays; ``model`` may also be the name, the class or a record of a model.
+
+    Further keywords override keys of the spec, as ``--set`` does: ``samples=1000``, ``schemes=["splitting"]``.  A
+    mapping overrides only what it names: ``model={"sigma": [1, 0, 0]}`` keeps the other parameters, and
+    ``cases={"strong": {"seed": 7}}`` changes one case.
+
+    What is known already is not computed again, and the results are written to ``<out>/<name>.h5``: by default `name`
+    is that of the file; a mapping has none and needs one.  With ``out=None`` nothing is kept on disk.  `fresh` begins
+    anew and replaces results of another spec.  `threads` is how many threads compute; `workers` how many processes of
+    this machine, or the address of a Dask scheduler.  `progress` shows a line with how far the run is; by default in a
+    notebook only.
+
+    Raises SpecError if anything is wrong with the spec, StorageError if the results cannot be written or are those of
+    another spec; KeyboardInterrupt if interrupted, when what is done is kept and the same call goes on from there.
+    """
+    if isinstance(what, Mapping) and name is None and out is not None:
+        raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
+    experiment = experiment_of(what, name, profile, overrides)
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="spi-")) if out is None else out
+        stack.enter_context(_threads(threads))
+        pool = stack.enter_context(_pool(workers))
+        line = stack.enter_context(Line(experiment.name, progress))
+        stack.enter_context(in_python())
+        try:
+            path = runs.run(experiment, folder, fresh, line.watch, workers=pool)
+        except runs.Stopped as stopped:
+            kept = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is kept"
+            raise KeyboardInterrupt(kept) from None
+        found = load(path)
+    return found if out is not None else Results(found.stored)
+
+
+@contextlib.contextmanager
+def _threads(count: int | None) -> Iterator[None]:
+    """Within it kernels use so many threads; SpecError if there are not that many."""
+    before = thread_count()
+    if count is not None:
+        try:
+            use_threads(count)
+        except ValueError as error:
+            raise SpecError(f"threads: is {count}; {str(error).lower()}") from None
+    try:
+        yield
+    finally:
+        use_threads(before)
+
+
+def _pool(asked: int | str | None) -> "contextlib.AbstractContextManager[Workers | None]":
+    """The processes that compute, None for this one alone."""
+    if asked is None:
+        return contextlib.nullcontext()
+    return workers.dask(asked) if isinstance(asked, str) else workers.processes(asked)

@@ -1,0 +1,101 @@
+"""Experiments from what a Python user gives: a file, a name, or the same keys and values as Python data."""
+
+import contextlib
+import inspect
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import modules
+from ..loading import load
+from ..models import MODELS
+from ..spec import Experiment, SpecError
+from ..spec.writing import as_override, as_yaml
+from ..storage import StorageError
+
+_AS_ARGUMENT = {"--fresh": "fresh=True", "--out": "out=", "--set ": "", "--profile": "profile"}
+
+
+def experiment_of(
+    what: str | Path | Mapping[str, Any], name: str | None, profile: str, overrides: Mapping[str, Any]
+) -> Experiment:
+    """The experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
+
+    SpecError if anything is wrong; of a mapping it names no lines.
+    """
+    texts = [as_override(key, model_keys(value) if key == "model" else value) for key, value in overrides.items()]
+    with in_python():
+        if isinstance(what, Mapping):
+            return of_mapping(what, name or "experiment", profile, texts)
+        found = load(what, profile, texts)
+    return found if name is None else found._replace(name=name)
+
+
+def of_mapping(
+    data: Mapping[str, Any],
+    name: str,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    place: str = "spec: ",
+) -> Experiment:
+    """The experiment in a mapping; its files are seen from the current folder, and messages begin with `place`."""
+    model = {"model": model_keys(data["model"])} if "model" in data else {}
+    try:
+        return load(f"{name}.yaml", profile, overrides, text=as_yaml({**data, **model}))
+    except SpecError as error:
+        line = re.compile(rf"^{re.escape(name)}\.yaml:(\d+:)? ")
+        raise SpecError(*(line.sub(place, message) for message in error.messages)) from None
+
+
+def model_keys(model: Any) -> Any:
+    """What stands under ``model:`` for a name, a mapping, a class or a record of one; SpecError if that is unknown."""
+    if isinstance(model, str):
+        return {"name": model}
+    cls = model if isinstance(model, type) else type(model)
+    if not hasattr(cls, "_fields"):
+        return model
+    parameters = {} if isinstance(model, type) else model._asdict()
+    if "sigma" in parameters:  # a noise of strength 0 is None in a record
+        parameters["sigma"] = [strength or 0 for strength in parameters["sigma"]]
+    built_in = next((name for name, known in MODELS.items() if known is cls), None)
+    telling = {"name": built_in} if built_in else {"python": _file_of(cls), "name": cls.__qualname__}
+    return telling | parameters
+
+
+def _file_of(cls: type) -> str:
+    """The Python file of a class of somebody's own."""
+    try:
+        file = inspect.getsourcefile(cls)
+    except (OSError, TypeError):
+        file = None
+    if cls.__module__ == "__main__" or file is None or modules.is_stored(cls):
+        right = "write it into a Python file of its own and import it, or give the mapping that stands under model:"
+        raise SpecError(f"model: the class {cls.__qualname__} is in no file that other processes can import; {right}")
+    return file
+
+
+def whole(name: str, value: Any, least: int) -> int:
+    """A number of paths; SpecError if it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise SpecError(f"{name}: is {value!r}; must be a whole number, at least {least}")
+    return int(value)
+
+
+@contextlib.contextmanager
+def in_python() -> Iterator[None]:
+    """Within it messages for people name arguments of functions in place of options of the command line."""
+    try:
+        yield
+    except SpecError as error:
+        raise SpecError(*map(_translated, error.messages)) from None
+    except StorageError as error:
+        raise StorageError(_translated(str(error))) from None
+
+
+def _translated(message: str) -> str:
+    for option, argument in _AS_ARGUMENT.items():
+        message = message.replace(option, argument)
+    return message
