@@ -12,11 +12,10 @@ PIXELS = (380, 520)  #: the largest width and height of a figure
 
 HEAD = """# Gallery
 
-All experiments that come with the program: what each asks, and its figure. The figures are those of the profile
-`{profile}`; `spi run NAME` computes the experiment itself.
+All experiments that come with the program: what each asks, and its figure, drawn from the profile `{profile}`.
+`spi run NAME` computes the experiment itself.
 
-`make gallery` writes this page, and a page with all tables, claims and specs beside the results
-(see [report.md](report.md)).
+`make gallery` writes this page, and beside the results one with all tables and specs: see [report.md](report.md).
 """
 
 ENTRY = """

@@ -54,11 +54,11 @@ def picture(results: Results, prefix: str) -> Markup:
 
     ValueError if there is none for their kind or nothing to draw.
     """
-    from ..drawing import as_bytes
+    from ..drawing import as_bytes, as_svg
 
     figure, title = views.figure(results), escape(results.attributes.get("title", ""))
     holds_images = any(axes.images for axes in figure.axes)  # of many pixels, which an SVG would repeat
-    svg = "" if holds_images else _inline(as_bytes(figure, "svg").decode(), prefix)
+    svg = "" if holds_images else _inline(as_svg(figure), prefix)
     if 0 < len(svg) <= LARGEST_SVG:
         return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1))
     png = base64.b64encode(as_bytes(figure, "png", dpi=_DPI)).decode()
