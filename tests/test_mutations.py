@@ -1,4 +1,4 @@
-"""Changed experiments: ``spi check`` takes each of them or refuses it in a line for each mistake, and writes nothing."""
+"""Changed experiments: ``spi check`` takes each or refuses it in a line for each mistake, and writes nothing."""
 
 import random
 import signal
