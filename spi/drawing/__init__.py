@@ -22,7 +22,7 @@ if "matplotlib" not in sys.modules:
 
 from matplotlib.figure import Figure as Figure  # noqa: E402 (for those who may not ask matplotlib)
 
-from . import style  # noqa: E402
+from . import page  # noqa: E402
 
 
 def as_files(figure: Figure) -> dict[str, bytes]:
@@ -31,7 +31,7 @@ def as_files(figure: Figure) -> dict[str, bytes]:
     # Without a date and the name of the program the same results give the same bytes.
     for form, metadata in (("pdf", {"CreationDate": None}), ("png", {"Software": None})):
         content = io.BytesIO()
-        with style.applied():
+        with page.applied(page.of(figure)):
             figure.savefig(content, format=form, metadata=metadata)
         files[form] = content.getvalue()
     return files
