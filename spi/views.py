@@ -93,13 +93,19 @@ def show(results: Results, console: Any, with_title: bool = True) -> None:
         printed_claims.show(console, [one for one in judged if one.claim.case == about.case])
 
 
-def figure(results: Results) -> "Figure":
+def figure(
+    results: Results, style: str = "screen", width: str | float | None = None, font: str | None = None
+) -> "Figure":
     """The matplotlib figure of results, with the verdicts on their claims under it.
 
-    ValueError if there is none for their kind or nothing to draw.
+    In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
+    says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
+    "sans" or an installed TrueType family.  Its title, parameters and claims are then left to the caption,
+    see :func:`caption`.  ValueError if there is no figure for their kind, nothing to draw, or no such style, width or
+    font.
     """
     from .drawing import claims as drawn_claims
-    from .drawing import style
+    from .drawing import fitting, page
 
     kind = results.attributes.get("kind")
     if kind not in KINDS:
@@ -107,21 +113,37 @@ def figure(results: Results) -> "Figure":
     read = readings(results)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
-    with style.applied():
+    with page.applied(page.named(style, width, font)):
         drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), by_case(read))
         drawn_claims.write_under(drawn, _judged(results, read))
+        if page.current().width is not None:
+            fitting.settle(drawn)
         return drawn
+
+
+def check_style(style: str, width: str | float | None, font: str | None) -> None:
+    """ValueError if :func:`figure` does not know such a style, width or font."""
+    from .drawing import page
+
+    page.named(style, width, font)
+
+
+def caption(figure: "Figure") -> str:
+    """What :func:`figure` drew, its parameters and the verdicts on its claims, with formulas as LaTeX reads them."""
+    from .drawing import style
+
+    return style.caption(figure)
 
 
 def film(results: Results) -> "Film":
     """The film of results; ValueError if there is none for their kind, or nothing that moves."""
-    from .drawing import style
+    from .drawing import page
 
     kind = results.attributes.get("kind")
     draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
     if draw is None:
         raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
-    with style.applied():
+    with page.applied():
         found: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
         return found
 

@@ -12,7 +12,7 @@ from strong_results import strong_group as group_of
 
 from spi import views
 from spi.drawing import style
-from spi.kinds.strong import figure as strong_figure
+from spi.drawing.axes import PANEL
 from spi.records import Results
 from spi.schemes import SCHEMES
 
@@ -161,7 +161,7 @@ def test_cases_side_by_side(results):
     assert r"\sigma" not in fig.texts[1].get_text() and "500 samples" in fig.texts[1].get_text()
     assert scheme_line(right, "splitting_drift_first").get_marker() == "s"
     assert scheme_line(right, "new").get_marker() == style.OTHERS[0][0]
-    assert fig.get_figwidth() == 2 * strong_figure.PANEL[0]
+    assert fig.get_figwidth() == 2 * PANEL[0]
 
 
 @pytest.mark.parametrize("count", [1, 2, 20])

@@ -1,14 +1,14 @@
 """Curves of results in axes of a person's own."""
 
-import io
 from collections.abc import Iterator
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from .. import records, views
-from ..drawing import style
+from ..drawing import as_bytes, style
 from ..records import INTERVAL
 from .arrays import long_name
 
@@ -71,11 +71,5 @@ def _dress(ax: "Axes", values: xr.DataArray, kind: str) -> None:
 def shown_in_notebooks(figure: "Figure") -> "Figure":
     """The figure, which a notebook shows even where nothing has told it how to show figures of matplotlib."""
 
-    def as_png() -> bytes:
-        content = io.BytesIO()
-        with style.applied():
-            figure.savefig(content, format="png")
-        return content.getvalue()
-
-    setattr(figure, "_repr_png_", as_png)  # noqa: B010 (which mypy would ask for)
+    setattr(figure, "_repr_png_", partial(as_bytes, figure, "png"))  # noqa: B010 (which mypy would ask for)
     return figure

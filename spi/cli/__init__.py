@@ -31,6 +31,11 @@ class Format(StrEnum):
     csv = "csv"
 
 
+class Style(StrEnum):
+    screen = "screen"
+    paper = "paper"
+
+
 class FilmFormat(StrEnum):
     gif = "gif"
     mp4 = "mp4"
@@ -71,6 +76,15 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(help="Folder of results, and of figures (default: results; beside a FILE).")
     ] = None,
+    style: Annotated[
+        Style, typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf.")
+    ] = Style.screen,
+    width: Annotated[
+        str | None, typer.Option(help="Of a figure for a paper: one or two columns, or as in 5.125in, 130mm.")
+    ] = None,
+    font: Annotated[
+        str | None, typer.Option(help="Of a figure for a paper: serif, sans or an installed TrueType family.")
+    ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also a film of the vorticity: <out>/<name>.gif.")] = False,
     film_format: Annotated[FilmFormat, typer.Option(help="Of the film; mp4 needs ffmpeg.")] = FilmFormat.gif,
 ) -> None:
@@ -78,6 +92,10 @@ def plot(
     from .. import storage, views
     from .progress import ProgressLine
 
+    try:
+        views.check_style(style, width, font)
+    except ValueError as error:
+        end(INVALID, f"--{error}")
     folder = out or RESULTS
     wanted = sources or sorted(folder.glob("*.h5"))
     if not wanted:
@@ -86,9 +104,12 @@ def plot(
         path = stored(source, folder)
         results = storage.read(path)
         with _about(path):
-            figure = views.figure(results)
-        for written in views.save(figure, out or path.parent, path.stem):
+            figure = views.figure(results, style, width, font)
+        stem = path.stem if style is Style.screen else f"{path.stem}_paper"
+        for written in views.save(figure, out or path.parent, stem):
             tell(f"wrote {written}")
+        if style is Style.paper:
+            tell(f"caption: {views.caption(figure)}")
         if film:
             with _about(path), ProgressLine(path.stem) as line:
                 moving = views.film(results)

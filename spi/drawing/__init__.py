@@ -23,7 +23,7 @@ if "matplotlib" not in sys.modules:
 
 from matplotlib.figure import Figure as Figure  # noqa: E402 (for those who may not ask matplotlib)
 
-from . import style  # noqa: E402
+from . import page  # noqa: E402
 
 #: Without a date and the name of the program the same results give the same bytes.
 _METADATA = {"pdf": {"CreationDate": None}, "png": {"Software": None}}
@@ -37,7 +37,7 @@ def as_files(figure: Figure) -> dict[str, bytes]:
 def as_bytes(figure: Figure, form: str, **options: Any) -> bytes:
     """A figure as "pdf" or "png"; `options` are those of matplotlib's ``savefig``."""
     content = io.BytesIO()
-    with style.applied():
+    with page.applied(page.of(figure)):
         figure.savefig(content, format=form, metadata=_METADATA[form], **options)
     return content.getvalue()
 
@@ -48,6 +48,6 @@ def as_svg(figure: Figure) -> str:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     content = io.BytesIO()
-    with style.applied(), rc_context({"svg.hashsalt": "spi"}):  # without salt ids would be random
+    with page.applied(page.of(figure)), rc_context({"svg.hashsalt": "spi"}):  # without salt ids would be random
         FigureCanvasSVG(figure).print_svg(content, metadata={"Date": None, "Creator": None})
     return content.getvalue().decode()

@@ -9,17 +9,36 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.legend import Legend
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from matplotlib.transforms import ScaledTranslation
 
 from spi.records import INTERVAL as INTERVAL  # which figures ask for here
 from spi.records import Description
 
-from . import style
+from . import page, style
 
 SLOPE = "#777777"
 
 PANEL = (5.0, 4.0)  # inches, without the legend under it and the title above
 HUGE = 1e100  # a value beyond that would make axes that cannot be drawn
-LINE = 0.17  # inches of a line of a legend
+
+
+LEAST = 2.2  # the same of a panel in a paper, where as many stand side by side as fit
+
+
+def legend_line() -> float:
+    """Inches of a line of a legend."""
+    return 0.17 * page.points("legend.fontsize") / 8
+
+
+def under_label() -> float:
+    """Inches from the lower edge of a panel to what lies under its ticks and its label."""
+    return (11 + 1.2 * (page.points("xtick.labelsize") + page.points("axes.labelsize"))) / 72
+
+
+def panel_grid(count: int) -> tuple[int, int, tuple[float, float]]:
+    """(columns, lines, inches of one) of so many panels of errors."""
+    columns, size = page.current().panels(2 if count == 4 else min(count, 3), PANEL, LEAST)
+    return columns, math.ceil(count / columns), size
 
 
 def error_axes(ax: Axes, h: np.ndarray) -> None:
@@ -35,7 +54,7 @@ def error_axes(ax: Axes, h: np.ndarray) -> None:
 
 def panel_title(about: Description, facts: list[str]) -> str:
     """The title of the panel of a case: the case, and the facts that are its own."""
-    return "\n".join([style.plain(about.case_title), *style.wrapped(facts, ",  ", 9, PANEL[0] - 0.5)])
+    return "\n".join([style.plain(about.case_title), *style.wrapped(facts, ",  ", "axes.titlesize", PANEL[0] - 0.5)])
 
 
 def rules(ax: Axes) -> None:
@@ -63,11 +82,11 @@ def slopes(
     size to which, by default from one side of the panel to the other.
     """
     between = np.array(ends or ax.get_xlim())
-    for order, line, above in orders:
+    for order, dashes, above in orders:
         ratio = points[:, 1] / points[:, 0] ** order
         factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
         label = f"slope {Fraction(order)}"
-        ax.plot(between, factor * between**order, line, color=SLOPE, linewidth=1, zorder=1, label=label)
+        ax.plot(between, factor * between**order, dashes, color=SLOPE, linewidth=1, zorder=1, label=label)
 
 
 def limits(values: np.ndarray) -> tuple[float, float]:
@@ -82,8 +101,10 @@ def legend_under(ax: Axes) -> Legend:
     """A legend under the panel, where it never covers data; the schemes first, their markers without bars."""
     entries = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda e: not isinstance(e[0], tuple))
     handles = [handle[0] if isinstance(handle, tuple) else handle for handle, _ in entries]
-    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "handlelength": 2.4}
-    return ax.legend(handles, [label for _, label in entries], frameon=False, **place)
+    under = ax.transAxes + ScaledTranslation(0, -under_label(), ax.figure.dpi_scale_trans)
+    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "bbox_transform": under}
+    look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "borderaxespad": 0}
+    return ax.legend(handles, [label for _, label in entries], **place, **look)
 
 
 def with_order(label: str, order: float, low: float, high: float) -> str:

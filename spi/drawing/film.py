@@ -8,7 +8,7 @@ from typing import NamedTuple
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 
-from . import style
+from . import page
 
 FORMS = ("gif", "mp4")
 
@@ -31,7 +31,7 @@ def as_file(film: Film, form: str, report: Callable[[int, int], None]) -> bytes:
     ValueError if the program that makes MP4 is not installed.
     """
     writer = _writer(form, film.frames)
-    with tempfile.TemporaryDirectory(prefix="spi-", ignore_cleanup_errors=True) as folder, style.applied():
+    with tempfile.TemporaryDirectory(prefix="spi-", ignore_cleanup_errors=True) as folder, page.applied():
         path = Path(folder, f"film.{form}")
         # Not `with writer.saving(...)`, which finishes the film also when it is interrupted, and fails without a frame.
         writer.setup(film.figure, str(path), _DPI)

@@ -2,23 +2,21 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
-from matplotlib.figure import Figure, SubFigure
+from matplotlib.figure import Figure, FigureBase, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import CARETDOWN, CARETUP
-from matplotlib.textpath import TextPath
-from matplotlib.transforms import ScaledTranslation
 
 from spi.records import Description
 
-from . import style
-from .axes import LINE
+from . import page, style
+from .axes import LEAST, legend_line
 
 Panel = Callable[[Axes], None]  #: draws on an axes
 Entry = tuple[Artist, str]  #: of a legend, a handle and a text
@@ -36,14 +34,16 @@ class Line(NamedTuple):
     size: tuple[float, float]  #: inches of one panel, with all that stands under it
     title: str = ""
     legend: Sequence[list[Entry]] = ()  #: under the panels: rows of entries
+    least: float = LEAST  #: inches of the width of a panel in a paper
+    shared: bool = False  #: whether all panels have the same vertical axis, so that it is named once
 
 
 def arranged(title: str, lines: list[Line], facts: list[str]) -> Figure:
     """The figure of ``lines`` under a title and a line of facts."""
     if not lines:
         raise ValueError("the results name no panel that could be drawn")
-    lines = side_by_side(lines)
-    width = max(NARROWEST, *(len(line.panels) * line.size[0] for line in lines))
+    lines = [part for line in side_by_side(lines) for part in _parts(line)]
+    width = page.current().width or max(NARROWEST, *(len(line.panels) * line.size[0] for line in lines))
     heights = [_height(line, width) for line in lines]
     fig = Figure()
     style.dress(fig, width, sum(heights), title, facts)
@@ -51,6 +51,20 @@ def arranged(title: str, lines: list[Line], facts: list[str]) -> Figure:
     for area, line in zip(areas, lines, strict=True):
         _draw(area, line, width)
     return fig
+
+
+def _parts(line: Line) -> list[Line]:
+    """A line in as many as its panels need where the figure has a given width."""
+    columns, size = page.current().panels(len(line.panels), line.size, line.least)
+    if page.current().width is not None:
+        facts = line.title.replace("\n", ",  ").split(",  ")
+        line = line._replace(title="\n".join(style.wrapped(facts, ",  ", "axes.titlesize", columns * size[0])))
+    starts = range(0, len(line.panels), columns)
+    parts = [line._replace(panels=line.panels[i : i + columns], size=size) for i in starts]
+    return [
+        part._replace(title=line.title if part is parts[0] else "", legend=line.legend if part is parts[-1] else ())
+        for part in parts
+    ]
 
 
 def check_panels(words: Iterable[str], known: Iterable[str]) -> None:
@@ -74,16 +88,20 @@ def side_by_side(lines: list[Line]) -> list[Line]:
 def _titled(ax: Axes, panel: Panel, title: str, room: float) -> None:
     panel(ax)
     titles = [line for line in [*title.split("\n"), ax.get_title()] if line]
-    ax.set_title("\n".join(part for line in titles for part in style.wrapped(line.split(",  "), ",  ", 9, room)))
+    ax.set_title(
+        "\n".join(part for line in titles for part in style.wrapped(line.split(",  "), ",  ", "axes.titlesize", room))
+    )
 
 
-def _rows(line: Line, width: float) -> list[list[Entry]]:
+def _rows(legend: Sequence[list[Entry]], width: float) -> list[list[Entry]]:
     """The rows of the legend, broken into shorter ones as far as the width demands, all filled up to one length."""
-    for most in range(max(map(len, line.legend)), 0, -1):
-        rows = [part for row in line.legend for part in _broken(row, most)]
+    for most in range(max(map(len, legend)), 0, -1):
+        rows = [part for row in legend for part in _broken(row, most)]
         longest = max(map(len, rows))
         rows = [[*row, *[BLANK] * (longest - len(row))] for row in rows]
-        columns = [max(_width(text) for _, text in column) for column in zip(*rows, strict=True)]
+        columns = [
+            max(style.inches(text, "legend.fontsize") for _, text in column) for column in zip(*rows, strict=True)
+        ]
         if sum(columns) + 0.65 * longest < width - 0.2:
             break
     return rows
@@ -94,15 +112,9 @@ def _broken(row: list[Entry], most: int) -> list[list[Entry]]:
     return [row[i : i + columns] for i in range(0, len(row), columns)]
 
 
-@lru_cache(maxsize=1000)
-def _width(text: str) -> float:
-    """Inches of a text in a legend."""
-    return TextPath((0, 0), text, size=8).get_extents().width / 72 if text.strip() else 0.0
-
-
 def _height(line: Line, width: float) -> float:
     titles = len(line.title.split("\n")) if line.title else 0
-    legend = 0.12 + LINE * len(_rows(line, width)) if line.legend else 0.0
+    legend = 0.12 + legend_line() * len(_rows(line.legend, width)) if line.legend else 0.0
     return line.size[1] + 0.2 * titles + legend
 
 
@@ -112,22 +124,36 @@ def _draw(area: SubFigure, line: Line, width: float) -> None:
     if own < width:
         spare = (width - own) / 2
         inner = area.subfigures(1, 3, width_ratios=[spare, own, spare], squeeze=False)[0, 1]
-    for panel, ax in zip(line.panels, inner.subplots(1, len(line.panels), squeeze=False).flat, strict=True):
+    axes = list(inner.subplots(1, len(line.panels), squeeze=False).flat)
+    for panel, ax in zip(line.panels, axes, strict=True):
         panel(ax)
+    if line.shared:
+        for ax in [ax for ax in axes if ax.axison][1:]:
+            ax.set_ylabel("")
+            ax.tick_params(labelleft=False)
     if line.title:
-        area.suptitle(line.title, x=0.015, ha="left", fontsize=9, fontweight="bold")
+        size = page.points("axes.titlesize")
+        area.suptitle(line.title, x=0.015, ha="left", fontsize=size, fontweight="bold")
     if line.legend:
-        rows = _rows(line, width)
-        by_column = [entry for column in zip(*rows, strict=True) for entry in column]
-        handles, texts = zip(*by_column, strict=True)
-        look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
-        area.legend(handles, texts, loc="outside lower center", ncols=len(rows[0]), **look)
+        _legend_under(area, _rows(line.legend, width))
+
+
+def legend_under_all(fig: Figure, entries: list[Entry], width: float) -> None:
+    """A legend under all panels of a figure of some inches, in as many rows as it needs."""
+    _legend_under(fig, _rows([entries], width))
+
+
+def _legend_under(area: FigureBase, rows: Sequence[list[Entry]]) -> None:
+    by_column = [entry for column in zip(*rows, strict=True) for entry in column]
+    handles, texts = zip(*by_column, strict=True)
+    look: dict[str, Any] = {"frameon": False, "handlelength": 2.4, "columnspacing": 1.6}
+    area.legend(handles, texts, loc="outside lower center", ncols=len(rows[0]), **look)
 
 
 def case_title(about: Description, facts: list[str], width: float) -> str:
     """The title of a case and its own facts, in lines as wide as its panels."""
     title = style.plain(about.case_title)
-    return "\n".join(style.wrapped([title, *facts], ",  ", 9, width))
+    return "\n".join(style.wrapped([title, *facts], ",  ", "axes.titlesize", width))
 
 
 def shade(colour: str, i: int, count: int) -> str:
@@ -152,15 +178,6 @@ def edge_marks(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
         ax.plot(x[above], np.ones(above.sum()), marker=CARETUP, **look)
     if below.any():
         ax.plot(x[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", **look)
-
-
-def legend_below(ax: Axes) -> None:
-    """A legend of the panel's own entries under its axis label, their markers without bars."""
-    handles, labels = ax.get_legend_handles_labels()
-    handles = [handle[0] if isinstance(handle, tuple) else handle for handle in handles]
-    place = ax.transAxes + ScaledTranslation(0, -0.45, ax.figure.dpi_scale_trans)
-    look: dict[str, Any] = {"handlelength": 2.2, "borderaxespad": 0, "frameon": False}
-    ax.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0), bbox_transform=place, **look)
 
 
 def mark(marker: str, text: str, **look: Any) -> Entry:

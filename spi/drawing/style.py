@@ -1,14 +1,12 @@
 """How all figures look: colours, markers, titles, numbers and words."""
 
-import contextlib
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
 
 import matplotlib
-import matplotlib.style
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -18,6 +16,7 @@ from matplotlib.textpath import text_to_path
 
 from ..records import Description, Reading
 from ..schemes import SCHEMES
+from . import page
 
 Look = tuple[str, str]  #: marker and colour
 Looks = dict[str, Look]  #: by variant
@@ -32,19 +31,6 @@ RAMPS = ("plasma", "viridis", "cividis")
 #: What estimators of weak errors are called.
 ESTIMATORS = {"plain": "plain Monte Carlo", "multilevel": "multilevel", "kolmogorov": "Kolmogorov, no sampling"}
 
-STYLE = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib, so that a figure looks the same everywhere
-    "font.size": 9,
-    "axes.titlesize": 9,
-    "axes.labelsize": 10,
-    "legend.fontsize": 8,
-    "lines.linewidth": 1.1,
-    "lines.markersize": 6,
-    "agg.path.chunksize": 10_000,  # long paths are drawn in parts
-    "pdf.fonttype": 42,
-    "savefig.dpi": 200,
-}
-
 SYMBOLS = {
     "sigma": r"\sigma",
     "inertia": "I",
@@ -55,6 +41,7 @@ SYMBOLS = {
     "nu": r"\nu",
 }
 
+_NOTE = 7  # points
 _MOST_ENTRIES = 9  # of a tuple that is shown whole
 _MOST_COMPONENTS = 64  # of a state some of whose components are worth telling
 
@@ -63,13 +50,6 @@ _UNTOLD = ("casimirs_watched",)
 
 #: Models whose state is the (Re, Im) of complex modes: symbol and modes.
 COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
-
-
-@contextlib.contextmanager
-def applied() -> Iterator[None]:
-    """Our style on matplotlib's own, whatever the user's settings are."""
-    with matplotlib.style.context(["default", STYLE]):
-        yield
 
 
 def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
@@ -105,9 +85,20 @@ def label(about: Description, with_eps: bool = True) -> str:
 
 
 def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:
-    """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them."""
-    titles = wrapped(plain(title).split(), " ", 11, width)
-    lines = wrapped(parameters, ",  ", 8, width)
+    """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them.
+
+    In a paper both belong in the caption, see :func:`caption`, and the figure is as wide as its column.
+    """
+    page.remember(fig)
+    parameters = list(parameters)
+    fig.set_label(". ".join(filter(None, [plain(title), ", ".join(parameters)])) + ".")
+    column = page.current().width
+    if column is not None:
+        fig.set_size_inches(column, 1.3 * height)  # which is fitted when all is drawn
+        fig.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.03, h_pad=0.03))
+        return
+    titles = wrapped(plain(title).split(), " ", "figure.titlesize", width)
+    lines = wrapped(parameters, ",  ", "legend.fontsize", width)
     top = 0.1 + 0.22 * len(titles) + 0.18 * len(lines)
     height += top
     fig.set_size_inches(width, height)
@@ -118,10 +109,22 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
     fig.text(y=1 - under / height, s="\n".join(lines), fontsize=8, color="#444444", **middle)
 
 
+def caption(fig: Figure) -> str:
+    """What a figure is of, and with which parameters; formulas as in LaTeX."""
+    return str(fig.get_label())
+
+
 def note_under(fig: Figure, notes: Iterable[tuple[str, str]]) -> None:
-    """Write notes, (text, colour) each, in small letters under the panels of a figure that :func:`dress` made."""
+    """Write notes, (text, colour) each, in small letters under the panels of a figure that :func:`dress` made.
+
+    In a paper they belong in the caption.
+    """
+    notes = list(notes)
+    if page.current().width is not None:
+        fig.set_label(" ".join([caption(fig), *(plain(text) for text, _ in notes)]))
+        return
     width, height = fig.get_size_inches().tolist()
-    lines = [(line, colour) for text, colour in notes for line in wrapped(plain(text).split(), " ", 7, width)]
+    lines = [(line, colour) for text, colour in notes for line in wrapped(plain(text).split(), " ", _NOTE, width)]
     engine = fig.get_layout_engine()
     if not lines or not isinstance(engine, ConstrainedLayoutEngine):
         return
@@ -137,11 +140,14 @@ def note_under(fig: Figure, notes: Iterable[tuple[str, str]]) -> None:
         legend.set_bbox_to_anchor((0, room / taller, 1, 1 - room / taller), fig.transFigure)
     engine.set(rect=(0, (room + legends) / taller, 1, (top - legends) / taller))
     for i, (line, colour) in enumerate(reversed(lines)):
-        fig.text(0.2 / width, (0.06 + 0.14 * i) / taller, line, fontsize=7, color=colour, va="bottom")
+        fig.text(0.2 / width, (0.06 + 0.14 * i) / taller, line, fontsize=_NOTE, color=colour, va="bottom")
 
 
-def wrapped(items: Iterable[str], separator: str, size: float, width: float) -> list[str]:
-    """``items`` joined in lines that are no wider than ``width`` inches, with a margin, at font size ``size``."""
+def wrapped(items: Iterable[str], separator: str, size: str | float, width: float) -> list[str]:
+    """``items`` joined in lines that are no wider than ``width`` inches, with a margin.
+
+    ``size`` is that of the letters in points, or the name of a setting of matplotlib such as "axes.titlesize".
+    """
     lines: list[str] = []
     for item in items:
         longer = separator.join([*lines[-1:], item])
@@ -152,10 +158,10 @@ def wrapped(items: Iterable[str], separator: str, size: float, width: float) -> 
     return lines
 
 
-def inches(text: str, size: float) -> float:
-    """How wide a text is in letters of so many points; an outline of its letters would take ten times as long."""
-    is_formula = is_math_text(text)
-    width: float = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), is_formula)[0]
+def inches(text: str, size: str | float) -> float:
+    """How wide a text is, at a size as in :func:`wrapped`; an outline of its letters would take ten times as long."""
+    points = page.points(size) if isinstance(size, str) else size
+    width: float = text_to_path.get_text_width_height_descent(text, FontProperties(size=points), is_math_text(text))[0]
     return width / 72
 
 

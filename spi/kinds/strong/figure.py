@@ -1,6 +1,5 @@
 """The figure of strong errors: error against step size, with 95 % intervals and reference slopes."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,17 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETUP
 
 from spi.drawing import style
-from spi.drawing.axes import INTERVAL, LINE, PANEL, error_axes, legend_under, limits, panel_title, slopes, with_order
+from spi.drawing.axes import (
+    INTERVAL,
+    error_axes,
+    legend_line,
+    legend_under,
+    limits,
+    panel_grid,
+    panel_title,
+    slopes,
+    with_order,
+)
 
 from .reading import StrongErrors
 
@@ -25,11 +34,10 @@ def draw(title: str, cases: Sequence[Sequence[StrongErrors]]) -> Figure:
     """The figure of a study of kind strong: a panel per case."""
     shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
     looks = style.looks(cases)
-    columns = 2 if len(cases) == 4 else min(len(cases), 3)
-    rows = math.ceil(len(cases) / columns)
+    columns, rows, size = panel_grid(len(cases))
     fig = Figure()
-    height = rows * (PANEL[1] + LINE * (max(map(len, cases)) + len(SLOPES)))
-    style.dress(fig, columns * PANEL[0], height, title, shared)
+    height = rows * (size[1] + legend_line() * (max(map(len, cases)) + len(SLOPES)))
+    style.dress(fig, columns * size[0], height, title, shared)
     axes = list(fig.subplots(rows, columns, squeeze=False).flat)
     for i, (ax, readings, facts) in enumerate(zip(axes, cases, own, strict=False)):
         if len(cases) > 1:

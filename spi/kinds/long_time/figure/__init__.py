@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from spi.drawing import layout, style
-from spi.drawing.axes import LINE
+from spi.drawing.axes import legend_line
 
 from ..reading import LongTimes
 from .growth import growth_panel, marks, steps_shown
@@ -15,6 +15,7 @@ from .laws import chosen, distance_limits, distance_panel, law_limits, law_panel
 
 LARGE = (4.6, 3.2)  # inches of a panel of growth or moments, without its legend
 SMALL = (2.6, 2.5)  # the same of a panel of one variable
+LEAST_LARGE, LEAST_SMALL = 3.2, 1.6  # inches of their widths in a paper
 
 #: What a panel can show, in the words of a spec.
 WORDS = ("growth", "law", "distance", "moments")
@@ -56,12 +57,13 @@ def _lines(readings: Sequence[LongTimes], looks: style.Looks) -> list[layout.Lin
         large.append(partial(moments_panel, readings=readings, names=law.moments, looks=looks))
     if large:
         curves = sum(len(steps_shown(reading)) for reading in readings) if "growth" in words else 0
-        size = LARGE[0], LARGE[1] + LINE * max(len(readings) + 2, curves)
-        lines.append(layout.Line(large, size, legend=[marks(readings)] if "growth" in words else ()))
+        size = LARGE[0], LARGE[1] + legend_line() * max(len(readings) + 2, curves)
+        lines.append(layout.Line(large, size, legend=[marks(readings)] if "growth" in words else (), least=LEAST_LARGE))
     for word, panel, limits in (("law", law_panel, law_limits), ("distance", distance_panel, distance_limits)):
         if law and word in words:
             names = chosen(law.variables)
             told: dict[str, Any] = {"readings": readings, "limits": limits(readings, names), "looks": looks}
-            panels = [partial(panel, name=name, first=i == 0, **told) for i, name in enumerate(names)]
-            lines.append(layout.Line(panels, SMALL, legend=[scheme_entries(readings, looks, word)]))
+            panels = [partial(panel, name=name, **told) for name in names]
+            entries = [scheme_entries(readings, looks, word)]
+            lines.append(layout.Line(panels, SMALL, legend=entries, least=LEAST_SMALL, shared=True))
     return lines

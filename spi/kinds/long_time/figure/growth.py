@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import SLOPE, limits, rules
+from spi.drawing.axes import SLOPE, legend_under, limits, rules
 
 from ..reading import LongTimes
 
@@ -51,7 +51,7 @@ def growth_panel(ax: Axes, readings: Sequence[LongTimes], c: int, looks: style.L
             _curves(ax, reading, i, c, marker, layout.shade(colour, k, len(shown)), 3 - 0.1 * k)
     _slopes(ax, readings, c)
     ax.axhline(FLOOR, zorder=1, **FLOOR_LOOK)
-    layout.legend_below(ax)
+    legend_under(ax)
 
 
 def steps_shown(reading: LongTimes) -> list[int]:

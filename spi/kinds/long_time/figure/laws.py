@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, error_axes, limits, rules
+from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules
 
 from ..reading import LongTimes, with_laws
 
@@ -71,10 +71,10 @@ def law_limits(readings: Sequence[LongTimes], names: tuple[str, ...]) -> tuple[f
 
 
 def law_panel(
-    ax: Axes, readings: Sequence[LongTimes], name: str, first: bool, limits: tuple[float, float], looks: style.Looks
+    ax: Axes, readings: Sequence[LongTimes], name: str, limits: tuple[float, float], looks: style.Looks
 ) -> None:
     """Frequency over exact probability in bins of equal probability, at the largest step size that keeps all paths."""
-    _begin(ax, name, first, "frequency / exact")
+    _begin(ax, name, "frequency / exact")
     ax.set(xlabel="exact distribution function", xlim=(0, 1), ylim=limits)
     ax.set_xticks([0, 0.5, 1], ["0", "1/2", "1"])
     rules(ax)
@@ -95,12 +95,9 @@ def law_panel(
         layout.edge_marks(ax, x[~inside], values[~inside], colour)
 
 
-def _begin(ax: Axes, name: str, first: bool, label: str) -> None:
+def _begin(ax: Axes, name: str, label: str) -> None:
     ax.set_title(f"${style.formula(name)}$")
-    if first:
-        ax.set_ylabel(label)
-    else:
-        ax.tick_params(labelleft=False)
+    ax.set_ylabel(label)
 
 
 def _distances(readings: Sequence[LongTimes], name: str) -> Iterator[tuple[LongTimes, np.ndarray, np.ndarray]]:
@@ -122,12 +119,12 @@ def distance_limits(readings: Sequence[LongTimes], names: tuple[str, ...]) -> tu
 
 
 def distance_panel(
-    ax: Axes, readings: Sequence[LongTimes], name: str, first: bool, limits: tuple[float, float], looks: style.Looks
+    ax: Axes, readings: Sequence[LongTimes], name: str, limits: tuple[float, float], looks: style.Looks
 ) -> None:
     """Largest difference of the distribution functions against the step size, hollow where it is statistically zero."""
     found = list(_distances(readings, name))
     error_axes(ax, np.concatenate([reading.h for reading, _, _ in found]))
-    _begin(ax, name, first, r"$\max\,|F_h-F|$")
+    _begin(ax, name, r"$\max\,|F_h-F|$")
     ax.set_ylim(limits)
     for reading, value, stderr in found:
         marker, colour = looks[reading.about.variant]
@@ -170,4 +167,4 @@ def moments_panel(ax: Axes, readings: Sequence[LongTimes], names: tuple[str, ...
         far |= not inside.all()
     if far:
         ax.plot([], [], "^", color="black", label=f"further away than {FAR:g}, or not finite")
-    layout.legend_below(ax)
+    legend_under(ax)

@@ -17,6 +17,7 @@ from spi.drawing.layout import Entry, Line
 from ..reading import CASIMIR_LOST, FAILING, GROWTH, Stability
 
 SIZE = (2.3, 2.45)  # inches of a map
+LEAST = 1.6  # inches of its width in a paper
 
 #: Colour and hatch of each regime, from good to bad: blue while the geometry is kept, then warm, then black.
 LOOKS = (
@@ -39,9 +40,8 @@ def lines(cases: Sequence[Sequence[Stability]], titles: list[str]) -> list[Line]
     found = []
     for readings, title in zip(cases, titles, strict=True):
         of = {reading.about.variant: reading for reading in readings}
-        first = next(variant for variant in variants if variant in of)
-        panels = [partial(_map, reading=of.get(variant), first=variant == first) for variant in variants]
-        found.append(Line(panels, SIZE, title))
+        panels = [partial(_map, reading=of.get(variant)) for variant in variants]
+        found.append(Line(panels, SIZE, title, least=LEAST, shared=True))
     return [*found[:-1], found[-1]._replace(legend=[_legend([reading for case in cases for reading in case])])]
 
 
@@ -66,14 +66,14 @@ def _look(number: int) -> dict[str, Any]:
     return {"facecolor": colour, "hatch": hatch, "edgecolor": HATCHES[number > 2]}
 
 
-def _map(ax: Axes, reading: Stability | None, first: bool) -> None:
+def _map(ax: Axes, reading: Stability | None) -> None:
     """Cells over step size and value, each in the colour of its regime."""
     if reading is None:
         ax.set_axis_off()
         return
     h, values = reading.h, reading.values
     label = style.label(reading.about)
-    ax.set_title("\n".join(style.wrapped(label.split(), " ", 9, SIZE[0] - 0.1)))
+    ax.set_title("\n".join(style.wrapped(label.split(), " ", "axes.titlesize", SIZE[0] - 0.1)))
     places, is_log = cell_places(values)
     x, y = edges(h, True), edges(places, is_log)
     _cells(ax, x, y, reading.regimes)
@@ -84,10 +84,7 @@ def _map(ax: Axes, reading: Stability | None, first: bool) -> None:
     _ticks(ax.xaxis, h, h, steps=True, room=5)
     _ticks(ax.yaxis, places, values, steps=False, room=_TICKS)
     ax.tick_params(length=2.5)
-    if first:
-        ax.set_ylabel(word_label(reading))
-    else:
-        ax.tick_params(labelleft=False)
+    ax.set_ylabel(word_label(reading))
 
 
 def _cells(ax: Axes, x: np.ndarray, y: np.ndarray, regimes: np.ndarray) -> None:

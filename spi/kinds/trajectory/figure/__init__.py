@@ -8,11 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.textpath import TextPath
 from matplotlib.transforms import ScaledTranslation
 
-from spi.drawing import layout, style
-from spi.drawing.axes import LINE
+from spi.drawing import layout, page, style
+from spi.drawing.axes import LEAST, legend_line, under_label
 from spi.records import Description
 
 from ..reading import Trajectory
@@ -48,9 +47,9 @@ def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
         first = []  # of each kind: line, axes, and room for a title
         line = place // columns - _lines(fields)
         for one in fields:
-            ax = one.draw(fig, grid[line : line + len(one.paths), :].subgridspec(len(one.paths), one.columns))
+            ax = one.draw(fig, grid[line : line + one.lines, :].subgridspec(one.lines, one.columns))
             first.append((line, ax, columns * width))
-            line += len(one.paths)
+            line += one.lines
         for i, panel in enumerate(panels):
             line, column = divmod(place + i, columns)
             ax = fig.add_subplot(grid[line, column], projection="3d" if panel.solid else None)
@@ -63,8 +62,8 @@ def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
             above[line] = max(above[line], _case_title(ax, readings[0].about, facts, room))
     if shown:
         handles = [Line2D([], [], **(path.look(0) | {"markevery": None})) for path in shown.values()]
-        fig.legend(handles, list(shown), loc="outside lower center", ncols=len(shown), frameon=False, handlelength=2.4)
-    total = heights.sum() + LINE * (below.sum() + above.sum()) + (0.3 if shown else 0)
+        layout.legend_under_all(fig, list(zip(handles, shown, strict=True)), columns * width)
+    total = heights.sum() + legend_line() * (below.sum() + above.sum()) + (0.3 if shown else 0)
     style.dress(fig, columns * width, total, title, shared)
     return fig
 
@@ -75,7 +74,7 @@ def _parted(row: list[Panel | Fields]) -> tuple[list[Fields], list[Panel]]:
 
 def _lines(fields: Iterable[Fields]) -> int:
     """How many lines the fields of a case take."""
-    return sum(len(one.paths) for one in fields)
+    return sum(one.lines for one in fields)
 
 
 def _facts(reading: Trajectory) -> dict[str, str]:
@@ -114,18 +113,20 @@ def _places(rows: list[list[Panel | Fields]], four: bool) -> Places:
     counts, tall = [len(row) for row in panels], [_lines(row) for row in fields]
     strip = max(counts) <= 1 and not any(tall)
     widest = len(counts) if strip else max(1, *counts)
-    columns = 2 if four and counts == [4] else math.ceil(widest / math.ceil(widest / max(SIZES)))
+    most, _ = page.current().panels(max(SIZES), SIZES[1], LEAST)
+    columns = min(most, 2) if four and counts == [4] else math.ceil(widest / math.ceil(widest / most))
     each = [1] * len(counts) if strip else [columns * math.ceil(count / columns) for count in counts]
     ends = np.cumsum(each) + columns * np.cumsum(tall)
     width, height = SIZES[columns]
-    width = max([columns * width, *(one.width for row in fields for one in row)]) / columns
+    wide = max([columns * width, *(one.width for row in fields for one in row)])
+    width = (page.current().width or wide) / columns
     heights = np.full(math.ceil(ends[-1] / columns), height)
     first = (ends - each).tolist()
     for place, row in zip(first, fields, strict=True):
         line = place // columns - _lines(row)
         for one in row:
-            heights[line : line + len(one.paths)] = one.height(columns * width)
-            line += len(one.paths)
+            heights[line : line + one.lines] = one.height(columns * width)
+            line += one.lines
     return Places(columns, width, heights, first)
 
 
@@ -134,14 +135,14 @@ def _legend(ax: Axes, notes: list[layout.Entry], width: float) -> int:
     place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": 0, "frameon": False}
     spacing: dict[str, Any] = {"columnspacing": 1.2, "handlelength": 1.8, "labelspacing": 0.3}
     lines = 0
-    room = [TextPath((0, 0), text, size=8).get_extents().width / 72 + 0.45 for _, text in notes]
+    room = [style.inches(text, "legend.fontsize") + 0.45 for _, text in notes]
     for short in (True, False):
         chosen = [i for i, inches in enumerate(room) if (inches < 1.3) == short]
         if not chosen:
             continue
         columns = min(len(chosen), 4, max(1, int(width / max(room[i] for i in chosen))))
         aside = 0 if short else -0.22  # long ones in the middle of panel and axis label
-        under = ScaledTranslation(aside, -0.42 - LINE * lines, ax.figure.dpi_scale_trans)
+        under = ScaledTranslation(aside, -under_label() - legend_line() * lines, ax.figure.dpi_scale_trans)
         before = ax.get_legend()
         handles, texts = zip(*(notes[i] for i in chosen), strict=True)
         legend = ax.legend(handles, texts, ncols=columns, **place, **spacing)

@@ -1,5 +1,6 @@
 """Vorticity on the torus: fields side by side, spectra of their energy, and the enstrophy."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -12,7 +13,7 @@ from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from spi.drawing import style
+from spi.drawing import page, style
 from spi.drawing.axes import rules
 from spi.drawing.layout import Entry
 from spi.models.zeitlin.fields import energy_spectrum, vorticity
@@ -26,6 +27,7 @@ TIMES = "viridis"  #: of spectra, from early to late
 #: Inches of a field, by the number of fields side by side; more are smaller.
 SIDES = {1: 3.2, 2: 2.9, 3: 2.6, 4: 2.3}
 SMALLEST, LARGEST = 1.9, 3.8
+LEAST = 1.6  # inches of a field and its margins in a paper
 MARGIN = 1.6  # inches beside the fields of a row: labels, numbers, the colour bar
 AROUND, BETWEEN = 0.75, 0.1  # inches above and below all fields of a case, and between two of them
 
@@ -42,7 +44,17 @@ class Fields(NamedTuple):
     @property
     def columns(self) -> int:
         """How many fields stand side by side."""
+        return page.current().panels(self.times, (LARGEST, LARGEST), LEAST)[0]
+
+    @property
+    def times(self) -> int:
+        """How many fields of one scheme there are."""
         return max(len(path.reading.shown) for path in self.paths)
+
+    @property
+    def lines(self) -> int:
+        """How many lines all fields take."""
+        return len(self.paths) * math.ceil(self.times / self.columns)
 
     @property
     def least(self) -> float:
@@ -56,20 +68,25 @@ class Fields(NamedTuple):
 
     def height(self, width: float) -> float:
         """Inches of one line of fields in a figure of some width."""
-        return AROUND / len(self.paths) + BETWEEN + min(LARGEST, (width - MARGIN) / self.columns)
+        return AROUND / self.lines + BETWEEN + min(LARGEST, (width - MARGIN) / self.columns)
 
     def draw(self, fig: Figure, place: GridSpecBase) -> Axes:
-        """Draw all fields in a place of len(paths) lines, with one colour bar; returns the first axes."""
+        """Draw all fields in a place of so many lines, with one colour bar; returns the first axes."""
         shown = [field_values(path.reading, path.reading.shown) for path in self.paths]
         largest, beyond = colour_range([path.reading for path in self.paths], shown)
         axes = place.subplots(squeeze=False)
-        for path, fields, row in zip(self.paths, shown, axes, strict=True):
-            for ax, field in zip(row, fields, strict=True):
+        each = axes.reshape(len(self.paths), -1)
+        for path, fields, row in zip(self.paths, shown, each, strict=True):
+            for ax, field in zip(row, fields, strict=False):
                 image = draw_field(ax, field, largest)
-            label = "\n".join(style.wrapped(path.label.split(), " ", 10, self.least))
+            for ax in row[len(fields) :]:
+                ax.set_axis_off()
+            label = "\n".join(style.wrapped(path.label.split(), " ", "axes.labelsize", self.least))
             row[0].set_ylabel(f"{label}\n$x_2$")
-        for ax, t in zip(axes[0], self.paths[0].reading.t[self.paths[0].reading.shown].tolist(), strict=True):
-            ax.set_title(f"$t={style.number(t)}$")
+        told = each if len(axes) > len(each) else each[:1]  # once for all schemes if their fields stand in columns
+        for row in told:
+            for ax, t in zip(row, self.paths[0].reading.t[self.paths[0].reading.shown].tolist(), strict=False):
+                ax.set_title(f"$t={style.number(t)}$")
         for ax in axes[:, 1:].flat:
             ax.tick_params(labelleft=False)
         for ax in axes[:-1].flat:

@@ -6,8 +6,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from spi.drawing import style
-from spi.drawing.axes import LINE, PANEL, panel_title
+from spi.drawing import page, style
+from spi.drawing.axes import LEAST, PANEL, legend_line, panel_title
 from spi.drawing.layout import Panel, check_panels
 
 from ..reading import WeakErrors
@@ -39,10 +39,11 @@ def draw(title: str, cases: Sequence[Sequence[WeakErrors]]) -> Figure:
     if all(len(line) == 1 for line in lines):
         lines = _arranged([panel for (panel,) in lines], len(cases))
 
-    columns = max(map(len, lines))
+    columns, size = page.current().panels(max(map(len, lines)), PANEL, LEAST)
+    lines = [line[i : i + columns] for line in lines for i in range(0, len(line), columns)]
     fig = Figure()
-    height = len(lines) * (PANEL[1] + LINE * (5 + max(map(_entries, cases))))
-    style.dress(fig, columns * PANEL[0], height, title, shared)
+    height = len(lines) * (size[1] + legend_line() * (5 + max(map(_entries, cases))))
+    style.dress(fig, columns * size[0], height, title, shared)
     grid = fig.add_gridspec(len(lines), columns)
     for i, line in enumerate(lines):
         for j, panel in enumerate(line):

@@ -1,6 +1,5 @@
 """The figure of work and precision: errors, and errors of the Casimirs, against processor time."""
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -10,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
-from spi.drawing import style
-from spi.drawing.axes import HUGE, LINE, PANEL, legend_under, limits, panel_title, rules, with_order
+from spi.drawing import fitting, style
+from spi.drawing.axes import HUGE, PANEL, legend_line, legend_under, limits, panel_grid, panel_title, rules, with_order
 
 from ..reading import WorkPrecision, requested
 from .steps import LabelledLine, step_labels
@@ -39,6 +38,7 @@ def draw(title: str, cases: Sequence[Sequence[WorkPrecision]]) -> Figure:
     looks = style.looks(cases)
     measured = [_has_casimirs(readings) for readings in cases]
     fig = Figure()
+    columns, *_ = panel_grid(len(cases))
     grid = _grid(fig, title, shared, cases, any(measured))
     for i, (readings, facts) in enumerate(zip(cases, own, strict=True)):
         axes = grid[i]
@@ -51,9 +51,8 @@ def draw(title: str, cases: Sequence[Sequence[WorkPrecision]]) -> Figure:
             axes[0].tick_params(labelbottom=False)
             axes[0].set_xlabel("")
         _legend(axes, readings, looks, measured[i])
-        _name_axes(axes, readings, cases[i - 1] if i % _columns(cases) else None)
-    if engine := fig.get_layout_engine():
-        engine.execute(fig)  # where labels may lie depends on where the panels do
+        _name_axes(axes, readings, cases[i - 1] if i % columns else None)
+    fitting.settle(fig)  # where labels may lie depends on where the panels do
     for axes, readings in zip(grid, cases, strict=True):
         step_labels(axes[0], _ends(readings, looks, axes[0].get_ylim()[1]), _targets(axes[0], readings))
     return fig
@@ -67,19 +66,14 @@ def _facts(readings: Sequence[WorkPrecision]) -> dict[str, str]:
     return style.facts(readings[0].about, **told, estimator=estimators.pop() if len(estimators) == 1 else None)
 
 
-def _columns(cases: Sequence[Sequence[WorkPrecision]]) -> int:
-    return 2 if len(cases) == 4 else min(len(cases), 3)
-
-
 def _grid(
     fig: Figure, title: str, shared: list[str], cases: Sequence[Sequence[WorkPrecision]], lower: bool
 ) -> list[list[Axes]]:
     """The axes of each case, from top to bottom."""
-    columns = _columns(cases)
-    blocks = math.ceil(len(cases) / columns)
-    ratios = [PANEL[1], _LOWER] if lower else [PANEL[1]]
+    columns, blocks, size = panel_grid(len(cases))
+    ratios = [size[1], _LOWER * size[1] / PANEL[1]] if lower else [size[1]]
     entries = max(map(len, cases)) + 3  # of the legend, with remarks
-    style.dress(fig, columns * PANEL[0], blocks * (sum(ratios) + LINE * entries), title, shared)
+    style.dress(fig, columns * size[0], blocks * (sum(ratios) + legend_line() * entries), title, shared)
     grid = fig.subplots(len(ratios) * blocks, columns, squeeze=False, height_ratios=ratios * blocks)
     each = range(0, len(ratios) * blocks, len(ratios))
     columns_of_axes = [list(grid[first : first + len(ratios), c]) for first in each for c in range(columns)]
@@ -214,9 +208,8 @@ def _legend(axes: Sequence[Axes], readings: Sequence[WorkPrecision], looks: styl
         ax.plot([], [], marker=marker, color=colour, markerfacecolor="none", markeredgewidth=1.2, label=label)
     _remarks(ax, axes[0], readings)
     legend = legend_under(ax)
-    if len(axes) > 1:
-        legend.set_bbox_to_anchor((0.5, -0.14 * PANEL[1] / _LOWER if measured else 1.0), ax.transAxes)
     if len(axes) > 1 and not measured:
+        legend.set_bbox_to_anchor((0.5, 1.0), ax.transAxes)
         ax.set_axis_off()
 
 

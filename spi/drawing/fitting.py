@@ -1,0 +1,204 @@
+"""The texts of a figure fitted into a column of a paper, and the height that its panels then need."""
+
+import re
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.text import Text
+from matplotlib.textpath import TextPath
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
+
+from . import page
+
+_WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is never broken
+
+_SHAPE = 0.7  # height of a panel over its width
+_TALLEST = 2.9  # inches of a panel
+_ROUNDS = 3  # of changes of the height, of which each moves all panels a little
+_EXACT = 0.03  # inches of the height
+_GAP = 2.0  # points between two labels of ticks
+
+
+def settle(fig: Figure) -> None:
+    """Give all panels their places; in a paper also break long texts, leave out labels of ticks, choose the height."""
+    engine = fig.get_layout_engine()
+    if engine is None:
+        return
+    engine.execute(fig)
+    if page.current().width is None:
+        return
+    for ax in fig.axes:
+        _break_titles(ax)
+        _break_legends(ax)
+    engine.execute(fig)
+    for ax in fig.axes:
+        _break_labels(ax)
+    for _ in range(_ROUNDS):
+        engine.execute(fig)
+        if not _fit_height(fig):
+            break
+    for ax in fig.axes:
+        for axis in (ax.xaxis, ax.yaxis):
+            _thin(axis)
+    engine.execute(fig)
+
+
+def _page_of(artist: Any) -> Any:
+    """The figure, or the part of one, that an artist is drawn in, with a box and dots per inch."""
+    return artist.get_figure(root=False)
+
+
+def _place(ax: Axes) -> tuple[float, float]:
+    """The left and the right end, in pixels, of the part of the figure that is the panel's with all its texts."""
+    area = _page_of(ax).bbox
+    place = ax.get_subplotspec()
+    if place is None:
+        return area.x0, area.x1
+    left, right = 0.0, 1.0
+    whole = place.get_topmost_subplotspec()
+    for spec in dict.fromkeys((whole, place)):
+        columns, span = spec.get_gridspec().ncols, right - left
+        first, last = spec.colspan.start, spec.colspan.stop
+        left, right = left + span * first / columns, left + span * last / columns
+    return area.x0 + area.width * left, area.x0 + area.width * right
+
+
+def _break_titles(ax: Axes) -> None:
+    left, right = _place(ax)
+    box = ax.get_window_extent()
+    for title in (child for child in ax.get_children() if isinstance(child, Text) and child not in ax.texts):
+        centred = title.get_horizontalalignment() == "center"
+        middle = (box.x0 + box.x1) / 2
+        room = 2 * min(middle - left, right - middle) if centred else _page_of(ax).bbox.x1 - box.x0
+        _break(title, room)
+
+
+def _break_legends(ax: Axes) -> None:
+    """Break the entries of a legend that is wider than what its panel has."""
+    legend = ax.get_legend()
+    if legend is None:
+        return
+    left, right = _place(ax)
+    texts = legend.get_texts()
+    beside = legend.get_window_extent().width - max(text.get_window_extent().width for text in texts)
+    for text in texts:
+        _break(text, right - left - beside)
+
+
+def _break_labels(ax: Axes) -> None:
+    box = ax.get_window_extent()
+    for label, room in ((ax.xaxis.label, box.width), (ax.yaxis.label, box.height)):
+        _break(label, room)
+
+
+def _break(text: Text, room: float) -> None:
+    """Break the lines of a text that are longer than `room` pixels where there are spaces."""
+    dots = _page_of(text).dpi
+    lines = text.get_text().split("\n")
+    text.set_text("\n".join(part for line in lines for part in _lines(text, line, 72 * room / dots)))
+
+
+def _lines(text: Text, line: str, room: float) -> Sequence[str]:
+    """The parts of a line, each no longer than `room` points unless it is one word or one formula."""
+    font: Any = text.get_fontproperties()
+
+    def fits(part: str) -> bool:
+        return not part.strip() or TextPath((0, 0), part.rstrip(), prop=font).get_extents().width <= room
+
+    if fits(line):
+        return [line]
+    found = [""]
+    for word in _WORD.findall(line):
+        if found[-1] and not fits(found[-1] + word):
+            found.append("")
+        found[-1] += word
+    return [part.rstrip() for part in found]
+
+
+def _fit_height(fig: Figure) -> bool:
+    """Give every line of panels the height that it should have; returns whether that changed anything."""
+    parts: Sequence[Any] = fig.subfigs or [fig]
+    lacking = [_fit_lines(part) for part in parts]
+    if max(map(abs, lacking)) < _EXACT:
+        return False
+    if fig.subfigs:
+        heights = [part.bbox.height / fig.dpi + more for part, more in zip(parts, lacking, strict=True)]
+        parts[0]._subplotspec.get_gridspec().set_height_ratios(heights)
+    width, height = fig.get_size_inches()
+    fig.set_size_inches(width, height + sum(lacking))
+    return True
+
+
+def _fit_lines(part: FigureBase) -> float:
+    """Share the height of a figure or a part of it out among its lines; returns how many inches they lack together."""
+    lines: dict[int, list[tuple[Axes, Any]]] = {}
+    for ax in part.findobj(Axes):
+        place = ax.get_subplotspec()
+        if place is not None:
+            whole = place.get_topmost_subplotspec()
+            inner = place.rowspan.start if whole is not place else 0
+            lines.setdefault(whole.rowspan.start + inner, []).append((ax, whole.get_gridspec()))
+    ratios: dict[int, Any] = {number: line[0][1].get_height_ratios()[number] for number, line in lines.items()}
+    tall = max((ratios[n] for n, line in lines.items() if any(_is_free(ax) for ax, _ in line)), default=1.0)
+    have = {n: max(_size(ax)[1] for ax, _ in line) for n, line in lines.items()}
+    want = {n: max(_wanted(ax, ratios[n] / tall) for ax, _ in line) for n, line in lines.items()}
+    grid = next(iter(lines.values()))[0][1]
+    if len(want) == grid.nrows:
+        grid.set_height_ratios([want[n] for n in range(grid.nrows)])
+    return sum(want.values()) - sum(have.values())
+
+
+def _size(ax: Axes) -> tuple[float, float]:
+    """Inches of the place of a panel, which one that has a shape of its own need not fill."""
+    box, area = ax.get_position(original=True), _page_of(ax)
+    return box.width * area.bbox.width / area.dpi, box.height * area.bbox.height / area.dpi
+
+
+def _is_free(ax: Axes) -> bool:
+    """Whether a panel may have any shape."""
+    return ax.name != "3d" and ax.get_aspect() == "auto"
+
+
+def _wanted(ax: Axes, share: Any) -> float:
+    """The inches of height that suit a panel; `share` is its height over that of the highest."""
+    width, _ = _size(ax)
+    if not _is_free(ax):
+        box = ax.get_window_extent()
+        return width if ax.name == "3d" else width * box.height / box.width
+    label = ax.yaxis.label.get_window_extent().height / _page_of(ax).dpi if ax.get_ylabel() else 0.0
+    return max(min(_SHAPE * width, _TALLEST) * share, label)
+
+
+def _thin(axis: Any) -> None:
+    """Leave out every other label of the ticks of an axis until none touches the next."""
+    while len(shown := _labels(axis)) > 1 and _touch(axis, [label for _, label in shown]):
+        places = [place for place, _ in shown][::2]
+        if isinstance(axis.get_major_formatter(), FixedFormatter):
+            axis.set_ticks(places, labels=[label.get_text() for _, label in shown][::2])
+        else:
+            axis.set_major_locator(FixedLocator(places))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _labels(axis: Any) -> list[tuple[float, Text]]:
+    """The places and labels of the ticks that can be seen, in order."""
+    low, high = sorted(axis.get_view_interval())
+    axis.get_tightbbox()  # which brings the ticks up to date
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    shown = [(float(tick.get_loc()), tick.label1) for tick in ticks if low <= tick.get_loc() <= high]
+    return sorted(((place, label) for place, label in shown if label.get_visible() and label.get_text()), key=_first)
+
+
+def _first(pair: tuple[float, Text]) -> float:
+    return pair[0]
+
+
+def _touch(axis: Any, labels: list[Text]) -> bool:
+    gap = _GAP / 72 * _page_of(labels[0]).dpi
+    boxes = [label.get_window_extent() for label in labels]
+    if axis.axis_name == "x":
+        return any(one.x1 + gap > other.x0 for one, other in pairwise(sorted(boxes, key=lambda box: box.x0)))
+    return any(one.y1 > other.y0 for one, other in pairwise(sorted(boxes, key=lambda box: box.y0)))
