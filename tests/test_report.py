@@ -13,6 +13,7 @@ from trajectory_results import trajectories, trajectory_group
 
 from spi import claims, report, storage, views
 from spi.cli import app
+from spi.loading import load_as
 from spi.records import Results
 from spi.report import pictures, sections
 
@@ -185,6 +186,10 @@ def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, u
     assert sections.section(path, results, "e1").command == "spi run rigid_body_strong"
     changed = strong_results(spec=spec + "#\n", profile="laptop", overrides=())
     assert sections.section(path, changed, "e1").command == "spi run rigid_body_strong.yaml"
+    made = load_as("weak", "rigid_body_strong")
+    of_another_kind = strong_results(spec=made.text, profile="laptop", overrides=())
+    path = tmp_path / f"{made.name}.h5"
+    assert sections.section(path, of_another_kind, "e1").command == "spi run rigid_body_strong --as weak"
 
 
 def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_path, undrawn):

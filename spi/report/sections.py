@@ -13,9 +13,11 @@ import numpy as np
 from .. import shipped, views
 from ..claims import KEPT, VERDICTS, Verdict
 from ..kinds import KINDS
+from ..loading import load_as
 from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
 from ..records import Reading, Results, by_case
+from ..spec import text_of
 from .tables import Cell, Line, PlainTable, Recorder, Row
 
 Facts = list[tuple[str, str]]  #: name and value
@@ -184,9 +186,13 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _command(name: str, attributes: dict[str, Any]) -> str:
     """What repeats the results, by the name of the experiment if it came with the program as it stands there."""
-    own = shipped.path_of(name)
-    ships = own.suffix == ".yaml" and own.read_text(encoding="utf-8") == attributes.get("spec")
-    words = ["spi", "run", name if ships else f"{name}.yaml"]
+    source, _, kind = name.rpartition("_as_")
+    if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
+        words = ["spi", "run", name]
+    elif source in shipped.names() and kind in KINDS and load_as(kind, source).text == attributes.get("spec"):
+        words = ["spi", "run", source, "--as", kind]
+    else:
+        words = ["spi", "run", f"{name}.yaml"]
     if (profile := attributes.get("profile", "laptop")) != "laptop":
         words += ["--profile", profile]
     for override in attributes.get("overrides", ()):
