@@ -70,7 +70,7 @@ def test_title_and_parameters_are_the_caption():
         ("paper", "three", None, "width: is 'three'; must be one or two"),
         ("paper", "1in", None, "2.5 to 20 inches"),
         ("paper", None, "DejaVu Serf", "did you mean 'DejaVu Serif'"),
-        ("screen", "one", None, "width: is of figures for papers only"),
+        ("screen", "one", None, "width: is for figures in the style paper only"),
         ("print", None, None, "style: is 'print'; must be screen or paper"),
     ],
 )

@@ -8,17 +8,18 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.text import Text
-from matplotlib.textpath import TextPath
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
 from . import page
 
-_WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is never broken
+_WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is one word
+_BREAKS = re.compile(r"(?<=,\\,)|(?= [+-] )")  # within a formula: behind a comma, before a sign
 
 _SHAPE = 0.7  # height of a panel over its width
 _TALLEST = 2.9  # inches of a panel
-_ROUNDS = 3  # of changes of the height, of which each moves all panels a little
+_ROUNDS = 4  # of changes of the height, of which each moves all panels a little
 _EXACT = 0.03  # inches of the height
+_SAFE = 0.94  # of the room for a legend, since letters on pixels are wider than their outlines
 _GAP = 2.0  # points between two labels of ticks
 
 
@@ -85,13 +86,13 @@ def _break_legends(ax: Axes) -> None:
     texts = legend.get_texts()
     beside = legend.get_window_extent().width - max(text.get_window_extent().width for text in texts)
     for text in texts:
-        _break(text, right - left - beside)
+        _break(text, _SAFE * (right - left) - beside)
 
 
 def _break_labels(ax: Axes) -> None:
-    box = ax.get_window_extent()
-    for label, room in ((ax.xaxis.label, box.width), (ax.yaxis.label, box.height)):
-        _break(label, room)
+    left, right = _place(ax)
+    _break(ax.xaxis.label, right - left)
+    _break(ax.yaxis.label, ax.get_window_extent().height)
 
 
 def _break(text: Text, room: float) -> None:
@@ -102,20 +103,34 @@ def _break(text: Text, room: float) -> None:
 
 
 def _lines(text: Text, line: str, room: float) -> Sequence[str]:
-    """The parts of a line, each no longer than `room` points unless it is one word or one formula."""
+    """The parts of a line, each no longer than `room` points unless it is one word."""
     font: Any = text.get_fontproperties()
 
     def fits(part: str) -> bool:
-        return not part.strip() or TextPath((0, 0), part.rstrip(), prop=font).get_extents().width <= room
+        return page.inches_of(part.rstrip(), font) * 72 <= room
 
     if fits(line):
         return [line]
     found = [""]
     for word in _WORD.findall(line):
-        if found[-1] and not fits(found[-1] + word):
-            found.append("")
-        found[-1] += word
+        for part in [word] if fits(word) else _parts(word):
+            if found[-1] and not fits(found[-1] + part):
+                found.append("")
+            found[-1] += part
     return [part.rstrip() for part in found]
+
+
+def _parts(word: str) -> list[str]:
+    """A formula that is too long for a line, in formulas; other words as they are."""
+    formula = re.fullmatch(r"\$([^$]*)\$(\W*)", word)
+    if not formula:
+        return [word]
+    parts = [""]
+    for piece in _BREAKS.split(formula[1]):
+        if parts[-1].count("{") == parts[-1].count("}") and parts[-1]:
+            parts.append("")
+        parts[-1] += piece
+    return [*(f"${part}$" for part in parts[:-1]), f"${parts[-1]}${formula[2]}"]
 
 
 def _fit_height(fig: Figure) -> bool:
@@ -147,7 +162,11 @@ def _fit_lines(part: FigureBase) -> float:
     want = {n: max(_wanted(ax, ratios[n] / tall) for ax, _ in line) for n, line in lines.items()}
     grid = next(iter(lines.values()))[0][1]
     if len(want) == grid.nrows:
-        grid.set_height_ratios([want[n] for n in range(grid.nrows)])
+        # A line with a grid of its own also has the titles and labels of that, in inches what it has in ratios.
+        plain = [n for n, line in lines.items() if not _is_nested(line[0][0])]
+        inches = max((have[n] / ratios[n] for n in plain), default=1.0)
+        shares = [want[n] if n in plain else ratios[n] * inches + want[n] - have[n] for n in range(grid.nrows)]
+        grid.set_height_ratios(shares)
     return sum(want.values()) - sum(have.values())
 
 
@@ -155,6 +174,12 @@ def _size(ax: Axes) -> tuple[float, float]:
     """Inches of the place of a panel, which one that has a shape of its own need not fill."""
     box, area = ax.get_position(original=True), _page_of(ax)
     return box.width * area.bbox.width / area.dpi, box.height * area.bbox.height / area.dpi
+
+
+def _is_nested(ax: Axes) -> bool:
+    """Whether a panel stands in a grid within a line."""
+    place = ax.get_subplotspec()
+    return place is not None and place.get_topmost_subplotspec() is not place
 
 
 def _is_free(ax: Axes) -> bool:
@@ -166,6 +191,7 @@ def _wanted(ax: Axes, share: Any) -> float:
     """The inches of height that suit a panel; `share` is its height over that of the highest."""
     width, _ = _size(ax)
     if not _is_free(ax):
+        ax.apply_aspect()
         box = ax.get_window_extent()
         return width if ax.name == "3d" else width * box.height / box.width
     label = ax.yaxis.label.get_window_extent().height / _page_of(ax).dpi if ax.get_ylabel() else 0.0

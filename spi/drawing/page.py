@@ -11,8 +11,10 @@ from weakref import WeakKeyDictionary
 
 import matplotlib
 import matplotlib.style
+from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.textpath import text_to_path
 
 #: Inches of a column, and of the two columns of a page: what fits those of most journals (84 to 90 mm, 174 to 190 mm).
 COLUMNS = {"one": 3.35, "two": 7.0}
@@ -110,6 +112,12 @@ def points(setting: str) -> float:
     return float(FontProperties(size=settings[setting]).get_size_in_points())
 
 
+def inches_of(text: str, font: FontProperties) -> float:
+    """How wide a line of text is in some letters; an outline of them would take ten times as long."""
+    width: float = text_to_path.get_text_width_height_descent(text, font, is_math_text(text))[0]
+    return width / 72
+
+
 @contextlib.contextmanager
 def applied(page: Page = SCREEN) -> Iterator[None]:
     """Draw for `page`: its settings on matplotlib's own, whatever the user's are."""
@@ -132,7 +140,8 @@ def named(style: str = "screen", width: str | float | None = None, font: str | N
     if style != "screen":
         raise ValueError(f"style: is {style!r}; must be screen or paper")
     if width is not None or font is not None:
-        raise ValueError(f"{'font' if width is None else 'width'}: is of figures for papers only; add the style paper")
+        given = "font" if width is None else "width"
+        raise ValueError(f"{given}: is for figures in the style paper only; ask for that style as well")
     return SCREEN
 
 

@@ -7,12 +7,10 @@ from fractions import Fraction
 from typing import Any
 
 import matplotlib
-from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.textpath import text_to_path
 
 from ..records import Description, Reading
 from ..schemes import SCHEMES
@@ -159,10 +157,8 @@ def wrapped(items: Iterable[str], separator: str, size: str | float, width: floa
 
 
 def inches(text: str, size: str | float) -> float:
-    """How wide a text is, at a size as in :func:`wrapped`; an outline of its letters would take ten times as long."""
-    points = page.points(size) if isinstance(size, str) else size
-    width: float = text_to_path.get_text_width_height_descent(text, FontProperties(size=points), is_math_text(text))[0]
-    return width / 72
+    """How wide a text is, at a size as in :func:`wrapped`."""
+    return page.inches_of(text, FontProperties(size=page.points(size) if isinstance(size, str) else size))
 
 
 def split_facts(told: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:

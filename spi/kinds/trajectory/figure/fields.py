@@ -93,7 +93,11 @@ class Fields(NamedTuple):
             ax.tick_params(labelbottom=False)
         for ax in axes[-1]:
             ax.set_xlabel("$x_1$")
-        fig.colorbar(image, ax=axes, label=r"vorticity $\omega$", extend=beyond, shrink=0.9, aspect=22, pad=0.015)
+        if page.current().width is None:
+            where: dict[str, Any] = {"ax": axes, "shrink": 0.9, "aspect": 22, "pad": 0.015}
+        else:  # as high as a field, which need not be as high as its place
+            where = {"cax": axes[0, -1].inset_axes((1.08, 0, 0.07, 1))}
+        fig.colorbar(image, label=r"vorticity $\omega$", extend=beyond, **where)
         return axes[0, 0]
 
 

@@ -6,6 +6,8 @@ import numpy as np
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
+from spi.drawing import page
+
 GLASS, LINES = "#eef2f6", "#9aa5b1"
 ELEVATION = 22  # degrees, of the eye
 
@@ -18,7 +20,8 @@ def draw_sphere(ax: Axes3D, y: np.ndarray, colour: str, start: dict[str, Any]) -
     ax.view_init(ELEVATION, azimuth)
     ax.set_proj_type("ortho")  # so that the outline of the sphere is a circle
     ax.computed_zorder = False
-    ax.set_box_aspect((1, 1, 1), zoom=1.15)
+    on_screen = page.current().width is None
+    ax.set_box_aspect((1, 1, 1), zoom=1.15 if on_screen else 0.83)
     ax.set(xlim=(-radius, radius), ylim=(-radius, radius), zlim=(-radius, radius))
 
     eye = _eye(azimuth)
@@ -41,7 +44,7 @@ def draw_sphere(ax: Axes3D, y: np.ndarray, colour: str, start: dict[str, Any]) -
         axis.set_major_formatter(lambda x, _: f"{x:.3g}".replace("-", "−"))
         axis.set_pane_color((1, 1, 1, 0))
         axis.set_tick_params(labelsize=7, pad=-2)
-        axis.labelpad = -7
+        axis.labelpad = -7 if on_screen or axis is ax.zaxis else -5
     ax.grid(False)
 
 
