@@ -3,7 +3,9 @@
 from itertools import combinations
 from unittest import mock
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 from matplotlib.legend import Legend
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
@@ -72,3 +74,31 @@ def _overlap(one: Bbox, other: Bbox, slack: float) -> bool:
 
 def _within(box: Bbox, page: Bbox, slack: float) -> bool:
     return bool((box.min >= page.min - slack).all() and (box.max <= page.max + slack).all())
+
+
+_APART = 8.0  # of lightness, from 0 to 100, by which shades of one scheme differ
+
+
+def lightness(colours):
+    """L* of CIELAB, from 0 (black) to 100 (white), of rgba colours (n, 4)."""
+    rgb = np.asarray(colours)[:, :3]
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    y = linear @ [0.2126, 0.7152, 0.0722]
+    return np.where(y > 216 / 24389, 116 * np.cbrt(y) - 16, 24389 / 27 * y)
+
+
+def alike_without_colours(fig):
+    """The pairs of curves in a panel that only a person who sees colours can tell apart: texts, none if all is well."""
+    found = []
+    for ax in fig.findobj(lambda artist: hasattr(artist, "get_xlim")):
+        named = [line for line in ax.lines if line.get_label() and not line.get_label().startswith("_")]
+        for a, b in combinations(named, 2):
+            shades = lightness([to_rgba(a.get_color()), to_rgba(b.get_color())])
+            if _shape(a) == _shape(b) and a.get_color() != b.get_color() and abs(np.diff(shades)[0]) < _APART:
+                found.append(f"{a.get_label()!r} and {b.get_label()!r}")
+    return found
+
+
+def _shape(line):
+    hollow = to_rgba(line.get_markerfacecolor())[3] == 0
+    return line.get_marker(), line.get_markersize(), line.get_linestyle(), hollow

@@ -110,7 +110,7 @@ def test_one_eps_looks_like_its_scheme():
     assert looks["ap_splitting_eps_0.01"] == looks["ap_splitting"] == SCHEMES["ap_splitting"].look
     assert looks["new"] == style.OTHERS[0] and len({looks[f"new_eps_{e}"] for e in ("1", "0.1", "0.01")}) == 3
     reverse = looks_of(weak(*several_eps()[::-1]))
-    assert reverse == looks_of(weak(*several_eps())) and reverse["ap_splitting_eps_0.01"][0] == style.SEQUENCE[0]
+    assert reverse == looks_of(weak(*several_eps())) and reverse["ap_splitting_eps_0.01"][0] == style.SEQUENCES[0][0]
 
 
 def test_labels():

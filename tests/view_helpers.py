@@ -3,7 +3,7 @@
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 
-from spi.drawing import style
+from spi.drawing import page
 from spi.schemes import SCHEMES as ROWS
 
 SCHEMES = ("euler_maruyama", "midpoint", "splitting")
@@ -37,7 +37,7 @@ def lines_of(text, scheme):
 
 def rendered(fig):
     """The figure, drawn to the last pixel as a file of it would be, which takes twice as long to write."""
-    with style.applied():
+    with page.applied():
         FigureCanvasAgg(fig).draw()
     return fig
 

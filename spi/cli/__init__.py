@@ -25,6 +25,9 @@ app = typer.Typer(
 )
 
 
+_PAGE = 9.0  # inches of the height of a page's text
+
+
 class Format(StrEnum):
     table = "table"
     json = "json"
@@ -110,6 +113,9 @@ def plot(
             tell(f"wrote {written}")
         if style is Style.paper:
             tell(f"caption: {views.caption(figure)}")
+            if (height := figure.get_figheight()) > _PAGE:
+                more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"
+                tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")
         if film:
             with _about(path), ProgressLine(path.stem) as line:
                 moving = views.film(results)

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
+from weakref import WeakSet
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
@@ -22,11 +23,13 @@ _EXACT = 0.03  # inches of the height
 _SAFE = 0.94  # of the room for a legend, since letters on pixels are wider than their outlines
 _GAP = 2.0  # points between two labels of ticks
 
+_SETTLED: WeakSet[Figure] = WeakSet()  #: figures whose panels have their places for good
+
 
 def settle(fig: Figure) -> None:
     """Give all panels their places; in a paper also break long texts, leave out labels of ticks, choose the height."""
     engine = fig.get_layout_engine()
-    if engine is None:
+    if engine is None or fig in _SETTLED:
         return
     engine.execute(fig)
     if page.current().width is None:
@@ -45,6 +48,7 @@ def settle(fig: Figure) -> None:
         for axis in (ax.xaxis, ax.yaxis):
             _thin(axis)
     engine.execute(fig)
+    _SETTLED.add(fig)
 
 
 def _page_of(artist: Any) -> Any:

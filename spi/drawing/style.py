@@ -22,8 +22,9 @@ Looks = dict[str, Look]  #: by variant
 #: Marker and colour of schemes that are not in the table of schemes, which a file from elsewhere may have.
 OTHERS = (("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2"), ("<", "#009E73"))
 
-#: The markers of one scheme at several eps, from large to small eps, and for each such scheme its sequence of colours.
-SEQUENCE = ("o", "s", "^", "v", "p", "h")
+#: For each scheme at several eps its markers, from large to small eps, and its sequence of colours, which differ in
+#: lightness: curves that share a panel can be told apart without colours.
+SEQUENCES = (("o", "s", "^", "v", "p", "h"), ("D", "<", ">", "P", "X", "*"), ("d", "8", "H", "x", "+", "1"))
 RAMPS = ("plasma", "viridis", "cividis")
 
 #: What estimators of weak errors are called.
@@ -68,9 +69,10 @@ def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
             found |= dict.fromkeys(variants, found[scheme])
             continue
         ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
+        markers = SEQUENCES[ramps % len(RAMPS)]
         ramps += 1
         for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
-            found[variant] = SEQUENCE[i % len(SEQUENCE)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
+            found[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
     return found
 
 

@@ -38,7 +38,8 @@ def draw_sphere(ax: Axes3D, y: np.ndarray, colour: str, start: dict[str, Any]) -
     _two_sided(ax, np.where(near[:, None], y, np.nan), eye, colour, 1.0, 3)
     ax.plot(*y[:1].T, zorder=6, **start)
 
-    ticks = [-radius, 0, radius]
+    far = radius if on_screen else radius / 2  # small letters at the corners would lie on one another
+    ticks = [-far, 0, far]
     ax.set(xlabel="$y_1$", ylabel="$y_2$", zlabel="$y_3$", xticks=ticks, yticks=ticks, zticks=ticks)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_major_formatter(lambda x, _: f"{x:.3g}".replace("-", "−"))

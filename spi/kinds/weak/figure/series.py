@@ -200,6 +200,7 @@ def _curve(ax: Axes, one: Series) -> None:
     h, error, half = one.h[order], one.error[order], one.half[order]
     known = _finite(error)
     look: dict[str, Any] = {"color": one.look["color"], "linewidth": one.look.get("linewidth", 1.2)}
+    look |= {"marker": one.look.get("marker"), "markersize": 3}  # which tells curves apart without colours
     ax.plot(h[known], error[known], label=one.label, zorder=1.5, **look)
     known &= np.isfinite(half)
     if (half[known] > VISIBLE * error[known]).any():

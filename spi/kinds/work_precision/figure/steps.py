@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from spi.drawing import style
+from spi.drawing import page, style
 
 SIZE = 7  #: points, of the text
 #: Where a label may lie, the most wanted first: directions, and distances in points.
@@ -44,7 +44,9 @@ def step_labels(ax: Axes, lines: Iterable[LabelledLine], levels: Iterable[float]
         for line, path in zip(lines, paths, strict=True):
             if end == 0 or len(path) > 1:
                 text = f"${style.number(float(line.h[end]), steps=True)}$"
-                offset, box = _best(path[end], _extent(text), covered, taken, frame)
+                offset, box, clashes = _best(path[end], _extent(text), covered, taken, frame)
+                if clashes and page.current().width is not None:
+                    continue  # in a small panel a label may find no room
                 taken.append(box)
                 _annotate(ax, text, (line.x[end], line.y[end]), offset, line.colour)
 
@@ -75,8 +77,8 @@ def _extent(text: str) -> np.ndarray:
 
 def _best(
     at: np.ndarray, extent: np.ndarray, covered: np.ndarray, taken: list[np.ndarray], frame: np.ndarray
-) -> tuple[tuple[float, float], np.ndarray]:
-    """Offset of the centre of a label, and its box (left, bottom, right, top), everything in points."""
+) -> tuple[tuple[float, float], np.ndarray, int]:
+    """Offset of the centre of a label, its box (left, bottom, right, top), in points, and how many others it is on."""
     choices = []
     for distance in _DISTANCES:
         for rank, (right, up) in enumerate(_AWAY):
@@ -84,7 +86,7 @@ def _best(
             box = np.concatenate([at + offset - 0.5 * extent - _PAD, at + offset + 0.5 * extent + _PAD])
             outside = (box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any()
             hidden = ((covered > box[:2]) & (covered < box[2:])).all(axis=1).sum()
-            clashes = sum((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all() for other in taken)
-            choices.append((50.0 * outside + 2.0 * hidden + 20.0 * clashes + 0.1 * rank + 0.1 * distance, offset, box))
-    _, offset, box = min(choices, key=lambda choice: choice[0])
-    return tuple(offset), box
+            clashes = sum(bool((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all()) for other in taken)
+            cost = 50.0 * outside + 2.0 * hidden + 20.0 * clashes + 0.1 * rank + 0.1 * distance
+            choices.append((cost, (float(offset[0]), float(offset[1])), box, clashes))
+    return min(choices, key=lambda choice: choice[0])[1:]
