@@ -138,7 +138,7 @@ def test_growth_of_cases_side_by_side():
 
 def test_legend_rows_fit():
     entry = layout.mark("o", "eight and twenty characters ")
-    for width, shape in ((30.0, (2, 5)), (8.0, (3, 3)), (3.0, (7, 1))):
+    for width, shape in ((30.0, (2, 5)), (8.3, (3, 3)), (3.0, (7, 1))):
         rows = layout._rows([[entry] * 5, [entry] * 2], width)
         assert (len(rows), len(rows[0])) == shape and len({len(row) for row in rows}) == 1
 

@@ -68,7 +68,10 @@ def test_errors_of_three_estimators(tmp_path):
     beside, _ = sampled(ax, "plain")
     assert (beside[:, 0] > H).all() and (beside[:, 0] < 1.2 * H).all()
     exact = curve(ax, "Kolmogorov")
-    assert exact.get_linestyle() == "-" and exact.get_marker() == "None"
+    assert exact.get_linestyle() == "-" and (exact.get_marker(), exact.get_markersize()) == (
+        SCHEMES["splitting"].look[0],
+        3,
+    )
     np.testing.assert_array_equal(np.sort(exact.get_ydata()), np.sort(0.5 * H))
     assert exact.get_color() == SCHEMES["splitting"].look[1]
     text = fig.texts[1].get_text()
