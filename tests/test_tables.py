@@ -14,7 +14,7 @@ from strong_results import strong_group as group_of
 from spi import views
 from spi.kinds.strong.table import COLUMNS as STRONG
 from spi.printing import as_csv, as_json
-from spi.printing.text import fraction, power_of_two, with_interval
+from spi.printing.text import fraction, new_console, new_table, power_of_two, print_whole, with_interval
 from spi.records import Group, Results
 
 
@@ -123,6 +123,17 @@ def test_colours_on_a_terminal_of_any_width(results, monkeypatch, columns):
     views.print_tables(results, text)
     assert "37\x1b[0m" in text.getvalue() and "\x1b[1;31m" in text.getvalue() and "…" not in text.getvalue()
     assert "3.75e-2 ± 0.07e-2" in text.getvalue()
+
+
+@pytest.mark.parametrize("terminal", ["dumb", "xterm"])
+def test_no_table_is_cut_on_a_terminal_that_is_narrower(monkeypatch, terminal):
+    monkeypatch.setenv("TERM", terminal)
+    monkeypatch.setenv("COLUMNS", "80")
+    text, numbers = Terminal(), [f"{n}.2345e-6 ± 0.07e-6" for n in range(8)]
+    table = new_table("", ["number"] * 8)
+    table.add_row(*numbers)
+    print_whole(new_console(text), table)
+    assert all(number in text.getvalue() for number in numbers) and "…" not in text.getvalue()
 
 
 def test_unknown_kind(results):

@@ -106,10 +106,12 @@ def records_of_steps(
 
 def print_whole(console: "Console", table: "Table") -> None:
     """Print a table at the width its numbers need: one cut short would be another number."""
+    from rich.console import ConsoleDimensions
     from rich.measure import Measurement
 
     needed = Measurement.get(console, console.options.update(max_width=10_000), table).maximum
-    console.width = max(console.width, needed)
+    # The height as well: rich takes a terminal that says it is dumb for 80 columns unless it is told both.
+    console.size = ConsoleDimensions(max(console.width, needed), console.height)
     console.print(table)
 
 
