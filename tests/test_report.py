@@ -211,6 +211,7 @@ def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_pa
     twin = tmp_path / "more" / "first.h5"
     twin.write_bytes(stored[0].read_bytes())
     refused("first: two results files have this name", [*stored, twin], data_folder=tmp_path)
+    refused(f"two results files have this name, {stored[0]} and {twin};", [*stored, twin], data_folder=tmp_path)
     assert tmp_path / "r.html" in report.files([*stored, twin], tmp_path / "r.html")
     assert not (tmp_path / "r.html").exists()
 

@@ -38,7 +38,8 @@ def files(
     found = [storage.read(path) for path in paths]
     names = Counter(path.stem for path in paths)
     if (latex_folder or data_folder) and (twice := next((name for name in names if names[name] > 1), None)):
-        raise storage.StorageError(f"{twice}: two results files have this name; report on them separately")
+        both = " and ".join(str(path) for path in paths if path.stem == twice)
+        raise storage.StorageError(f"{twice}: two results files have this name, {both}; report on them separately")
     each = list(_sections(paths, found))
     written: dict[Path, bytes] = {}
     for one, results in zip(each, found, strict=True):
