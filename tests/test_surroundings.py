@@ -13,6 +13,7 @@ from damage import call
 from strong_results import strong, strong_group
 
 from spi import cli, storage
+from spi.cli import progress
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 TINY = ["--set", "final_time=1/8", "--set", "step=1/8", "--set", "schemes=[splitting]"]
@@ -166,6 +167,27 @@ def test_one_bad_experiment_does_not_hide_the_others():
     code, out, err = call("list")
     assert code == 2 and PATH.name in out and err.startswith("spi: experiments/bad.yaml:1: kind: is 'nonsense'")
     assert err.count("\n") == 1
+
+
+def test_what_is_wrong_with_any_of_several_specs_is_told_at_once():
+    Path("bad.yaml").write_text("kind: nonsense")
+    Path("empty.yaml").write_text("")
+    code, out, err = call("check", "bad.yaml", str(PATH), "empty.yaml", "absent.yaml")
+    assert (code, out) == (2, "")
+    assert [line.split(":")[1].strip() for line in err.splitlines()] == ["bad.yaml", "empty.yaml", "absent.yaml"]
+    assert "did you mean 'weak'" in refusal("check", str(PATH), str(PATH), "--as", "weakk")  # once, not for each
+
+
+def test_a_wrong_word_is_told_without_the_words_of_a_library():
+    assert refusal("list", "model").startswith("spi: Invalid value for 'models|schemes|experiments': 'model' is not")
+
+
+@pytest.mark.parametrize(("problem", "kept"), [("", True), ("/cache: permission denied", False)])
+def test_kernels_are_not_said_to_be_kept_where_they_cannot_be(monkeypatch, capsys, problem, kept):
+    monkeypatch.setattr(progress, "CACHE_PROBLEM", problem)
+    progress.ProgressLine("mine").report_compiling(1, 2, "splitting")
+    told = capsys.readouterr().err
+    assert "mine: compiling 2 kernels, some seconds each" in told and ("kept for later runs" in told) == kept
 
 
 WEAK = """\

@@ -225,7 +225,7 @@ def main() -> NoReturn:
 
 def _usage(error: typer.TyperException) -> str:
     """What is wrong with a command line; where an argument is missing, also what it should be."""
-    message = error.format_message()
+    message = error.format_message().replace("Value error, ", "")  # how pydantic begins what typer says
     argument, context = (getattr(error, name, None) for name in ("param", "ctx"))
     if not (argument and context and message.startswith("Missing argument")):
         return message

@@ -53,15 +53,27 @@ def load(
     seed: str | None,
     kind: str | None = None,
 ) -> list["Experiment"]:
-    """All experiments, before anything runs; made into those of another kind if that is given."""
+    """All experiments, before anything runs; made into those of another kind if that is given.
+
+    Raises SpecError with what is wrong with any of them.
+    """
     from ..loading import load, load_as
+    from ..spec import SpecError
 
     overrides = list(overrides or [])
     overrides += [f"--samples={samples}"] if samples is not None else []
     overrides += [f"--seed={seed}"] if seed is not None else []
-    if kind is not None:
-        return [load_as(kind, path, profile, overrides) for path in specs]
-    return [load(path, profile, overrides) for path in specs]
+    experiments: list[Experiment] = []
+    problems: list[str] = []
+    for path in specs:
+        try:
+            read = load(path, profile, overrides) if kind is None else load_as(kind, path, profile, overrides)
+            experiments.append(read)
+        except SpecError as error:
+            problems += error.messages
+    if problems:
+        raise SpecError(*dict.fromkeys(problems))  # what is wrong with an option is so for each of them
+    return experiments
 
 
 def end(code: int, message: str) -> NoReturn:

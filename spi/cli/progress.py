@@ -4,6 +4,7 @@ import math
 import sys
 from typing import TYPE_CHECKING
 
+from .. import CACHE_PROBLEM
 from ..printing.text import human_time, printable
 from .signals import STOP
 from .streams import tell
@@ -67,12 +68,13 @@ class ProgressLine:
 
     def report_compiling(self, number: int, total: int, name: str) -> None:
         STOP.check()
+        kept = "" if CACHE_PROBLEM else ", kept for later runs"
         if self.bar:
-            self._show(self.bar, None, f"{self.name}: compiling {name}, kept for later runs", total, number - 1)
+            self._show(self.bar, None, f"{self.name}: compiling {name}{kept}", total, number - 1)
         elif not self.told:
             self.told = True
             kernels = "1 kernel, some seconds" if total == 1 else f"{total} kernels, some seconds each"
-            tell(f"spi: {self.name}: compiling {kernels}, kept for later runs")
+            tell(f"spi: {self.name}: compiling {kernels}{kept}")
 
     def report_chunk(self, number: int, total: int, name: str) -> None:
         STOP.check()
