@@ -221,6 +221,20 @@ def test_nothing_is_overwritten_and_odd_names_are_refused():
     assert Path("mine.yaml").read_text() == "precious"
 
 
+def test_commands_to_copy_are_quoted_where_a_name_has_blanks():
+    code, _, err = call("new", "my body")
+    assert code == 0 and "`spi check 'my body.yaml'`" in err and "`spi run 'my body.yaml'`" in err
+    assert "spi plot 'my body.yaml'" in Path("my body.yaml").read_text()
+    code, _, err = call("new", "my_body")
+    assert code == 0 and "`spi run my_body.yaml`" in err
+
+
+def test_a_file_that_cannot_be_written_is_told_without_options_that_the_command_lacks():
+    Path("file").write_text("")
+    message = refusal("new", "file/mine")
+    assert "cannot write file/mine.yaml" in message and "--out" not in message
+
+
 # --- what a shell completes -----------------------------------------------------------------------------------------
 
 WITHOUT_HEAVY_IMPORTS = """

@@ -2,6 +2,7 @@
 
 import math
 import re
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -210,6 +211,6 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
         broken |= _broken(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done
-        tell(f"results: {path}; `spi plot {path}` draws them")
+        tell(f"results: {path}; `spi plot {shlex.quote(str(path))}` draws them")
     if broken:
         raise typer.Exit(BROKEN)

@@ -1,5 +1,6 @@
 """The commands with which a person begins: list, new, doctor."""
 
+import shlex
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -90,13 +91,14 @@ def new(
     texts = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
     for path in _write(texts, target):
         tell(f"wrote {path}")
-    tell(f"spi: change it as you like; `spi check {target}` says what it would cost, `spi run {target}` runs it")
+    file = shlex.quote(str(target))
+    tell(f"spi: change it as you like; `spi check {file}` says what it would cost, `spi run {file}` runs it")
 
 
 def _template(which: str, target: Path) -> dict[Path, str]:
     from .. import shipped
 
-    return {target: shipped.template(which).replace("NAME.yaml", str(target)).replace("NAME", target.stem)}
+    return {target: shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)}
 
 
 def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:

@@ -44,8 +44,11 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextlib.contextmanager
-def aside(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path``, moved into its place if the block ends well and removed if not."""
+def aside(path: str | Path, remedy: str = "choose a folder you can write to, with room, with --out") -> Iterator[Path]:
+    """A temporary path beside ``path``, moved into its place if the block ends well and removed if not.
+
+    Raises StorageError, with what would be right, if it cannot be written.
+    """
     path = Path(path)
     temporary = temporary_beside(path)
     try:
@@ -54,9 +57,7 @@ def aside(path: str | Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        raise StorageError(
-            f"cannot write {path}: {reason(error)}; choose a folder you can write to, with room, with --out"
-        ) from error
+        raise StorageError(f"cannot write {path}: {reason(error)}; {remedy}") from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
@@ -116,13 +117,17 @@ def write_bytes(path: str | Path, data: bytes) -> None:
 
 
 def write_all(files: Mapping[Path, bytes]) -> None:
-    """Write several files that belong together: each is moved into its place when all of them are on the disk."""
+    """Write several files that belong together: each is moved into its place when all of them are on the disk.
+
+    Raises StorageError, which names no option: each command that writes files has its own.
+    """
+    remedy = "choose another folder, that you can write to, with room"
     for path in files:
         if path.is_dir():
-            raise StorageError(f"cannot write {path}: it is a folder; move it away or choose another folder with --out")
+            raise StorageError(f"cannot write {path}: it is a folder; move it away or choose another name")
     with contextlib.ExitStack() as stack:
         for path, data in files.items():
-            write_bytes(stack.enter_context(aside(path)), data)
+            write_bytes(stack.enter_context(aside(path, remedy)), data)
 
 
 def with_checksum(data: bytes) -> bytes:
