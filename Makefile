@@ -7,7 +7,8 @@ EXPERIMENTS = $(basename $(notdir $(wildcard experiments/*.yaml)))
 SPI = $(VENV)/bin/spi
 INSTALLED = $(VENV)/.installed
 INSTALLED_TEST = $(VENV)/.installed-test
-PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
+# Without compiling all of the packages, of which most modules are never imported: that takes longer than to unpack them.
+PIP = $(VENV)/bin/python -m pip --disable-pip-version-check install --quiet --no-compile --constraint constraints.txt
 
 GALLERY ?= results/gallery
 PROFILE ?= quick

@@ -102,16 +102,10 @@ def load(
     if profile not in PROFILES:
         raise SpecError(f"{path}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
-    document = Document(text, lambda line: f"{path}:{line}:")
-    if document.data is None:
-        document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
-        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
-    faults = Faults()
+    document, named, faults = _document(path, text, kinds), Files(path, files), Faults()
     file: Any = None
     with faults:
         file = _valid(kinds.file.validate_python, document.data, [(document, ())])
-    named = Files(path, files)
     if file is None:
         with suppress(Exception), faults:  # what else is wrong, as far as that can be told of a file that is invalid
             kind = document.data["kind"]
@@ -150,6 +144,16 @@ def load(
         expect=claims.as_text(claim for case in cases for claim in case.claims),
         files=tuple(sorted(named.texts.items())),
     )
+
+
+def _document(path: str | Path, text: str, kinds: Layers) -> Document:
+    """The text of an experiment as plain data."""
+    document = Document(text, lambda line: f"{path}:{line}:")
+    if document.data is None:
+        document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
+    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
+        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
+    return document
 
 
 def _effective(case: BaseCase) -> dict[str, Any]:
