@@ -6,7 +6,7 @@ from typing import NamedTuple
 import fluids
 import numpy as np
 
-from spi.dispatch import kernel
+from spi.dispatch import called, kernel
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.protocol import (
@@ -41,9 +41,9 @@ STEPPERS |= {"half_noise": HALF_NOISE, "euler_maruyama": SCHEMES["euler_maruyama
 DRIFT_FLOW, NOISE_FLOW, DRIFT_FIELD, NOISE_FIELDS, ITO_CORRECTION, CASIMIRS, ENERGY, STEPS = range(8)
 
 
-@kernel
-def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
-    """One of the words, or steps of scheme number k; what it returns, or 0."""
+@called  # as the steps are, so that they share what is compiled of the words
+def _answer(what, model, k, t, width, times, y, out, work):
+    """One of the words; what it returns, or 0."""
     if what == DRIFT_FLOW:
         return block_drift_flow(model, k, t, width, y, work)
     if what == NOISE_FLOW:
@@ -58,7 +58,15 @@ def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
         out[: model.c] = casimirs(model, y)
     elif what == ENERGY:
         return hamiltonian(model, y)
-    for n in range(len(coins)):  # none but for STEPS
+    return 0.0
+
+
+@kernel
+def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
+    """One of the words, or steps of scheme number k; what the word returns, or 0."""
+    if what != STEPS:
+        return _answer(what, model, k, t, width, times, y, out, work)
+    for n in range(len(coins)):
         if k == 0:
             advance_large(schemes[0], model, width, t, times[n], coins[n], y, work, out)
         elif k == 1:
