@@ -20,7 +20,7 @@ compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
 # --- the disk cache --------------------------------------------------------------------------------------------------
 
 
-#: A small kernel, which takes little to compile: the Hamiltonian of states of a model.
+#: A small kernel of the package: the Hamiltonian of states of a model.
 ENERGIES = """
 import numpy as np
 import spi.models
@@ -29,6 +29,23 @@ from spi.protocol import conserved, dimension
 model = {}
 states = np.empty(2)
 kernel(model, 1.0 + np.arange(2.0 * dimension(model)).reshape(2, -1), states, np.empty((2, conserved(model))))
+"""
+#: A smaller one, for what depends on the model and not on the kernel.
+ENERGY_KERNEL = """
+from spi.dispatch import kernel
+from spi.protocol import hamiltonian
+
+@kernel
+def energy(model, y):
+    return hamiltonian(model, y)
+"""
+ENERGY = """
+import numpy as np
+import spi.models
+from energies import energy as kernel
+from spi.protocol import dimension
+model = {}
+states = np.array(kernel(model, tuple(1.0 + np.arange(dimension(model)))))
 """
 REPORT = """
 import json, sys
@@ -91,6 +108,7 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
 def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_need(tmp_path):
     """An edit of their file is noticed, and a built-in model runs after the file is gone."""
     (tmp_path / "spi").symlink_to(Path(spi.__file__).parent)
+    (tmp_path / "energies.py").write_text(ENERGY_KERNEL)
     file, edited = tmp_path / "my_model.py", OSCILLATOR.replace("return 0.5 * (y[0]", "return 1.5 * (y[0]")
     assert edited != OSCILLATOR
     by_name = "import my_model as module"
@@ -99,7 +117,7 @@ def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_nee
     )
 
     def outcome(imported="", model="spi.models.MaxwellBloch((1.0, 1.0))"):
-        found = run(tmp_path, f"{imported}\n{ENERGIES.format(model)}")
+        found = run(tmp_path, f"{imported}\n{ENERGY.format(model)}")
         return (found["hits"], found["misses"]), found["states"]
 
     file.write_text(OSCILLATOR)
