@@ -8,6 +8,7 @@ import pytest
 from helpers import composed
 from scipy.integrate import solve_ivp
 
+from spi.kolmogorov import cylinder, grids
 from spi.kolmogorov.cylinder import expectations
 from spi.models.maxwell_bloch import MaxwellBloch
 
@@ -19,6 +20,15 @@ LIE_TROTTER = ((1.0, NOISE + DRIFT),)
 EXCHANGED = ((1.0, DRIFT + NOISE),)
 ORDER_2 = ((0.5, HALF + NOISE + HALF), (0.5, HALF + NOISE[::-1] + HALF))
 SCHEMES = {"lie_trotter": LIE_TROTTER, "exchanged": EXCHANGED, "order_2": ORDER_2}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _each_grid_once():
+    """The tests ask for the same limits with several schemes; a grid knows what was computed on it."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (cylinder, grids):
+            patch.setattr(module, "Grid", cache(grids.Grid))
+        yield
 
 
 def waves(y):
@@ -33,16 +43,17 @@ def by_quadrature(model, compositions, initial, h, steps, phi, nodes):
     """E phi(y_N) by Gauss-Hermite quadrature in all increments."""
     x, weights = np.polynomial.hermite_e.hermegauss(nodes)
     weights = weights / weights.sum()
-    points = [(1.0, tuple(initial))]
+    one, other = np.array(list(product(range(nodes), repeat=2))).T
+    increments, weights = np.sqrt(h) * x[[one, other]], weights[one] * weights[other]
+    p, y = np.ones(1), np.array(initial)[:, None]
     for _ in range(steps):
-        points = [
-            (p * probability * weights[i] * weights[j], composed(model, c, h, y, np.sqrt(h) * x[[i, j]]))
-            for p, y in points
-            for probability, c in compositions
-            for i, j in product(range(nodes), repeat=2)
-        ]
-    p, y = zip(*points, strict=True)
-    return np.dot(p, phi(np.array(y).T))
+        states, shares = [], []
+        for probability, c in compositions:
+            y_next = composed(model, c, h, tuple(y[:, :, None]), increments[:, None, :])
+            states.append(np.stack(np.broadcast_arrays(*y_next, weights)[:3]).reshape(3, -1))
+            shares.append(probability * np.outer(p, weights).ravel())
+        p, y = np.concatenate(shares), np.concatenate(states, axis=1)
+    return np.dot(p, phi(y))
 
 
 @cache

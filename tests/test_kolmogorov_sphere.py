@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from spi.kolmogorov import sphere
 from spi.kolmogorov.harmonics import CLASSES, Harmonics, shifted
-from spi.kolmogorov.operators import Step, factors
+from spi.kolmogorov.operators import Step, factors, semigroup
 from spi.kolmogorov.sphere import expectations
 from spi.models import RigidBody
 
@@ -28,6 +28,22 @@ UNEQUAL = RigidBody(INERTIA, (1.0, 2.0, 3.0), (1.0, 0.6, None))
 OFF = RigidBody(INERTIA, INERTIA, (None, None, None))
 INITIAL = np.array([math.cos(1.1), 0.0, math.sin(1.1)])
 GENERAL = np.array([0.5, -0.3, 0.7])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _each_limit_once():
+    """The tests ask for the same limits with several schemes, and at the same degrees."""
+    known = {}
+
+    def remembered(harmonics, which, turn, spread, time, V):
+        key = (harmonics.L, which, *turn, *spread, time, V.shape, V.tobytes())
+        if key not in known:
+            known[key] = semigroup(harmonics, which, turn, spread, time, V)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sphere, "semigroup", remembered)
+        yield
 
 
 def sines(y):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.colors import to_hex
-from weak_results import H, at_eps, save, weak, weak_group
+from view_helpers import rendered
+from weak_results import H, at_eps, weak, weak_group
 
 from spi import views
 from spi.drawing import style
@@ -86,9 +87,9 @@ def test_no_largest(lacking):
     assert "largest" not in " ".join(legend_texts(views.figure(weak(*groups)).axes[0]))
 
 
-def test_errors_at_several_eps(tmp_path):
+def test_errors_at_several_eps():
     groups = [*several_eps(), weak_group("splitting", "multilevel", functions=1)]
-    (ax,) = views.figure(weak(*groups)).axes
+    (ax,) = rendered(views.figure(weak(*groups))).axes
     labels = legend_texts(ax)
     assert labels[:4] == [
         *(rf"AP splitting, $\varepsilon=10^{{-{n}}}$: order 1.00 [0.98, 1.02]" for n in (2, 3, 4)),
@@ -102,7 +103,6 @@ def test_errors_at_several_eps(tmp_path):
     assert len({to_hex(line.get_color()) for line in found}) == 4
     (top,) = (line for line in ax.lines if line.get_label().startswith("largest"))
     np.testing.assert_allclose(np.sort(top.get_ydata()), np.sort(groups[1].variables["error"][1][0]))
-    save(weak(*groups), tmp_path, "eps")
 
 
 def test_one_eps_looks_like_its_scheme():
@@ -129,9 +129,9 @@ def failing(functions=1, eps=(1.0, 0.1, 1e-3), **attributes):
     return [*groups, weak_group("splitting", "multilevel", functions=functions, panels=("eps",))]
 
 
-def test_against_eps(tmp_path):
+def test_against_eps():
     results = weak(*(at_one_step(group) for group in failing()))
-    (ax,) = views.figure(results).axes
+    (ax,) = rendered(views.figure(results)).axes
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", r"$\varepsilon$")
     assert ax.get_title() == "$h=2^{-3}$" and ax.get_ylabel().startswith("weak error")
     assert legend_texts(ax) == [
@@ -152,7 +152,6 @@ def test_against_eps(tmp_path):
     assert set(level.get_ydata()) == {results.groups[-1].variables["error"][1][0, 0]}
     low, high = ax.get_xlim()
     assert low < 1e-3 and high > 1.0
-    save(results, tmp_path, "eps")
 
 
 def at_one_step(group):
@@ -182,12 +181,12 @@ def test_hollow_against_eps():
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
-def test_nothing_to_see_against_eps(value, tmp_path):
+def test_nothing_to_see_against_eps(value):
     groups = [at_one_step(group) for group in failing(eps=(1.0, 0.1, 0.0))]
     for group in groups:
         group.variables["error"][1][...] = value
         group.variables["resolved"][1][...] = False
-    save(weak(*groups), tmp_path, "odd")
+    rendered(views.figure(weak(*groups)))
     printed(weak(*groups))
 
 

@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 import matplotlib
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
@@ -90,6 +91,7 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
     In a paper both belong in the caption, see :func:`caption`, and the figure is as wide as its column.
     """
     page.remember(fig)
+    FigureCanvasAgg(fig)  # which keeps what it has measured of texts, as the canvas that a figure begins with does not
     parameters = list(parameters)
     fig.set_label(". ".join(filter(None, [plain(title), ", ".join(parameters)])) + ".")
     column = page.current().width

@@ -18,6 +18,7 @@ Functions of J_m taken in its eigenvectors are those that Gauss quadrature with 
 The other axes come from the cyclic shift U f(y1, y2, y3) = f(y2, y3, y1): A_{k+1} = U A_k U^-1.
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import coo_array
 
 CLASSES = (0, 1, 2, 3)
+#: Up to this degree :func:`harmonics_up_to` keeps what it has made, 30 MB at most.
+KEPT = 128
 
 
 class Chain(NamedTuple):
@@ -62,6 +65,7 @@ class Harmonics:
         modes = [_jacobi_modes(m, L) for m in range(1, L + 1)]
         self.chains = {c: [self._chain(c, m, *modes[m - 1]) for m in range(2 - (c < 2), L + 1, 2)] for c in CLASSES}
         self.turn = self._turns()
+        self._generators = {}
 
     @staticmethod
     def _orders(which, degree):
@@ -95,7 +99,12 @@ class Harmonics:
         return self.orders[which][degree] + (0 if is_cosine(which, degree) else degree)
 
     def generator(self, which, k):
-        """A_k in a class, a sparse antisymmetric matrix."""
+        """A_k in a class, a sparse antisymmetric matrix, made once."""
+        if (which, k) not in self._generators:
+            self._generators[which, k] = self._generator(which, k)
+        return self._generators[which, k]
+
+    def _generator(self, which, k):
         inner = shifted(which, 2 - k)  # U^(2-k) takes axis k to the third
         rows, columns, values = [], [], []
         for chain in self.chains[inner]:
@@ -163,6 +172,16 @@ class Harmonics:
                         part = cosine if is_cosine(c, degree) else sine
                         found[c][self.starts[c][degree] + (m - self.orders[c][degree][0]) // 2] = part[degree - m]
         return found
+
+
+def harmonics_up_to(L):
+    """The :class:`Harmonics` of a degree; those of which many fit into memory are kept for the next question."""
+    return _kept(L) if L <= KEPT else Harmonics(L)
+
+
+@functools.cache
+def _kept(L):
+    return Harmonics(L)
 
 
 def _jacobi(m, L):

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..protocol import axis_inertias, strengths
 from .backward import numbers_of_steps
-from .harmonics import CLASSES, Harmonics
+from .harmonics import CLASSES, harmonics_up_to
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
 from .result import Demands, Expectations
 
@@ -205,7 +205,7 @@ class _Problem(NamedTuple):
 
     def solve(self, L, schemes=True):
         """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
-        harmonics = Harmonics(L)
+        harmonics = harmonics_up_to(L)
         coefficients = harmonics.project(self.functions, self.radius)
         evaluation = harmonics.evaluation(self.point)
         size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))

@@ -1,5 +1,6 @@
 """Lie-Poisson brackets {y_i, y_j} = sum_k c_ij^k y_k: what they must fulfil, and the fields of linear functions."""
 
+import functools
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -75,6 +76,11 @@ def precise(number: Any) -> mpmath.mpf:
         return number
     if number.is_Integer:
         return mpmath.mpf(int(number))
+    return _evaluated(number)
+
+
+@functools.lru_cache(maxsize=10_000)  # one number stands at many places of a bracket, which are gone through often
+def _evaluated(number: Any) -> mpmath.mpf:
     with mpmath.workdps(DIGITS):
         if number.is_Rational:
             return mpmath.mpf(number.p) / number.q
