@@ -109,18 +109,23 @@ def load(
     if file is None:
         with suppress(Exception), faults:  # what else is wrong, as far as that can be told of a file that is invalid
             kind = document.data["kind"]
-            _cases(kinds.cases[kind], named, document, _owners(document, ""), faults, [])
-            _last(kinds.profiles[kind], path, overrides, faults)
+            last = _last(kinds.profiles[kind], path, overrides, faults)
+            for above in ([], last):
+                _cases(kinds.cases[kind], named, document, _owners(document, ""), faults, above)
         faults.raise_all()
     title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
+    owners: dict[str, Owner] = {}
     with faults:
         owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
     last = _last(kinds.profiles[file.kind], path, overrides, faults)
-    faults.raise_all()
     read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
+    if faults.messages:
+        with suppress(Exception), faults:  # what else is wrong, as far as that can be told beside a wrong override
+            read(profiles.get(profile, []) + last)
+    faults.raise_all()
     each = [read(above) for above in ([], *profiles.values())]
     cases = read(profiles.get(profile, []) + last)
     faults.raise_all()
@@ -178,13 +183,12 @@ def _owners(document: Document, title: str) -> dict[str, Owner]:
 
 
 def _last(profile_class: type[Keys], path: str | Path, overrides: Iterable[str], faults: Faults) -> list[Layer]:
-    """The layers that overrides are, but for those with `faults`."""
+    """The layers that overrides are; those whose values are wrong stay, so that it is known what else they say."""
     layers: list[Layer] = []
     for one in overrides:
         with faults:
-            layer: Layer = override(path, one), ()
-            _valid(profile_class.model_validate, layer[0].data, [layer])
-            layers.append(layer)
+            layers.append((override(path, one), ()))
+            _valid(profile_class.model_validate, layers[-1][0].data, layers[-1:])
     return layers
 
 
