@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from spi import spec as spec_module
 from spi.arithmetic import NumberError, parse
 from spi.expressions import parse_expression
 from spi.kinds import KINDS
@@ -608,6 +609,16 @@ def test_all_wrong_entries_of_a_key_are_named_at_once():
     ]
     two = GOOD.replace("[euler_maruyama, splitting]", "[euler, splitting, spliting]")
     assert [line[:20] for line in messages_of(two)] == ["11: schemes: entry 1", "11: schemes: entry 3"]
+
+
+def test_a_file_may_be_called_by_a_name_in_messages():
+    text = GOOD.replace("final_time: 1", "final_time: x").replace("samples", "sampels")
+    with pytest.raises(SpecError) as caught:
+        spec_module.load("folder/s.yaml", layers(), text=text, overrides=["sed=1"], called="s")
+    found = [line[: line.index(": is")] for line in caught.value.messages]
+    assert found == ["s: line 8: final_time", "s: line 12: sampels", "s: --set sed"]
+    good = spec_module.load("folder/s.yaml", layers(), text=GOOD, called="s")
+    assert (good.called, good.path) == ("s", Path("folder/s.yaml")) and load_text(GOOD).called == "s.yaml"
 
 
 def test_what_depends_on_a_mistake_is_not_reported_as_another():
