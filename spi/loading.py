@@ -29,12 +29,15 @@ def load(
 ) -> spec.Experiment:
     """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.spec.load.
 
-    `path` may also be the name of an experiment that comes with the program, such as "rigid_body_strong".
+    `path` may also be the name of an experiment that comes with the program, such as "rigid_body_strong", by which it
+    is then called in messages.
     """
+    called = None
     if text is None:
-        path = shipped.path_of(path)
+        given, path = path, shipped.path_of(path)
+        called = None if path == Path(given) else str(given)
         text = text_of(path, shipped.names())
-    return spec.load(path, layers(), profile, overrides, text, files)
+    return spec.load(path, layers(), profile, overrides, text, files, called)
 
 
 def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> spec.Experiment:
@@ -52,7 +55,9 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
         text = spec.converted(source.text, source.title, source.cases, kind, keys)
     except ValueError as error:
         raise spec.SpecError(f"{path}: --as {kind}: {error}") from None
-    return load(source.path.with_name(f"{source.name}_as_{kind}.yaml"), profile, overrides, text)
+    target = source.path.with_name(f"{source.name}_as_{kind}.yaml")
+    called = None if Path(source.called) == source.path else target.stem
+    return spec.load(target, layers(), profile, overrides, text, called=called)
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
@@ -94,7 +99,7 @@ class Source(NamedTuple):
     @classmethod
     def of(cls, experiment: spec.Experiment) -> "Source":
         """That of an experiment."""
-        path, files = str(experiment.path), experiment.files
+        path, files = experiment.called, experiment.files
         return cls(path, experiment.text, experiment.profile, experiment.overrides, files, experiment.hash)
 
 

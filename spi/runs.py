@@ -1,6 +1,7 @@
 """The one path from a spec to results, shared by the command line, Python users, the Makefile and the tests."""
 
 import inspect
+import shlex
 import sys
 from pathlib import Path
 
@@ -77,7 +78,8 @@ def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
         profile = attributes["profile"]
         if load(spec_path, profile).hash != attributes["spec_hash"]:
             raise storage.StorageError(
-                f"{path}: holds results of another spec than {spec_path}; run `spi run {spec_path}` first"
+                f"{path}: holds results of another spec than {spec_path}; "
+                f"run `spi run {shlex.quote(str(spec_path))}` first"
             )
     return path
 

@@ -4,6 +4,7 @@ Each run computes one slice of the chunks that are wanted for now and keeps thei
 puts the files together.  Slices may be run in any order, at the same time or not, and again after a loss.
 """
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -67,19 +68,20 @@ def merge(
                 storage.remove_sums(file)
             raise Stopped(
                 f"all parts of this round are in, and further chunks are wanted ({len(left)}): run all parts of "
-                f"{experiment.path} again, then `spi merge`"
+                f"{experiment.called} again, then `spi merge`"
             )
         return session.finish()
 
 
 def _need_all(checkpoint: Checkpoint) -> None:
     """Raise Stopped, with the names of the slices to which missing chunks belong, if there are any."""
-    missing, found, path = set(checkpoint.missing()), checkpoint.slices(), checkpoint.experiment.path
+    missing, found, called = set(checkpoint.missing()), checkpoint.slices(), checkpoint.experiment.called
     if not missing:
         return
     if not found:
         raise storage.StorageError(
-            f"{checkpoint.path.parent}: no parts of {path} here; `spi run {path} --part 1/4` computes the first of four"
+            f"{checkpoint.path.parent}: no parts of {called} here; "
+            f"`spi run {shlex.quote(called)} --part 1/4` computes the first of four"
         )
     count = max(one.count for one in found)
     lacking = []

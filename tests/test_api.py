@@ -17,7 +17,9 @@ import spi
 from spi import modules, runs
 from spi.api import progress
 from spi.api.paths import plan_of
+from spi.api.specs import experiment_of
 from spi.ensemble import thread_count
+from spi.loading import load_as
 from spi.models import RigidBody
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
@@ -58,6 +60,7 @@ def test_an_experiment_by_name_is_what_the_command_line_computes():
     expected = spi.load(runs.run(experiment, "there"))
     found = spi.run("rigid_body_strong", **TINY)
     assert found.path == Path("results/rigid_body_strong.h5") and found.path.is_file()
+    assert same(found, spi.load("rigid_body_strong")) and same(found, spi.load("rigid_body_strong", out="there"))
     assert found.attributes["spec_hash"] == expected.attributes["spec_hash"]
     assert found.spec == expected.spec == experiment.text
     assert same(found, expected)
@@ -130,9 +133,7 @@ def test_what_is_wrong_with_a_mapping_is_told_without_lines(changed, told):
 
 def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
     (line,) = messages(spi.run, "rigid_body_strong", samples=4.5)
-    assert line.endswith(
-        "rigid_body_strong.yaml: samples: is '4.5' (not whole); must be a whole number such as 500 or 10^6"
-    )
+    assert line == ("rigid_body_strong: samples: is '4.5' (not whole); must be a whole number such as 500 or 10^6")
     assert messages(spi.run, SPEC) == [
         "spec: name: missing; add name='...' for the results file, or out=None to write none"
     ]
@@ -144,6 +145,27 @@ def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
     assert "the class Mine is in no file" in messages(spi.trajectory, foreign, "splitting", **PATH)[0]
     with pytest.raises(spi.StorageError, match="no such file"):
         spi.load("nowhere.h5")
+    with pytest.raises(spi.StorageError, match=r"toda_weak\.h5: no such file; spi.run\('toda_weak'\) writes"):
+        spi.load("toda_weak")
+    (line,) = messages(spi.run, 3)
+    assert line.startswith("spec: is 3; must be a spec file, a name that spi.experiments() lists, or a mapping")
+    assert messages(spi.load, 3)[0].startswith("results: is 3; must be a results file, or the name")
+
+
+def test_an_experiment_of_another_kind():
+    assert messages(spi.run, "rigid_body_strong", kind="weak") == [
+        "kind: is no key to override; as_='...' makes an experiment into one of another kind"
+    ]
+    assert messages(spi.run, "rigid_body_strong", as_="wea") == [
+        "as_: 'wea' is no kind of experiment; did you mean 'weak'?"
+    ]
+    assert messages(spi.run, SPEC, out=None, as_="weak")[0].startswith("as_: is for experiments in files")
+    assert messages(spi.run, "rigid_body_strong", as_="weak", sampels=3) == [
+        "rigid_body_strong_as_weak: sampels: is no known key; did you mean 'samples'?"
+    ]
+    made = experiment_of("rigid_body_strong", None, "laptop", {"samples": 7}, "weak")
+    assert (made.name, made.kind, made.samples) == ("rigid_body_strong_as_weak", "weak", (7,))
+    assert made.hash == load_as("weak", "rigid_body_strong", overrides=["samples=7"]).hash
 
 
 def test_an_interrupted_run_goes_on(monkeypatch, capsys):

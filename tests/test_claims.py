@@ -3,11 +3,13 @@
 import io
 import json
 import math
+import re
 
 import numpy as np
 import pytest
 from helpers import printed
 from long_time_results import long_time, long_time_group
+from rich.console import Console
 from stability_results import predators, stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -19,6 +21,7 @@ from spi import claims, runs, storage, views
 from spi.claims import AT_LEAST, AT_MOST, BROKEN, EQUAL, KEPT, UNDECIDED, Claim, Quantity, judge
 from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
+from spi.printing import claims as printed_claims
 from spi.records import Description, by_case
 from spi.spec import SpecError
 
@@ -327,6 +330,15 @@ def test_the_table_tells_claims_and_verdicts():
     assert "splitting, noise first (slpI) Casimir drift at most 1e-12 8e-16 h = 2^-13 kept" in lines
     assert "midpoint order 1 0.900 [0.400, 1.400] not decided" in lines
     assert "claims" not in printed(STRONG)
+
+
+@pytest.mark.parametrize(("width", "fits"), [(100, True), (80, True), (60, True), (40, False)])
+def test_on_a_terminal_the_claims_are_broken_between_words(width, fits):
+    console = Console(file=io.StringIO(), width=width, force_terminal=True, color_system=None, highlight=False)
+    printed_claims.show(console, views.verdicts(JUDGED))
+    text = console.file.getvalue()
+    assert {"[0.480, 0.520]", "h = 2^-13", "Casimir", "splitting,"} <= set(re.findall(r"\[.*?\]|h = \S+|[\w,]+", text))
+    assert "…" not in text and (max(map(len, text.splitlines())) <= width) is fits and console.width == width
 
 
 def test_records_have_the_worst_verdict_of_each_quantity():

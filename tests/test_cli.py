@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from helpers import COMPILED
 
-from spi import cli
+from spi import __version__, cli
 from spi.kinds.strong import study as strong
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
@@ -102,6 +102,9 @@ def test_every_command_has_help(spi):
         code, out, err = spi(command, "--help")
         assert (code, err) == (0, "")
         assert out.startswith(f"Usage: spi {command}")
+        assert spi("help", command) == (0, out, "")
+    assert spi("help") == spi("--help")
+    assert spi("-V") == spi("-v") == spi("--version") == (0, f"spi {__version__}\n", "")
 
 
 # --- a run and what can be done with it ------------------------------------------------------------------------------

@@ -152,10 +152,16 @@ RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
         ("[noise 1, drift 1/0]", r"entry 2 is 'drift 1/0' \(.*\); must be like .*"),
         (
             "[noise 1/3, drift 1, noise 2/3]",
-            "entry 1 is '.*'; .* is 0.333333 and must be a positive multiple .*",
+            "entry 1 is '.*'; .* is 0.333333 and must be a positive multiple .*\n.* entry 3 is .*",
         ),
-        ("[noise 3/2, drift 1, noise -1/2]", "entry 1 is '.*'; .* is 1.5 and must be a positive multiple of 1/8, .*"),
-        ("[noise -1/2, drift 1, noise 3/2]", "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*"),
+        (
+            "[noise 3/2, drift 1, noise -1/2]",
+            "entry 1 is '.*'; .* is 1.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
+        ),
+        (
+            "[noise -1/2, drift 1, noise 3/2]",
+            "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
+        ),
         ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
         ("[noise 1/2, drift 1]", "is no whole step; the fractions of the noise add up to 0.5 and not to 1"),
         ("[noise 1, drift 1, drift -1/2]", "is no whole step; the fractions of the drift add up to 0.5 and not to 1"),

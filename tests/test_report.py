@@ -144,6 +144,9 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
     assert text.count("<h3>Orders</h3>") == 1  # a trajectory has none
     assert text.count("<h3>Tables</h3>") == text.count("<h3>To repeat it</h3>") == 2
     assert text.count("<summary>three noises (18 rows)</summary>") == 1 and text.count("<details>") == 3
+    # what is folded on a screen is printed, see docs/report.md; print to PDF with a browser after a change there
+    assert "details::details-content { content-visibility: visible; }" in text[text.index("@media print") :]
+    assert not re.search(r"details[^{}]*{[^}]*display: *none", text)
 
 
 def test_broken_claims_are_shown(stored, tmp_path, undrawn):

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from spi import spec as spec_module
 from spi.arithmetic import NumberError, parse
 from spi.expressions import parse_expression
 from spi.kinds import KINDS
@@ -302,7 +303,11 @@ SCHEMES = (
         ("2^-2 .. 2^-4", "[-1/4]", "9: steps: entry 1 is '-1/4'; must be greater than 0"),
         ("2^-2 .. 2^-4", "[1/4, 0]", "9: steps: entry 2 is '0'; must be greater than 0"),
         ("2^-2 .. 2^-4", "[]", "9: steps: is an empty list; must have at least 1 item"),
-        ("2^-2 .. 2^-4", "1/4", "9: steps: is '1/4'; must be a list in square brackets"),
+        (
+            "2^-2 .. 2^-4",
+            "1/4",
+            "9: steps: is '1/4'; must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13",
+        ),
         (
             "2^-2 .. 2^-4",
             "0.1 .. 2^-4",
@@ -572,6 +577,48 @@ def test_mistakes_in_cases_profiles_and_options_are_named_at_once():
         " --set sed: is no known key; did you mean 'seed'?",
         " --set reference_step: is '0'; must be greater than 0",
     ]
+
+
+def test_a_wrong_option_does_not_hide_another():
+    wrong = ["samples=-3", "steps=x", "model={sigm: 1}"]
+    assert messages_of(GOOD, overrides=wrong) == [
+        " --set samples: is '-3'; must be at least 1",
+        " --set steps: is 'x'; must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13",
+        " --set model.sigm: is no known key; did you mean 'sigma'?",
+    ]
+    assert len(messages_of(GOOD.replace("samples: 10", "samples: 1/2"), overrides=wrong)) == 4
+    # steps that are right with the final time that was meant are no mistake
+    assert messages_of(GOOD, overrides=["final_time=2.y", "steps=[2]"]) == [
+        " --set final_time: is '2.y' (unexpected 'y'); must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
+    ]
+
+
+def test_all_wrong_entries_of_a_key_are_named_at_once():
+    text = WEAK.replace("sin(2*pi*y2)", "sin(2*pi*y4)").replace("y1^2", "y1^^2") + (
+        "compositions:\n  one: [drift 1, nois 1, noise]\n  two: [drift 1]\n  splitting: [drift 1, noise 1]\n"
+        "expect:\n  splitting: {ordr: 1, order: half, plan: {order: 1}}\n  spliting: {order: 1}\n"
+    )
+    keys = [line.split(": ")[:2] for line in messages_of(text)]
+    phi, first = WEAK[: WEAK.index("phi:")].count("\n") + 1, WEAK.count("\n") + 2
+    assert keys == [
+        *([str(phi), "functions.phi"], [str(phi + 1), "functions.energy"]),
+        *([str(first), "compositions.one"], [str(first), "compositions.one"]),
+        *([str(first + 1), "compositions.two"], [str(first + 2), "compositions.splitting"]),
+        *([str(first + 4), f"expect.splitting.{name}"] for name in ("order", "ordr", "plan")),
+        [str(first + 5), "expect.spliting"],
+    ]
+    two = GOOD.replace("[euler_maruyama, splitting]", "[euler, splitting, spliting]")
+    assert [line[:20] for line in messages_of(two)] == ["11: schemes: entry 1", "11: schemes: entry 3"]
+
+
+def test_a_file_may_be_called_by_a_name_in_messages():
+    text = GOOD.replace("final_time: 1", "final_time: x").replace("samples", "sampels")
+    with pytest.raises(SpecError) as caught:
+        spec_module.load("folder/s.yaml", layers(), text=text, overrides=["sed=1"], called="s")
+    found = [line[: line.index(": is")] for line in caught.value.messages]
+    assert found == ["s: line 8: final_time", "s: line 12: sampels", "s: --set sed"]
+    good = spec_module.load("folder/s.yaml", layers(), text=GOOD, called="s")
+    assert (good.called, good.path) == ("s", Path("folder/s.yaml")) and load_text(GOOD).called == "s.yaml"
 
 
 def test_what_depends_on_a_mistake_is_not_reported_as_another():

@@ -43,7 +43,16 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     Path("toda_weak").mkdir()  # a folder of that name is no experiment
     assert load("toda_weak").name == "toda_weak"
     code, out, err = call("check", "rigid_body_strong")
-    assert (code, err) == (0, "") and f"{Path('rigid_body_strong.yaml')}: valid" in out
+    assert (code, err) == (0, "") and out.startswith("rigid_body_strong: valid")
+    assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
+    assert refusal("check", "rigid_body_strong", "--as=weak", "--seed=x").startswith("spi: rigid_body_strong_as_weak: ")
+    assert refusal("merge", "rigid_body_strong") == (
+        f"spi: {Path('results/sums')}: no parts of rigid_body_strong here; "
+        "`spi run rigid_body_strong --part 1/4` computes the first of four\n"
+    )
+    path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
+    assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
+    assert refusal("check", str(path), "--as=weak", "--seed=x").startswith(f"spi: {path.parent}")
     Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
     assert refusal("check", "rigid_body_strong").startswith("spi: rigid_body_strong:1: kind: is 'nonsense'")
 

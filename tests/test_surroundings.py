@@ -84,9 +84,10 @@ def test_without_a_home_folder():
     assert last.startswith("results: ")
 
 
-def test_a_backend_that_matplotlib_does_not_know():
+def test_a_backend_that_matplotlib_does_not_know_and_no_folder_for_its_settings():
     storage.write("r.h5", strong(strong_group("splitting")))
-    assert program("plot", "r.h5", MPLBACKEND="nonsense").returncode == 0
+    done = program("plot", "r.h5", MPLBACKEND="nonsense", MPLCONFIGDIR=str(Path("r.h5").absolute()))
+    assert (done.returncode, done.stderr.decode().split()) == (0, ["wrote", "r.pdf", "wrote", "r.png"])
     assert sorted(p.name for p in Path().iterdir()) == ["r.h5", "r.pdf", "r.png"]
 
 

@@ -13,7 +13,7 @@ from .. import claims, records, storage, views
 from ..kinds import KINDS
 from .arrays import dataset_of
 from .page import as_html
-from .specs import in_python
+from .specs import check_type, in_python
 
 if TYPE_CHECKING:
     from ..drawing import Figure
@@ -82,8 +82,14 @@ class Results:
     def __getattr__(self, name: str) -> xr.DataArray:
         if name.startswith("_") or name == "stored":
             raise AttributeError(name)
-        if len(self) == 1 and name not in self.dataset:
-            raise AttributeError(f"{self.parts[0]} has no {name}; arrays: {', '.join(map(str, self.dataset))}")
+        groups = self.stored.groups
+        arrays = dict.fromkeys(array for group in groups for array in (*group.variables, *group.coordinates))
+        if name not in arrays and not hasattr(type(self), name):  # a property asks here once more after its own error
+            offered = [word for word in dir(type(self)) if not word.startswith("_")]
+            near = difflib.get_close_matches(name, [*offered, *arrays], 1)
+            meant = f"; did you mean {near[0]}?" if near else ""
+            whose = f"{self.parts[0]} has no" if len(self) == 1 else "no part has"
+            raise AttributeError(f"{whose} {name}; arrays: {', '.join(arrays)}{meant}")
         return self._only(name)[name]
 
     def __dir__(self) -> list[str]:
@@ -164,10 +170,15 @@ class Results:
         return as_html(self)
 
 
-def load(path: str | Path) -> Results:
-    """The results in a file that a run wrote; StorageError if it cannot be read."""
+def load(path: str | Path, *, out: str | Path = "results") -> Results:
+    """The results in a file that a run wrote, or those of an experiment by its name, ``<out>/<name>.h5``.
+
+    StorageError if there is no such file, or if it cannot be read; SpecError if `path` can be neither.
+    """
+    check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
     with in_python():
-        return Results(storage.read(path), Path(path))
+        file = views.named(Path(path), Path(out))
+        return Results(storage.read(file), file)
 
 
 def _name(group: records.Group) -> str:

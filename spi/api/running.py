@@ -22,6 +22,7 @@ def run(
     *,
     name: str | None = None,
     profile: str = "laptop",
+    as_: str | None = None,
     out: str | Path | None = "results",
     fresh: bool = False,
     threads: int | None = None,
@@ -39,6 +40,9 @@ def run(
     mapping overrides only what it names: ``model={"sigma": [1, 0, 0]}`` keeps the other parameters, and
     ``cases={"strong": {"seed": 7}}`` changes one case.
 
+    ``as_="weak"`` makes the experiment in a file into one of another kind, as ``--as`` does, with defaults that suit
+    it; its name is then ``<name>_as_weak``.
+
     What is known already is not computed again, and the results are written to ``<out>/<name>.h5``: by default `name`
     is that of the file; a mapping has none and needs one.  With ``out=None`` nothing is kept on disk.  `fresh` begins
     anew and replaces results of another spec.  `threads` is how many threads compute; `workers` how many processes of
@@ -50,7 +54,7 @@ def run(
     """
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
-    experiment = experiment_of(what, name, profile, overrides)
+    experiment = experiment_of(what, name, profile, overrides, as_)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="spi-")) if out is None else out
         stack.enter_context(_threads(threads))

@@ -3,6 +3,7 @@
 import contextlib
 import inspect
 import re
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,27 +11,38 @@ from typing import Any
 import numpy as np
 
 from .. import modules
-from ..loading import load
+from ..loading import load, load_as
 from ..models import MODELS
 from ..spec import Experiment, SpecError
 from ..spec.writing import as_override, as_yaml
 from ..storage import StorageError
 
-_AS_ARGUMENT = {"--fresh": "fresh=True", "--out": "out=", "--set ": "", "--profile": "profile"}
+_AS_ARGUMENT = {"--fresh": "fresh=True", "--out": "out=", "--set ": "", "--profile": "profile", "--as": "as_"}
 
 
 def experiment_of(
-    what: str | Path | Mapping[str, Any], name: str | None, profile: str, overrides: Mapping[str, Any]
+    what: str | Path | Mapping[str, Any],
+    name: str | None,
+    profile: str,
+    overrides: Mapping[str, Any],
+    kind: str | None = None,
 ) -> Experiment:
     """The experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
 
-    SpecError if anything is wrong; of a mapping it names no lines.
+    That in a file may be made into one of another `kind`.  SpecError if anything is wrong; of a mapping it names no
+    lines.
     """
+    right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
+    check_type("spec", what, (str, Path, Mapping), right)
+    if "kind" in overrides:
+        raise SpecError("kind: is no key to override; as_='...' makes an experiment into one of another kind")
+    if kind is not None and isinstance(what, Mapping):
+        raise SpecError("as_: is for experiments in files; give the mapping the kind that you want")
     texts = [as_override(key, model_keys(value) if key == "model" else value) for key, value in overrides.items()]
     with in_python():
         if isinstance(what, Mapping):
             return of_mapping(what, name or "experiment", profile, texts)
-        found = load(what, profile, texts)
+        found = load(what, profile, texts) if kind is None else load_as(kind, what, profile, texts)
     return found if name is None else found._replace(name=name)
 
 
@@ -77,6 +89,12 @@ def _file_of(cls: type) -> str:
     return file
 
 
+def check_type(name: str, value: Any, types: tuple[type, ...], right: str) -> None:
+    """SpecError if an argument is of none of these types."""
+    if not isinstance(value, types):
+        raise SpecError(f"{name}: is {reprlib.repr(value)}; {right}")
+
+
 def whole(name: str, value: Any, least: int) -> int:
     """A number of paths; SpecError if it is none."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
@@ -98,4 +116,4 @@ def in_python() -> Iterator[None]:
 def _translated(message: str) -> str:
     for option, argument in _AS_ARGUMENT.items():
         message = message.replace(option, argument)
-    return message
+    return re.sub(r"`spi run (\w+)`", r"spi.run('\1')", message).replace("`spi list`", "spi.experiments()")

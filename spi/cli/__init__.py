@@ -54,7 +54,9 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _common(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", "-V", "-v", callback=_version, is_eager=True, help="Print it.")
+    ] = False,
 ) -> None:
     """A laboratory for stochastic Poisson integrators."""
 
@@ -202,8 +204,11 @@ def main() -> NoReturn:
     """The entry point: turns the errors that a person can make into one line and an exit code."""
     STOP.listen()
     write_what_the_terminal_can()
+    arguments = sys.argv[1:]
+    if arguments[:1] == ["help"]:  # `spi help run` means `spi run --help`
+        arguments = [*arguments[1:], "--help"]
     try:
-        code = app(standalone_mode=False, prog_name="spi")
+        code = app(arguments, standalone_mode=False, prog_name="spi")
         sys.stdout.flush()
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT

@@ -1,6 +1,5 @@
 """What stands for an experiment or its results on the command line, and how a shell completes it."""
 
-import difflib
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,30 +11,16 @@ SPECS = (".yaml", ".yml")
 def stored(source: Path, folder: Path = RESULTS) -> Path:
     """The results that a person means: a file of results, a spec file, or an experiment by its name.
 
-    Those of the latter two lie in `folder`.  Raises StorageError if those of a spec file are of another spec.
+    Those of the latter two lie in `folder`.  Raises StorageError if those of a spec file are of another spec, or if
+    there are none of that name.
     """
-    from ..runs import results_of
-    from ..storage import StorageError
-
     if source.suffix in SPECS:
+        from ..runs import results_of
+
         return results_of(source, folder)
-    path = folder / f"{source}.h5"
-    is_name = source.name == str(source) and not source.suffix and not source.is_file()
-    if not is_name or (source.is_dir() and not path.is_file()):
-        return source
-    if not path.is_file():
-        raise StorageError(f"{path}: no such file; {_meant(source.name, folder)}")
-    return path
+    from ..views import named
 
-
-def _meant(name: str, folder: Path) -> str:
-    """What to do where there are no results of this name in a folder."""
-    from .. import shipped
-
-    if name in shipped.names():
-        return f"`spi run {name}` writes it"
-    near = difflib.get_close_matches(name, [*_results(folder), *shipped.names()], 1)
-    return f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
+    return named(source, folder)
 
 
 def complete_spec(incomplete: str) -> list[str]:

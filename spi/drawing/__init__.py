@@ -2,16 +2,24 @@
 
 import contextlib
 import io
+import logging
 import os
 import sys
 from typing import Any
 
 
 def _import_matplotlib() -> None:
-    """Import matplotlib, which ends if the environment names a backend that it does not know; none is needed here."""
-    backend = os.environ.pop("MPLBACKEND", None)
-    import matplotlib
+    """Import matplotlib, which ends if the environment names a backend that it does not know; none is needed here.
 
+    Nor does it matter for a figure that there is no folder for its settings and its list of fonts, of which it warns.
+    """
+    backend, log = os.environ.pop("MPLBACKEND", None), logging.getLogger("matplotlib")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        import matplotlib.font_manager
+    finally:
+        log.setLevel(level)
     if backend is not None:
         os.environ["MPLBACKEND"] = backend
         with contextlib.suppress(ValueError):

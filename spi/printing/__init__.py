@@ -32,7 +32,7 @@ def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
     """Print that an experiment is valid and what it would cost (a ``spi.runs.Cost``)."""
     cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
     new_console(file).print(
-        f"{printable(experiment.path)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
+        f"{printable(experiment.called)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
         f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled, "
         f"{cost.megabytes:.0f} MB",
         markup=False,

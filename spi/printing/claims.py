@@ -5,26 +5,41 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..claims import BROKEN, KEPT, VERDICTS, Quantity, Verdict
-from .text import new_table, power_of_two, print_whole, short
+from .text import narrowed, new_table, power_of_two, print_whole, room, short
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 _STYLES = {KEPT: "", BROKEN: "bold red"}
 
 
 def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
     """Print the claims of a case, what came out and the verdict; nothing if there are none."""
-    from rich.text import Text
-
     if not verdicts:
         return
-    table = new_table("claims", ["scheme", "claim", "came out (95 %)", "at", ""], left=5)
-    for one in verdicts:
-        cells = [one.subject, one.claim.text, came_out(one), _at(one)]
-        table.add_row(*map(Text, cells), Text(one.verdict, style=_STYLES.get(one.verdict, "yellow")))
+    table = _table(verdicts)
+    if narrowed(console, table) > room(console):
+        table = _table(verdicts, stacked=True)
     print_whole(console, table)
     console.print()
+
+
+def _table(verdicts: Sequence[Verdict], stacked: bool = False) -> "Table":
+    """The table of claims; if `stacked`, intervals and swept values stand in lines of their own."""
+    from rich.text import Text
+
+    table, then = (
+        new_table("claims", ["scheme", "claim", "came out (95 %)", "at", ""], left=5),
+        "\n" if stacked else " ",
+    )
+    for column in table.columns[:2]:
+        column.no_wrap = False
+    for one in verdicts:
+        found, at = came_out(one).replace(" [", f"{then}["), _at(one).replace(", ", f",{then}")
+        verdict = Text(one.verdict.replace(" ", then), style=_STYLES.get(one.verdict, "yellow"))
+        table.add_row(*map(Text, (one.subject, one.claim.text, found, at)), verdict)
+    return table
 
 
 def _at(one: Verdict) -> str:

@@ -107,12 +107,39 @@ def records_of_steps(
 def print_whole(console: "Console", table: "Table") -> None:
     """Print a table at the width its numbers need: one cut short would be another number."""
     from rich.console import ConsoleDimensions
-    from rich.measure import Measurement
 
-    needed = Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+    size, needed = console.size, narrowed(console, table)
     # The height as well: rich takes a terminal that says it is dumb for 80 columns unless it is told both.
-    console.size = ConsoleDimensions(max(console.width, needed), console.height)
+    console.size = ConsoleDimensions(max(size.width, needed), size.height)
     console.print(table)
+    console.size = size
+
+
+def room(console: "Console") -> float:
+    """The width of a terminal; a file or a pipe has room for everything."""
+    return console.width if console.is_terminal else math.inf
+
+
+def narrowed(console: "Console", table: "Table") -> int:
+    """Break the columns that may wrap between words, the widest first, until a terminal has room for the table.
+
+    None becomes narrower than its longest word.  Returns the width that the table needs then.
+    """
+    from rich.measure import Measurement, measure_renderables
+
+    options = console.options.update(max_width=10_000)
+    columns = [column for column in table.columns if not column.no_wrap]
+    for column in columns:
+        column.width = None  # it may have been narrowed before
+    needed = Measurement.get(console, options, table).maximum
+    words = [measure_renderables(console, options, [column.header, *column.cells]) for column in columns]
+    widths = [min(most, column.max_width or most) for column, (_, most) in zip(columns, words, strict=True)]
+    while needed > room(console) and (wide := [i for i, (least, _) in enumerate(words) if widths[i] > least]):
+        widths[max(wide, key=widths.__getitem__)] -= 1
+        needed -= 1
+    for column, width in zip(columns, widths, strict=True):
+        column.width = width
+    return needed
 
 
 def with_interval(value: float, half: float) -> str:

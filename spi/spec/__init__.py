@@ -57,6 +57,7 @@ class Experiment(NamedTuple):
     overrides: tuple[str, ...] = ()  #: such as "samples=100"
     expect: str | None = None  #: the claims of all cases, as ``spi.claims.of_text`` reads them; None if there are none
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
+    called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
 
     @property
     def samples(self) -> tuple[int, ...]:
@@ -90,8 +91,11 @@ def load(
     overrides: Iterable[str] = (),
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
+    called: str | None = None,
 ) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
+
+    Messages begin with ``path:line:``, or with ``called: line n:`` if the file is `called` by a name.
 
     With `text`, that stands in the place of what is in the file, which is not read; with `files`, as in
     :class:`Experiment`, these stand in the place of the other files that it names.
@@ -99,28 +103,35 @@ def load(
     `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
     so, as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
     """
+    told = called or str(path)
     if profile not in PROFILES:
-        raise SpecError(f"{path}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
+        raise SpecError(f"{told}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
-    document, named, faults = _document(path, text, kinds), Files(path, files), Faults()
+    document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
+    named, faults = Files(path, files), Faults()
     file: Any = None
     with faults:
         file = _valid(kinds.file.validate_python, document.data, [(document, ())])
     if file is None:
         with suppress(Exception), faults:  # what else is wrong, as far as that can be told of a file that is invalid
             kind = document.data["kind"]
-            _cases(kinds.cases[kind], named, document, _owners(document, ""), faults, [])
-            _last(kinds.profiles[kind], path, overrides, faults)
+            last = _last(kinds.profiles[kind], told, overrides, faults)
+            for above in ([], last):
+                _cases(kinds.cases[kind], named, document, _owners(document, ""), faults, above)
         faults.raise_all()
     title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
+    owners: dict[str, Owner] = {}
     with faults:
         owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    last = _last(kinds.profiles[file.kind], path, overrides, faults)
-    faults.raise_all()
+    last = _last(kinds.profiles[file.kind], told, overrides, faults)
     read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
+    if faults.messages:
+        with suppress(Exception), faults:  # what else is wrong, as far as that can be told beside a wrong override
+            read(profiles.get(profile, []) + last)
+    faults.raise_all()
     each = [read(above) for above in ([], *profiles.values())]
     cases = read(profiles.get(profile, []) + last)
     faults.raise_all()
@@ -143,12 +154,13 @@ def load(
         overrides=overrides,
         expect=claims.as_text(claim for case in cases for claim in case.claims),
         files=tuple(sorted(named.texts.items())),
+        called=told,
     )
 
 
-def _document(path: str | Path, text: str, kinds: Layers) -> Document:
-    """The text of an experiment as plain data."""
-    document = Document(text, lambda line: f"{path}:{line}:")
+def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:
+    """The text of an experiment as plain data; `place` is what stands before the number of a line in messages."""
+    document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
@@ -177,14 +189,13 @@ def _owners(document: Document, title: str) -> dict[str, Owner]:
     return owners or {"main": ((), title)}
 
 
-def _last(profile_class: type[Keys], path: str | Path, overrides: Iterable[str], faults: Faults) -> list[Layer]:
-    """The layers that overrides are, but for those with `faults`."""
+def _last(profile_class: type[Keys], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
+    """The layers that overrides are; those whose values are wrong stay, so that it is known what else they say."""
     layers: list[Layer] = []
     for one in overrides:
         with faults:
-            layer: Layer = override(path, one), ()
-            _valid(profile_class.model_validate, layer[0].data, [layer])
-            layers.append(layer)
+            layers.append((override(told, one), ()))
+            _valid(profile_class.model_validate, layers[-1][0].data, layers[-1:])
     return layers
 
 

@@ -42,6 +42,7 @@ from .keys import (
     shown,
     wrong,
 )
+from .mistakes import Mistakes
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
@@ -110,7 +111,7 @@ class BaseCase(Keys):
     @property
     def claims(self) -> tuple[Claim, ...]:
         """What must come out."""
-        return tuple(claims(self))
+        return claims(self)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -275,19 +276,26 @@ class FunctionsCase(ErrorCase):
 
     @condition
     def _check_functions(self) -> Self:
-        d, names = dimension(self.model), self.variables
-        right = f"must be an expression in y1 .. y{min(d, MOST)} such as sin(2*pi*y1) + y2^2"
-        trees = {}
+        trees, mistakes = {}, Mistakes()
         for name, text in self.functions.items():
-            try:
-                trees[name] = parse_expression(text, d, names)
-                if is_constant(trees[name]):
-                    raise NumberError("constant")
-            except NumberError as error:
-                raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
-        if not names:
+            with mistakes.apart():
+                trees[name] = self._tree(name, text)
+        mistakes.report()
+        if not self.variables:
             return self
         return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+
+    def _tree(self, name: str, text: str) -> Any:
+        """The tree of a test function."""
+        d = dimension(self.model)
+        try:
+            tree = parse_expression(text, d, self.variables)
+            if is_constant(tree):
+                raise NumberError("constant")
+        except NumberError as error:
+            right = f"must be an expression in y1 .. y{min(d, MOST)} such as sin(2*pi*y1) + y2^2"
+            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+        return tree
 
 
 class SampledCase(FunctionsCase):

@@ -9,6 +9,7 @@ from ..richardson import places
 from ..schemes import SCHEMES, weak_exponents
 from ..systems.keys import MOST
 from .keys import quantity, shown, suggestion, wrong
+from .mistakes import Mistakes
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
 _MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
@@ -35,11 +36,13 @@ def check_once(listed: Sequence[Any], key: str) -> None:
 
 def check_names(case: Any) -> None:
     """All schemes are in the table of schemes or among the compositions of the case."""
-    known = (*SCHEMES, *case.compositions)
+    known, mistakes = (*SCHEMES, *case.compositions), Mistakes()
     for n, name in enumerate(case.schemes_used):
         if name not in known:
             place = ("schemes", n) if n < len(case.schemes) else ("reference_scheme",)
-            raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
+            with mistakes.apart():
+                raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
+    mistakes.report()
 
 
 def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: str) -> None:

@@ -25,6 +25,7 @@ from ..schemes import SCHEMES
 from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows, has_loops
 from ..schemes.splitting import splitting
 from .keys import NAME, entries_in, shown, suggestion, wrong
+from .mistakes import Mistakes
 
 Rows = tuple[Flows, ...]
 
@@ -70,7 +71,12 @@ def _fraction(text: str) -> float:
 
 def _read(value: dict[str, Any]) -> dict[str, Rows]:
     """The mapping {name: texts of rows} as {name: rows}."""
-    return {name: _rows(name, texts) for name, texts in value.items()}
+    read, mistakes = {}, Mistakes()
+    for name, texts in value.items():
+        with mistakes.apart():
+            read[name] = _rows(name, texts)
+    mistakes.report()
+    return read
 
 
 def _rows(name: str, texts: Any) -> Rows:
@@ -82,12 +88,16 @@ def _rows(name: str, texts: Any) -> Rows:
         raise wrong(f"is {shown(texts)}", "must be a list of rows, as in [noise 1/2, drift 1, noise 1/2]", name)
     if len(texts) > _MOST_ROWS:
         raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_ROWS}", name)
-    rows = tuple(_row(text, name, n) for n, text in enumerate(texts))
+    rows, mistakes = [], Mistakes()
+    for n, text in enumerate(texts):
+        with mistakes.apart():
+            rows.append(_row(text, name, n))
+    mistakes.report()
     try:
         splitting(*rows)
     except ValueError as error:
         raise wrong("is no whole step", f"{error}", name) from None
-    return rows
+    return tuple(rows)
 
 
 def weak_order(rows: Rows, model: Any) -> float:

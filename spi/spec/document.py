@@ -20,7 +20,10 @@ _MERGE = "tag:yaml.org,2002:merge"
 
 
 class SpecError(ValueError):
-    """An invalid spec: for each mistake a line ``path:line: key: what is wrong; what would be right``."""
+    """An invalid spec: for each mistake a line ``path:line: key: what is wrong; what would be right``.
+
+    An experiment that comes with the program is called by its name, ``name: line 3: key: ...``.
+    """
 
     def __init__(self, *messages: str) -> None:
         self.messages = tuple("".join(c if c.isprintable() else " " for c in message) for message in messages)
@@ -49,7 +52,7 @@ class Faults:
 
 
 def _line(message: str) -> float:
-    found = re.match(r".*?:(\d+):", message)
+    found = re.match(r".*?:(?: line )?(\d+):", message)
     return int(found[1]) if found else math.inf
 
 
@@ -185,11 +188,14 @@ def _meant(path: Path, names: Iterable[str]) -> str:
     return "give the path of a YAML file" + ("" if path.suffix else " or a name that `spi list` shows")
 
 
-def override(path: str | Path, text: str) -> Document:
-    """The document that "a.b=value" stands for, or "--key=value" if the key is an option of its own."""
+def override(told: str, text: str) -> Document:
+    """The document that "a.b=value" stands for, or "--key=value" if the key is an option of its own.
+
+    Messages begin with `told`, the spec that it overrides.
+    """
     key, equals, value = text.partition("=")
     if not key.strip() or not equals:
-        raise SpecError(f"{path}: --set {text}: is no assignment; write --set key=value")
+        raise SpecError(f"{told}: --set {text}: is no assignment; write --set key=value")
     word = key.strip().removeprefix("--")
     option = "--set" if word == key.strip() else f"--{word}:"
-    return Document(value, lambda line: f"{path}: {option}", tuple(word.split(".")))
+    return Document(value, lambda line: f"{told}: {option}", tuple(word.split(".")))

@@ -13,14 +13,16 @@ test functions drops the claims about the others.
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator
+from pydantic_core import PydanticCustomError
 
 from ..arithmetic import NumberError, parse
 from ..claims import EQUAL, Claim
 from .keys import shown, suggestion, wrong
+from .mistakes import Mistakes
 
 #: The keys of a spec whose entries claims may be about.
 NAMING = ("schemes", "estimators", "functions", "extrapolate")
@@ -47,21 +49,46 @@ def _number(text: str) -> float:
 
 
 def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
-    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
+    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it.
+
+    In the place of a number that cannot be read stands the error about it, which is raised by :func:`claims` together
+    with the others, and by :func:`readable`.
+    """
     if isinstance(value, dict):
         return {key: _read(inner, (*path, key)) for key, inner in value.items() if inner is not None}
     if not path:
         return {} if value is None else value
+    try:
+        return _stated(value, path)
+    except PydanticCustomError as error:
+        return error
+
+
+def _stated(value: Any, path: tuple[str, ...]) -> Stated:
+    """The number that a text stands for."""
     parts = _LEAF.fullmatch(value) if isinstance(value, str) else None
     sense, number, tolerance = parts.groups() if parts else (None, "", None)
     try:
         stated = Stated(sense, _number(number), _number(tolerance or "0"), number + f" ± {tolerance}" * bool(tolerance))
     except NumberError as error:
         reason = f" ({error})" if isinstance(value, str) else ""
-        raise wrong(f"is {shown(value)}{reason}", _RIGHT, *path) from None
+        raise wrong(f"is {shown(value)}{reason}", _RIGHT, "expect", *path) from None
     if stated.tolerance < 0 or (sense and tolerance):
-        raise wrong(f"is {shown(value)}", _RIGHT, *path)
+        raise wrong(f"is {shown(value)}", _RIGHT, "expect", *path)
     return stated
+
+
+def readable(expect: dict[str, Any]) -> dict[str, Any]:
+    """An ``expect`` as it is; raises the error with all numbers in it that cannot be read, if there are any."""
+    mistakes = Mistakes()
+    for value in expect.values():
+        with mistakes.apart():
+            if isinstance(value, dict):
+                readable(value)
+            elif isinstance(value, PydanticCustomError):
+                raise value
+    mistakes.report()
+    return expect
 
 
 Expect = Annotated[
@@ -102,45 +129,71 @@ class _Place(NamedTuple):
     text: str = ""  #: of the limits
 
 
-def claims(case: Any) -> Iterator[Claim]:
-    """The claims of a case; an error for pydantic about the first name that is not known."""
+def claims(case: Any) -> tuple[Claim, ...]:
+    """The claims of a case; raises the error for pydantic about all that cannot be read or is not known.
+
+    Where the schemes of the case are wrong, so that it has no such key, claims may be about any.
+    """
     if case.expect and not case.quantities:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"
         )
+    found: list[Claim] = []
+    mistakes, schemes = Mistakes(), getattr(case, "schemes", case.expect)
     for scheme, stated in case.expect.items():
-        if scheme not in case.schemes:
-            raise wrong("is none of the schemes", suggestion(scheme, case.schemes), "expect", scheme)
-        if not isinstance(stated, dict):
+        place = _Place(("expect", scheme))
+        with mistakes.apart():
+            if scheme not in schemes:
+                raise wrong("is none of the schemes", suggestion(scheme, schemes), *place.path)
             right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
-            raise wrong(f"is {shown(stated.text)}", right, "expect", scheme)
-        yield from _claims(case, scheme, stated, _Place(("expect", scheme)))
+            found += _claims(case, scheme, _mapping(stated, right, place), place)
+    mistakes.report()
+    return tuple(found)
 
 
-def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> Iterator[Claim]:
+def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> list[Claim]:
     scopes = [name for key in case.scoping for name in getattr(case, key)]
     scopes += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
+    found: list[Claim] = []
+    mistakes = Mistakes()
     for key, value in stated.items():
-        path = (*place.path, key)
-        if key in case.quantities:
-            yield _claim(case, scheme, key, value, place._replace(path=path))
-            continue
-        limit = _UP_TO.fullmatch(key)
-        if limit is None and key not in scopes:
-            raise wrong("is nothing that can be expected here", suggestion(key, (*case.quantities, *scopes)), *path)
-        if not isinstance(value, dict):
-            raise wrong(f"is {shown(value.text)}", "must be a mapping of quantities", *path)
-        inside = place._replace(path=path, scopes=(*place.scopes, *[key] * (limit is None)))
-        if limit:
-            name, largest = _limit(case, limit, path)
-            inside = inside._replace(
-                limits=(*inside.limits, (name, largest)), text=f"{inside.text} up to {name} = {limit[2]}"
-            )
-        yield from _claims(case, scheme, value, inside)
+        here = place._replace(path=(*place.path, key))
+        with mistakes.apart():
+            if key in case.quantities:
+                found.append(_claim(case, scheme, key, value, here))
+            else:
+                inside = _inside(case, key, scopes, here)
+                found += _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
+    mistakes.report()
+    return found
+
+
+def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place:
+    """The place with the scope or the limit that `key` adds."""
+    limit = _UP_TO.fullmatch(key)
+    if limit:
+        name, largest = _limit(case, limit, place.path)
+        text = f"{place.text} up to {name} = {limit[2]}"
+        return place._replace(limits=(*place.limits, (name, largest)), text=text)
+    if key not in scopes:
+        right = suggestion(key, (*case.quantities, *scopes))
+        raise wrong("is nothing that can be expected here", right, *place.path)
+    return place._replace(scopes=(*place.scopes, key))
+
+
+def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
+    """What stands at a place, if that is a mapping."""
+    if isinstance(value, PydanticCustomError):
+        raise value
+    if not isinstance(value, dict):
+        raise wrong(f"is {shown(value.text)}", right, *place.path)
+    return value
 
 
 def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Claim:
     sort = case.quantities[name]
+    if isinstance(value, PydanticCustomError):
+        raise value
     if isinstance(value, dict):
         raise wrong(f"is {shown(value)}", _RIGHT, *place.path)
     if "h" in dict(place.limits) and not sort.per_step:

@@ -22,6 +22,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from ..arithmetic import NumberError, parse
 from ..protocol import Positive
 from ..schemes import SCHEMES
+from .mistakes import Mistakes, again, details
 
 #: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
 ESTIMATORS = ("plain", "multilevel", "kolmogorov")
@@ -84,6 +85,8 @@ def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mappi
 def condition(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """A method of a subclass of :class:`Keys` that raises the error about a condition between keys, if there is one.
 
+    Where several entries of a key can be wrong it raises them all, as :class:`Mistakes` collects them.
+
     It returns the record, or a copy with what it makes of it.  The conditions of a class are tried in the order in
     which they are defined, those of its bases first.  After one that is not met the rest are tried without the key at
     fault: what asks for that key is left out, so that no mistake hides another and none is reported twice.
@@ -110,7 +113,7 @@ class Keys(pydantic.BaseModel):
             record = read(known)
         except ValidationError as invalid:
             inner = [f for f in invalid.errors(include_url=False) if f["type"] != "missing" or len(f["loc"]) > 1]
-            faults += map(_again, inner)
+            faults += map(again, inner)
             record = cls._of_right_keys(known, {fault["loc"][0] for fault in inner if fault["loc"]}, info.context)
         record = record._met(faults)
         if faults:
@@ -142,9 +145,10 @@ class Keys(pydantic.BaseModel):
         for name in _conditions(type(self)):
             try:
                 record = getattr(record, name)()
-            except PydanticCustomError as fault:
-                faults.append(InitErrorDetails(type=fault, loc=(), input=None))
-                record = record._without(map(str, (fault.context or {}).get("keys", ())[:1]))
+            except (PydanticCustomError, ValidationError) as error:
+                found = details(error)
+                faults += found
+                record = record._without(str(key) for fault in found for key in _keys_of(fault)[:1])
                 whole = False
             except Exception:
                 if whole:  # else it asked for a key that is wrong
@@ -159,11 +163,11 @@ def _conditions(cls: type[Keys]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name, method in named if getattr(method, "is_condition", False)))
 
 
-def _again(fault: Any) -> InitErrorDetails:
-    """A reported error as one that can be raised."""
-    kind, context = fault["type"], fault.get("ctx", {})
-    error = PydanticCustomError(kind, "{what}; {right}" if kind == "spec" else fault["msg"], context)
-    return InitErrorDetails(type=error, loc=fault["loc"], input=fault["input"])
+def _keys_of(fault: InitErrorDetails) -> tuple[Any, ...]:
+    """The keys that lead to what is wrong."""
+    error = fault["type"]
+    context = error.context if isinstance(error, PydanticCustomError) else None
+    return (*fault.get("loc", ()), *(context or {}).get("keys", ()))
 
 
 def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
@@ -241,9 +245,11 @@ def _record_of(cls: Any) -> Any:
 
 
 def _powers_of_two(value: Any) -> Any:
-    """The texts that a range such as 2^-5 .. 2^-13 stands for; other values as they are."""
-    if not isinstance(value, str) or ".." not in value:
+    """The texts that a range such as 2^-5 .. 2^-13 stands for; a list as it is."""
+    if isinstance(value, list):
         return value
+    if not isinstance(value, str) or ".." not in value:
+        raise wrong(f"is {shown(value)}", "must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13")
     ends = [math.frexp(_number(float, end)) for end in value.split("..")]
     if len(ends) != 2 or any(mantissa != 0.5 for mantissa, _ in ends):
         right = "a range must have powers of two at both ends, such as 2^-5 .. 2^-13"
@@ -271,10 +277,12 @@ NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 def _by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
-    if isinstance(value, dict):
-        for name in value:
-            if not re.match(NAME, name):
+    mistakes = Mistakes()
+    for name in value if isinstance(value, dict) else ():
+        if not re.match(NAME, name):
+            with mistakes.apart():
                 raise wrong("is no name of a function", "must consist of letters, digits and _", name)
+    mistakes.report()
     return {"phi": value} if isinstance(value, str) else value
 
 

@@ -13,6 +13,7 @@ from spi.spec.cases import CLIP, BaseCase
 from spi.spec.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
 from spi.spec.conversion import Given
 from spi.spec.keys import Schemes, condition, entries_in, key_of, quantity, wrong
+from spi.spec.mistakes import Mistakes
 
 #: What the figure can show.
 OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus
@@ -83,23 +84,33 @@ class Case(BaseCase):
         between = self.every * self.step
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
+        mistakes = Mistakes()
         for i, t in enumerate(self.times):
-            if t > self.final_time * (1 + ROUNDING):
-                right = f"must not exceed final_time, which is {quantity(self.final_time)}"
-                raise wrong(f"is {quantity(t)}", right, "times", i)
-            if abs(round(t / between) * between - t) > ROUNDING * t:
-                lower = math.floor(t / between) * between
-                what = f"is {quantity(t)}, no multiple of {quantity(between)}, the time between stored states"
-                raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(lower + between)}", "times", i)
+            with mistakes.apart():
+                self._check_time(i, t, between)
+        mistakes.report()
         numbers = [round(t / between) for t in self.times]
         check_once([quantity(n * between) for n in numbers], "times")
         return self.model_copy(update={"times": tuple(n * between for n in sorted(numbers))})
 
+    def _check_time(self, i: int, t: float, between: float) -> None:
+        """One of the times: that of a state that is stored."""
+        if t > self.final_time * (1 + ROUNDING):
+            right = f"must not exceed final_time, which is {quantity(self.final_time)}"
+            raise wrong(f"is {quantity(t)}", right, "times", i)
+        if abs(round(t / between) * between - t) > ROUNDING * t:
+            lower = math.floor(t / between) * between
+            what = f"is {quantity(t)}, no multiple of {quantity(between)}, the time between stored states"
+            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(lower + between)}", "times", i)
+
     @condition
     def _check_panels(self) -> Self:
+        mistakes = Mistakes()
         for i, panel in enumerate(self.panels):
             if panel in OF_FIELDS and lattice_of(self.model) is None:
-                raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
+                with mistakes.apart():
+                    raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
+        mistakes.report()
         return self
 
 
