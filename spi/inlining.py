@@ -32,9 +32,6 @@ except ImportError:  # not on Windows
 #: Whether functions that exist to be inlined run as plain Python where Python calls them, see :func:`uncompiled`.
 UNCOMPILED = ContextVar("UNCOMPILED", default=False)
 
-#: How often the code of a kernel is optimised.  What was inlined at the end of one round is simplified in the next.
-ROUNDS = 2
-
 
 class InlinedLibrary(JITCodeLibrary):
     """The code of one function, to be linked into its callers and never run by itself."""
@@ -91,16 +88,8 @@ class LinkedLibrary(InlinedLibrary):
         self._has_loop = False
 
 
-class KernelLibrary(JITCodeLibrary):
-    """The code of a function that Python calls, with all that was inlined into it."""
-
-    def _optimize_final_module(self):
-        for _ in range(ROUNDS):
-            super()._optimize_final_module()
-
-
 class KernelCompiler(Compiler):
-    """Compiles a function that Python calls into a :class:`KernelLibrary`, which the disk cache can keep.
+    """Compiles a function that Python calls, with all that is inlined into it, so that the disk cache can keep it.
 
     Of a function with a parallel loop Numba would optimise and turn into machine code the body, two wrappers of it and
     the whole, each of which contains the one before; only the whole is ever used.
@@ -108,7 +97,7 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, function):
         codegen = self.state.targetctx.codegen()
-        self.state.library = KernelLibrary(codegen, function.__qualname__)
+        self.state.library = JITCodeLibrary(codegen, function.__qualname__)
         self.state.library.enable_object_caching()
         usual, codegen._library_class = codegen._library_class, LinkedLibrary
         try:

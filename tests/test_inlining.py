@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from spi.dispatch import inlined, kernel, linked, parallel_kernel
-from spi.inlining import InlinedLibrary, KernelLibrary, LinkedLibrary, has_loop
+from spi.inlining import InlinedLibrary, LinkedLibrary, has_loop
 
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
 
@@ -36,8 +36,8 @@ def sum_of_squares(x):
 @compiled_only
 def test_only_kernels_become_machine_code(monkeypatch):
     """Fails if Numba no longer asks our libraries, which would only be noticed by how long compiling takes."""
-    made: dict = {InlinedLibrary: [], LinkedLibrary: [], KernelLibrary: [], "machine code": []}
-    for library in (InlinedLibrary, LinkedLibrary, KernelLibrary):
+    made: dict = {InlinedLibrary: [], LinkedLibrary: [], "machine code": []}
+    for library in (InlinedLibrary, LinkedLibrary):
 
         def finalize(self, library=library, original=library._finalize_final_module):
             made[library].append(self.name)
@@ -81,7 +81,6 @@ def test_only_kernels_become_machine_code(monkeypatch):
     assert total.tolist() == [9.0, 28.0]
     last = {what: [name.rpartition(".")[2] for name in names] for what, names in made.items()}
     assert {"cube", "sum_of_cubes", "add_up"} <= set(last[InlinedLibrary])
-    assert last[KernelLibrary] == ["one_row", "all_rows"]
     assert last[LinkedLibrary]  # the wrappers of the parallel loop
     # "nrt" is Numba's own, made once in a process
     assert set(last["machine code"]) - {"nrt"} == {"one_row", "all_rows"}

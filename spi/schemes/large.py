@@ -206,7 +206,8 @@ def euler_step_of_large(model, paths, h, dW, y, work):
         count, width = group_size(paths - done)
         some = lanes[done : done + count]
         take(y, some, width, states)
-        new[:] = states
+        for i in range(d * WIDTH):  # an assignment of slices would take a second to compile
+            new[i] = states[i]
         add_block_drift(model, h, width, states, new, scratch)
         add_block_ito_correction(model, h, width, states, new, scratch)
         take_times(model, dW, some, width, 0, 1, 1, times)

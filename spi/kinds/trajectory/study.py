@@ -196,7 +196,8 @@ def invariants(model, states, energy, conserved):
     """H and the Casimirs of each row of `states` (n, d), in `energy` (n,) and `conserved` (n, C)."""
     block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
     for row in range(len(states)):
-        block[::LANES] = states[row]
+        for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
+            block[i * LANES] = states[row, i]
         y = load_lane(model, block, 0)
         energy[row] = hamiltonian(model, y)
         _keep_casimir(model, conserved, row, casimirs(model, y))

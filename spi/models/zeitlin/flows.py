@@ -180,7 +180,8 @@ def _prepare(exact, line, width, work):
     n = line.n
     largest = _find_phases(line, width, work)
     if not exact:
-        work[sines_at(n) : sines_at(n) + n * width] = work[phases_at(n) : phases_at(n) + n * width]
+        for i in range(n * width):  # an assignment of slices would take a second to compile
+            work[sines_at(n) + i] = work[phases_at(n) + i]
     else:
         _sines(largest, n, width, work)
     if width == 1:

@@ -72,5 +72,5 @@ def first_casimirs(lattice, count, y):
         else:
             product(n, power[0], power[1], w[0], w[1], following[0], following[1], work)
             found[c] = trace_of_product(power[0], power[1], following[0], following[1]) / n
-            power[:] = following
+            power, following = following, power
     return found

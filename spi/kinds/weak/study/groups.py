@@ -18,8 +18,9 @@ PER_POINT = ("function", "h")  #: the axes of an array (F, S)
 
 def extrapolation(p: PartPlan) -> Extrapolation:
     """How the values at the steps of the case make those of the results, whose steps are :func:`result_steps`."""
-    exponents = weak_exponents(p.row, p.model, p.part.extrapolate) or ()
-    return Extrapolation.of(p.case.steps, exponents)
+    count = p.part.extrapolate
+    exponents = weak_exponents(p.row, p.model, count) if count else None
+    return Extrapolation.of(p.case.steps, exponents or ())
 
 
 def result_steps(p: PartPlan) -> np.ndarray:
