@@ -42,6 +42,8 @@ def settle(fig: Figure) -> None:
         _break_labels(ax)
     for _ in range(_ROUNDS):
         engine.execute(fig)
+        for ax in fig.axes:
+            _break_titles(ax)  # again, since panels move when the labels beside them change
         if not _fit_height(fig):
             break
     for ax in fig.axes:
