@@ -15,12 +15,11 @@ PROFILE ?= quick
 
 .DEFAULT_GOAL = help
 .DELETE_ON_ERROR:
-#: The tests of the inner loop: seconds each once the kernels are compiled.
-QUICK = coins dispatch docs_site docs_words estimators expressions floors kinds model_fields models plot plot_trajectory plot_weak \
-  rigid_body rng spec spec_eps stability_tables stability_views storage tables tables_weak vorticity work_points work_precision_tables \
-  work_precision_views
+#: The tests of one room, as in `make test ROOM=specs`; of all where it is empty.
+ROOM ?=
+TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-quick test-uncompiled lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-uncompiled lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -45,14 +44,11 @@ install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
 
 demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
 
-test: $(INSTALLED_TEST) ## set up and run the tests
-	$(VENV)/bin/python -m pytest -n 2 --dist worksteal
-
-test-quick: $(INSTALLED_TEST) ## the tests of the inner loop (within a minute once the kernels are compiled)
-	$(VENV)/bin/python -m pytest -n 2 $(QUICK:%=tests/test_%.py)
+test: $(INSTALLED_TEST) ## set up and run the tests; ROOM=specs: those of one room
+	$(VENV)/bin/python -m pytest -n 2 --dist worksteal $(TESTS)
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
-	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest
+	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest $(TESTS)
 
 lint: $(INSTALLED_TEST) ## linter, format and types
 	$(VENV)/bin/ruff check

@@ -101,7 +101,8 @@ class CountingNumpy:
 
 def let_numbers_count():
     """Words that turn numbers into plain floats, or make them from integers, shall keep or make counted ones."""
-    from spi import elementary, lanes, rng
+    from spi.ensemble import lanes
+    from spi.numerics import elementary, rng
 
     made_from_bits = elementary.from_bits
     elementary.from_bits = lambda i: Counted(made_from_bits(i))
@@ -134,8 +135,8 @@ def with_other_numbers(parameter):
 
 def of_step(scheme, model, initial, h):
     """Operations of one step and path, without its random numbers."""
-    from spi.protocol import REPORT, advance, memory_size, noises, substeps, work_size
-    from spi.rng import LANES
+    from spi.ensemble.protocol import REPORT, advance, memory_size, noises, substeps, work_size
+    from spi.numerics.rng import LANES
 
     generator = np.random.default_rng(1)
     model = type(model)(*map(with_other_numbers, model))
@@ -147,7 +148,7 @@ def of_step(scheme, model, initial, h):
 
 def of_normal():
     """Operations behind one increment of one Wiener process."""
-    from spi.rng import LANES, STEPS_PER_DRAW, draw_increments
+    from spi.numerics.rng import LANES, STEPS_PER_DRAW, draw_increments
 
     n = STEPS_PER_DRAW * LANES
     zero, increments = np.uint64(0), np.empty(n, object)

@@ -9,9 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-from spi.angles import ANY_ANGLES
-from spi.dispatch import number, unrolled
-from spi.fields import (
+from spi.compiler.dispatch import number, unrolled
+from spi.ensemble.fields import (
     add_ito_correction,
     add_noise_fields,
     add_scaled,
@@ -22,8 +21,9 @@ from spi.fields import (
     step_field,
     step_gradient,
 )
-from spi.protocol import drift_flow, needs_areas, noise_flow, noise_indices, structure, substeps
-from spi.rng import LANES
+from spi.ensemble.protocol import drift_flow, needs_areas, noise_flow, noise_indices, structure, substeps
+from spi.numerics.angles import ANY_ANGLES
+from spi.numerics.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process
 from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from spi.schemes.isospectral import IsospectralMidpoint

@@ -29,8 +29,8 @@ import special
 from examples import example, why_not
 from machine import arithmetic_peak, ns_per_normal
 
+from spi.ensemble.protocol import noise_indices, substeps
 from spi.models import MODELS
-from spi.protocol import noise_indices, substeps
 from spi.schemes import SCHEMES
 
 ENOUGH = 10  # times as fast as the naive twin

@@ -6,8 +6,8 @@ from collections import Counter
 
 import numpy as np
 
-from spi.dispatch import kernel
-from spi.rng import LANES, STEPS_PER_DRAW, draw_normals
+from spi.compiler.dispatch import kernel
+from spi.numerics.rng import LANES, STEPS_PER_DRAW, draw_normals
 
 _WIDTHS = {"zmm": 512, "ymm": 256, "xmm": 128}
 _PACKED = re.compile(r"\bv?(?:f?n?m(?:add|sub)\d*|add|sub|mul|div|sqrt)pd\s[^\n]*?%([xyz]mm)")

@@ -12,8 +12,8 @@ import time
 
 import numpy as np
 
-from spi.dispatch import kernel
-from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
+from spi.compiler.dispatch import kernel
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
 
 BOUND = 4.5  # standard errors
 POWERS = 8

@@ -14,9 +14,9 @@ import numpy as np
 from examples import STEP, example, row
 from machine import vector_width
 
-from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
-from spi.protocol import noises, tosses
-from spi.rng import BROWNIAN, LANES
+from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
+from spi.ensemble.protocol import noises, tosses
+from spi.numerics.rng import BROWNIAN, LANES
 
 REPEATS = 9
 SECONDS = 0.012  # of one repetition, about

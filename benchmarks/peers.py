@@ -29,9 +29,9 @@ import numpy as np
 from peer_problem import BATCH, EXPONENTS, INITIAL, MODEL, PATHS, REFERENCE, Row
 from peer_programs import diffrax_rows, torchsde_rows
 
-from spi.dispatch import kernel
-from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
-from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
+from spi.compiler.dispatch import kernel
+from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 from spi.schemes import SCHEMES
 
 NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))

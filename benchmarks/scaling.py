@@ -12,12 +12,13 @@ import tempfile
 import time
 from pathlib import Path
 
-from spi import engine, slices, tallies, workers
-from spi.checkpoint import Limits, Slice
-from spi.compiling import processors
-from spi.ensemble import use_threads
+from spi.ensemble.loop import use_threads
 from spi.kinds.state import State
-from spi.loading import Source, load, plans
+from spi.running import engine, slices, workers
+from spi.running.checkpoint import Limits, Slice
+from spi.running.compiling import processors
+from spi.running.loading import Source, load, plans
+from spi.statistics import tallies
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_weak_methods.yaml"
 REPEATS = 3

@@ -7,13 +7,13 @@ import numpy as np
 from examples import STEP, example
 from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
 
-from spi.ensemble import RandomStream, empty_report, grid, integrate, use_threads
-from spi.estimators import GROUPS
+from spi.ensemble.loop import RandomStream, empty_report, grid, integrate, use_threads
 from spi.expressions import parse_expression
 from spi.kinds.strong.study.paths import sums_of
 from spi.kinds.weak.study.sums import add_powers, values_of_blocks
-from spi.rng import BROWNIAN, LANES
+from spi.numerics.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
+from spi.statistics.estimators import GROUPS
 
 STEPS = 2048
 NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))

@@ -20,9 +20,9 @@ from typing import NamedTuple
 HEAD = '''
 from typing import Annotated, NamedTuple
 
-from spi.angles import sin_versine
-from spi.dispatch import inlined
-from spi.protocol import NonNegative, Positive
+from spi.numerics.angles import sin_versine
+from spi.compiler.dispatch import inlined
+from spi.ensemble.protocol import NonNegative, Positive
 
 
 @inlined
@@ -129,9 +129,9 @@ def strong_run(model, scheme, steps):
     """Have the kernel of strong errors make `steps` reference steps of one block, and as many of twice the size."""
     import numpy as np
 
-    from spi.ensemble import brownian, empty_report, integrate, nested_grid
+    from spi.ensemble.loop import brownian, empty_report, integrate, nested_grid
+    from spi.ensemble.protocol import dimension
     from spi.kinds.strong.study.paths import sums_of
-    from spi.protocol import dimension
     from spi.schemes import SCHEMES
 
     times = nested_grid(steps * 2.0**-10, 2.0**-10, [2.0**-9], True, None)

@@ -16,8 +16,8 @@ from examples import example
 from pairs import our_work
 
 from spi import systems
-from spi.ensemble import use_threads
-from spi.protocol import dimension, noises, pieces, structure
+from spi.ensemble.loop import use_threads
+from spi.ensemble.protocol import dimension, noises, pieces, structure
 from spi.schemes import SCHEMES
 
 GALLERY = Path(__file__).parent.parent / "experiments" / "systems"

@@ -16,16 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import grid, limited_threads
+from spi.ensemble.loop import grid, limited_threads
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.kolmogorov import solution
 from spi.kinds.weak.study.levels import Level
 from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
-from spi.records import Part
-from spi.richardson import Extrapolation, weights
-from spi.rng import LANES
-from spi.runs import load
+from spi.numerics.rng import LANES
+from spi.running.runs import load
 from spi.schemes import weak_exponents
+from spi.statistics.richardson import Extrapolation, weights
+from spi.storage.records import Part
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_extrapolated.yaml"
 FINEST = 9  #: the smallest step is 2^-FINEST

@@ -10,13 +10,13 @@ import argparse
 
 import numpy as np
 
-from spi import engine
 from spi.kinds.state import State
 from spi.kinds.weak.study.differences import DifferencesPlan
 from spi.kinds.weak.study.multilevel import MultilevelPlan
 from spi.printing.text import power_of_two
-from spi.records import Part
-from spi.runs import load
+from spi.running import engine
+from spi.running.runs import load
+from spi.storage.records import Part
 
 
 def results(plan):

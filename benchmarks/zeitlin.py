@@ -29,12 +29,12 @@ from typing import NamedTuple
 import numpy as np
 from machine import arithmetic_peak, best_time
 
-from spi.ensemble import brownian, empty_report, grid, integrate
+from spi.ensemble.loop import brownian, empty_report, grid, integrate
+from spi.ensemble.protocol import in_kernels
 from spi.kinds.trajectory.study import recorder_of_one
 from spi.models.zeitlin import Zeitlin
 from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import row_order
-from spi.protocol import in_kernels
 from spi.schemes import SCHEMES
 
 SIZES = (3, 5, 7, 15, 31, 63, 127)

@@ -20,7 +20,7 @@ __version__ = "0.1.0"
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
     **dict.fromkeys(("Results", "expectations", "experiments", "load", "run", "trajectory"), "api"),
-    "SpecError": "spec",
+    "SpecError": "specs",
     "StorageError": "storage",
 }
 __all__ = ["__version__", *_OFFERED]
@@ -39,9 +39,10 @@ def __dir__():
 
 #: What :func:`source_digest` leaves out because it reads, keeps or shows: modules, and those of a kind of experiment.
 _NOT_COMPUTING = {
-    *("claims", "spec", "storage", "drawing", "printing", "compiling", "compilable", "differences", "model_checks"),
-    *("loading", "workers", "engine", "checkpoint", "verification", "session", "runs", "slices", "views", "cli"),
-    *("api", "report", "shipped", "doctor", "experiments"),
+    *("checks/compilable", "checks/differences", "checks/model_checks", "statistics/claims", "exact/__init__"),
+    *("checks/__init__", "compiler/__init__", "ensemble/__init__", "numerics/__init__", "statistics/__init__"),
+    *("specs", "storage/files", "storage/identity", "storage/provenance", "storage/results", "storage/sums"),
+    *("storage/__init__", "drawing", "printing", "running", "api", "report", "cli", "experiments"),
 }
 _NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "claims", "table", "figure"}
 
@@ -57,7 +58,7 @@ def _computes(source):
     names = source.with_suffix("").parts
     if names[0] == "kinds":
         return names[1] != "__init__" and not _NOT_COMPUTING_IN_A_KIND.intersection(names[2:3])
-    return names[0] not in _NOT_COMPUTING
+    return not _NOT_COMPUTING.intersection((names[0], "/".join(names[:2])))
 
 
 def source_digest():
@@ -78,7 +79,7 @@ def _parent_of_caches():
 
 
 def modules_folder():
-    """Where the source texts of stored modules lie, see ``spi.modules``: beside the folders of compiled kernels."""
+    """Where the source texts of stored modules lie (``spi.compiler.modules``): beside the compiled kernels."""
     return Path(_parent_of_caches(), "modules").absolute()
 
 

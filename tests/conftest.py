@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -22,9 +23,12 @@ if _folder.name != f"tests-{_digest}":  # one of several processes that share th
     _folder /= f"tests-{_digest}"
 os.environ["SPI_CACHE_DIR"] = str(_folder)
 spi._point_cache_at_sources()
-# Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import.
-_paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
-os.environ["PYTHONPATH"] = os.pathsep.join(_paths)
+# Numba's index of compiled kernels names the records of helpers.py, which those programs must be able to import; and
+# some tests use what stands in others.
+_tests = Path(__file__).parent
+_folders = [str(_tests), *sorted({str(file.parent) for file in _tests.glob("*/test_*.py")})]
+sys.path.extend(folder for folder in _folders if folder not in sys.path)
+os.environ["PYTHONPATH"] = os.pathsep.join([*_folders, *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
 def pytest_collection_finish():
@@ -37,7 +41,7 @@ def pytest_collection_finish():
 @pytest.fixture(autouse=True)
 def _one_process_compiles(monkeypatch):
     """Two processes share the tests already; ``test_compiling`` starts programs of its own."""
-    from spi import compiling
+    from spi.running import compiling
 
     monkeypatch.setattr(compiling, "processors", lambda: 1)
 
@@ -45,7 +49,7 @@ def _one_process_compiles(monkeypatch):
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    from spi.runs import load
+    from spi.running.runs import load
 
     monkeypatch.chdir(tmp_path)
 
@@ -62,7 +66,7 @@ def spec(tmp_path, monkeypatch):
 @pytest.fixture
 def error(spec):
     """The message about such a spec, without the name of the file."""
-    from spi.spec import SpecError
+    from spi.specs import SpecError
 
     def message_of(*arguments, **options):
         with pytest.raises(SpecError) as caught:

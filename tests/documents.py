@@ -19,10 +19,9 @@ from typing import NamedTuple
 import typer
 import yaml
 
-from spi import shipped
 from spi.cli import app, options
-from spi.runs import load
-from spi.spec import SpecError
+from spi.running.runs import load
+from spi.specs import SpecError, shipped
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -2,8 +2,8 @@
 
 from typing import Annotated, NamedTuple
 
+from spi.ensemble.protocol import NonNegative
 from spi.models import register_model
-from spi.protocol import NonNegative
 from spi.schemes import register_scheme
 from spi.schemes.rows import flows
 from spi.schemes.splitting import splitting

@@ -2,9 +2,9 @@
 
 from typing import Annotated, NamedTuple
 
-from spi.angles import sin_versine
-from spi.dispatch import inlined
-from spi.protocol import NonNegative, Positive
+from spi.compiler.dispatch import inlined
+from spi.ensemble.protocol import NonNegative, Positive
+from spi.numerics.angles import sin_versine
 
 
 @inlined

@@ -16,17 +16,13 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from spi import views
-from spi.angles import ANY_ANGLES
-from spi.areas import area_count
-from spi.dispatch import kernel, number, unrolled
-from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
-from spi.fields import add_noise_fields, add_scaled, drift_field
-from spi.increments import first_lane
-from spi.lanes import load_lane, store_lane
-from spi.models import RigidBody
-from spi.models.damped import Damped
-from spi.protocol import (
+from spi.compiler.dispatch import kernel, number, unrolled
+from spi.ensemble.areas import area_count
+from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field
+from spi.ensemble.increments import first_lane
+from spi.ensemble.lanes import load_lane, store_lane
+from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate
+from spi.ensemble.protocol import (
     REPORT,
     advance,
     area_pairs,
@@ -41,14 +37,18 @@ from spi.protocol import (
     substeps,
     work_size,
 )
-from spi.rng import BROWNIAN, LANES
+from spi.models import RigidBody
+from spi.models.damped import Damped
+from spi.numerics.angles import ANY_ANGLES
+from spi.numerics.rng import BROWNIAN, LANES
+from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
 
 #: The schemes of the equation itself; those of the multiscale system have a test file of their own.
 SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
-#: Those whose step takes one increment of each noise; what has sub-steps is tested in tests/test_substeps.py.
+#: Those whose step takes one increment of each noise; what has sub-steps is tested in tests/ensemble/test_substeps.py.
 WITHOUT_SUBSTEPS = {name: row for name, row in SCHEMES.items() if substeps(row.record) == 1}
 
 #: The example of the paper's section 4.2.

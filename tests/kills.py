@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from spi import runs as runner
 from spi import storage
-from spi.runs import Limits, Watch, load
+from spi.running import runs as runner
+from spi.running.runs import Limits, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -56,9 +56,11 @@ def numbers(path):
 
 def run(kind, out, log=None):
     """Run the experiment of a kind with small batches, and write how far it is to a file after each of them."""
-    from spi import checkpoint, ensemble, tallies
+    from spi.ensemble import loop
+    from spi.running import checkpoint
+    from spi.statistics import tallies
 
-    ensemble.BATCH_SECONDS, tallies.CHUNK_SECONDS, checkpoint._SHARE = 0.0, 5e-3, 1e9
+    loop.BATCH_SECONDS, tallies.CHUNK_SECONDS, checkpoint._SHARE = 0.0, 5e-3, 1e9
     with open(log or os.devnull, "a", buffering=1) as file:
         watch = Watch(report=lambda progress: file.write(f"{time.time()} {progress.number} {progress.done}\n"))
         runner.run(experiment(kind), out, watch=watch, limits=Limits(checkpoint_seconds=CHECKPOINT_SECONDS))
@@ -105,7 +107,7 @@ def repeated(log):
 def forks():
     """Processes that begin where everything has been imported."""
     context = get_context("forkserver")
-    context.set_forkserver_preload(["spi.runs", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
+    context.set_forkserver_preload(["spi.running.runs", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
     return context
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from states import finished
 
-from spi.ensemble import FinalStates, RandomStream, empty_report, grid, integrate
+from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate
+from spi.ensemble.protocol import memory_size
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
-from spi.protocol import memory_size
-from spi.records import Part
-from spi.rng import BROWNIAN, LANES
-from spi.runs import load
+from spi.numerics.rng import BROWNIAN, LANES
+from spi.running.runs import load
+from spi.storage.records import Part
 
 RIGID = """\
 title: A title

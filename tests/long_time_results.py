@@ -3,7 +3,7 @@
 import numpy as np
 from stability_results import attributes_of
 
-from spi.records import Group, Results
+from spi.storage.records import Group, Results
 
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")

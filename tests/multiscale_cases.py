@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from helpers import INITIAL, LANES, take_steps
 
+from spi.ensemble.protocol import dimension, memory_size, noises
 from spi.models import LotkaVolterra
-from spi.protocol import dimension, memory_size, noises
 from spi.schemes.asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 
 RULES = {"implicit Euler": ImplicitEuler(), "midpoint": ImplicitMidpoint(), "explicit Euler": ExplicitEuler()}

@@ -5,16 +5,16 @@ import inspect
 import pytest
 from extending import Oscillator
 
-from spi import loading
-from spi.spec import SpecError
-from spi.workers import compute
+from spi.running import loading
+from spi.running.workers import compute
+from spi.specs import SpecError
 
 #: The worked example of CONTRIBUTING.md as a file of its own.
 OSCILLATOR = f'''"""An oscillator with noise."""
 
 from typing import Annotated, NamedTuple
 
-from spi.protocol import NonNegative
+from spi.ensemble.protocol import NonNegative
 
 
 {inspect.getsource(Oscillator)}'''

@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
-from spi.dispatch import kernel
-from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
+from spi.compiler.dispatch import kernel
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
 
 COMPILED = not numba.config.DISABLE_JIT
 BLOCKS = 128 if COMPILED else 8

@@ -20,10 +20,12 @@ from pathlib import Path
 
 from kills import numbers
 
-from spi import ensemble, slices, tallies, workers
-from spi import runs as runner
-from spi.checkpoint import Slice
-from spi.runs import Stopped, Watch, load
+from spi.ensemble import loop
+from spi.running import runs as runner
+from spi.running import slices, workers
+from spi.running.checkpoint import Slice
+from spi.running.runs import Stopped, Watch, load
+from spi.statistics import tallies
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -59,17 +61,17 @@ def straight(experiment, out):
 
 
 def one_thread(experiment, out):
-    with ensemble.limited_threads(1):
+    with loop.limited_threads(1):
         return runner.run(experiment, out)
 
 
 def with_batches(seconds):
     def run(experiment, out):
-        before, ensemble.BATCH_SECONDS = ensemble.BATCH_SECONDS, seconds
+        before, loop.BATCH_SECONDS = loop.BATCH_SECONDS, seconds
         try:
             return runner.run(experiment, out)
         finally:
-            ensemble.BATCH_SECONDS = before
+            loop.BATCH_SECONDS = before
 
     return run
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from helpers import BY_HAND, LANES, ONE_NOISE, RIGID_BODY, SCHEMES, random_states
 
+from spi.ensemble.protocol import REPORT, strengths
 from spi.models import RigidBody
-from spi.protocol import REPORT, strengths
 
 MODELS = {
     "three_noises": RIGID_BODY,

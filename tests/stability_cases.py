@@ -12,9 +12,9 @@ from helpers import turned
 from states import finished
 
 from spi.kinds.stability import study as stability
-from spi.records import Part
-from spi.rng import LANES, philox
-from spi.runs import load
+from spi.numerics.rng import LANES, philox
+from spi.running.runs import load
+from spi.storage.records import Part
 
 RIGID = """\
 title: A title

@@ -3,7 +3,7 @@
 import numpy as np
 from helpers import DESCRIBED
 
-from spi.records import Group, Results
+from spi.storage.records import Group, Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 H = 2.0 ** -np.arange(0, 8)

@@ -6,11 +6,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from spi import engine
 from spi.kinds import blocks
 from spi.kinds.long_time import study as long_time
 from spi.kinds.state import State
 from spi.kinds.weak.study import multilevel
+from spi.running import engine
 
 #: Fields that a clock decides: those with such ends, and those with such names.
 CLOCKS, CLOCKED = ("seconds",), ("ns_per_step", "times")

@@ -11,11 +11,11 @@ import numpy as np
 from helpers import COMPILED
 from states import finished
 
-from spi.dispatch import kernel
+from spi.compiler.dispatch import kernel
 from spi.kinds.strong import study as strong
-from spi.records import Part
-from spi.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
-from spi.runs import load
+from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
+from spi.running.runs import load
+from spi.storage.records import Part
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
 SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]

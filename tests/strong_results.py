@@ -3,7 +3,7 @@
 import numpy as np
 from helpers import DESCRIBED
 
-from spi.records import Group, Results
+from spi.storage.records import Group, Results
 
 H = 2.0 ** -np.arange(5, 14)
 

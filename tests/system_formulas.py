@@ -9,8 +9,8 @@ import pytest
 from helpers import random_states
 from scipy.linalg import expm
 
+from spi.ensemble.protocol import strengths
 from spi.models import LotkaVolterra, MaxwellBloch, SineEuler
-from spi.protocol import strengths
 from spi.schemes import SCHEMES
 
 SPLITTING, EULER_MARUYAMA, MIDPOINT = (SCHEMES[n].record for n in ("splitting", "euler_maruyama", "midpoint"))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from spi.records import Group, Part, Results
 from spi.schemes import SCHEMES
+from spi.storage.records import Group, Part, Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting, noise first (slpI)"}
 THREE = tuple(LABELS)

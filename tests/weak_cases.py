@@ -7,14 +7,14 @@ import numpy as np
 from helpers import BY_HAND, LANES, final_states
 from states import batches_of, finished, ignore
 
-from spi import engine
-from spi.estimators import GROUPS, group_counts
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study import multilevel
-from spi.records import Part
-from spi.runs import load
+from spi.running import engine
+from spi.running.runs import load
 from spi.schemes import SCHEMES
+from spi.statistics.estimators import GROUPS, group_counts
+from spi.storage.records import Part
 
 SPEC = Path(__file__).with_name("weak.yaml")
 SPLITTINGS = tuple(BY_HAND)

@@ -5,8 +5,8 @@ import json
 import numpy as np
 from helpers import DESCRIBED
 
-from spi import views
-from spi.records import Group, Results
+from spi.report import views
+from spi.storage.records import Group, Results
 
 H = 2.0 ** -np.arange(3, 9)
 LEVELS = 2.0 ** -np.arange(9, 2, -1)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from helpers import DESCRIBED
 
-from spi.records import Group, Results
+from spi.storage.records import Group, Results
 
 H = 2.0 ** -np.arange(3, 12)
 

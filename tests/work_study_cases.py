@@ -8,11 +8,11 @@ import pytest
 from helpers import COMPILED
 from states import finished
 
-from spi.ensemble import thread_count
+from spi.ensemble.loop import thread_count
 from spi.kinds import KINDS
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
-from spi.runs import load
+from spi.running.runs import load
 
 SPEC = """\
 kind: {kind}

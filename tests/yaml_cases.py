@@ -15,8 +15,8 @@ import scipy.linalg
 import sympy
 import yaml
 
-from spi import modules
-from spi.registration import vocabulary
+from spi.checks.registration import vocabulary
+from spi.compiler import modules
 from spi.systems.definition import Defined, define
 from spi.systems.source import generate
 

@@ -6,10 +6,8 @@ from typing import NamedTuple
 import fluids
 import numpy as np
 
-from spi.dispatch import called, kernel
-from spi.models.zeitlin import Noise, Zeitlin
-from spi.models.zeitlin.kernels import tables
-from spi.protocol import (
+from spi.compiler.dispatch import called, kernel
+from spi.ensemble.protocol import (
     REPORT,
     add_block_drift,
     add_block_ito_correction,
@@ -22,7 +20,9 @@ from spi.protocol import (
     hamiltonian,
     work_size,
 )
-from spi.rng import LANES
+from spi.models.zeitlin import Noise, Zeitlin
+from spi.models.zeitlin.kernels import tables
+from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES
 from spi.schemes.rows import flows, substeps
 from spi.schemes.splitting import splitting

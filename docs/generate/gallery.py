@@ -3,9 +3,10 @@
 import sys
 from pathlib import Path
 
-from spi import drawing, storage, views
-from spi.records import Results
+from spi import drawing, storage
+from spi.report import views
 from spi.report.sections import Section, section
+from spi.storage.records import Results
 
 DOCS = Path(__file__).parents[1]
 PIXELS = (380, 520)  #: the largest width and height of a figure

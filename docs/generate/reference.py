@@ -16,15 +16,15 @@ import yaml
 from words import Rows, default_of, in_symbols, key_rows, key_table, linked, paragraphs, plain, table, value_of
 
 import spi
-from spi import shipped
 from spi.cli import app, options
+from spi.ensemble.protocol import large
 from spi.kinds import KINDS
-from spi.loading import layers
 from spi.models import MODELS
 from spi.printing.text import fraction
-from spi.protocol import large
+from spi.running.loading import layers
 from spi.schemes import SCHEMES
-from spi.spec.keys import text_in
+from spi.specs import shipped
+from spi.specs.keys import text_in
 from spi.systems.keys import KEYS as SYSTEM_KEYS
 
 FOLDER = Path(__file__).parents[1] / "reference"

@@ -2,7 +2,8 @@
 
 import warnings
 
-from .. import CACHE_PROBLEM, shipped
+from .. import CACHE_PROBLEM
+from ..specs import shipped
 from .expecting import expectations
 from .paths import trajectory
 from .results import Results, load

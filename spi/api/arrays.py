@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..records import Description, Group
+from ..storage.records import Description, Group
 
 #: What variables and coordinates are called in print, those that occur in several kinds first; others by their names.
 _LONG_NAMES = {

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from .. import records, views
 from ..drawing import as_bytes, style
-from ..records import INTERVAL
+from ..report import views
+from ..storage import records
+from ..storage.records import INTERVAL
 from .arrays import long_name
 
 if TYPE_CHECKING:

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..areas import fourier_terms
-from ..arithmetic import NumberError
-from ..compiling import compile_missing
-from ..ensemble import FinalStates, Grid, empty_report, grid, integrate, shortest, steps_of
+from ..ensemble.areas import fourier_terms
+from ..ensemble.loop import FinalStates, Grid, empty_report, grid, integrate, shortest, steps_of
 from ..expressions import as_numpy, parse_expression
+from ..expressions.arithmetic import NumberError
 from ..kinds.plans import KernelCall
 from ..kinds.trajectory.study import TrajectoryPlan
-from ..rng import LANES
-from ..spec import SpecError
+from ..numerics.rng import LANES
+from ..running.compiling import compile_missing
+from ..specs import SpecError
 from .paths import plan_of
 from .progress import Line
 from .specs import whole

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from .. import engine
-from ..compiling import compile_missing
-from ..ensemble import empty_report, integrate
+from ..ensemble.loop import empty_report, integrate
+from ..ensemble.protocol import casimir_indices
 from ..kinds.state import State
 from ..kinds.trajectory.study import Recorder, TrajectoryPlan, invariants, plan
-from ..protocol import casimir_indices
-from ..records import Part
-from ..rng import LANES
-from ..session import kernel_calls
-from ..spec import SpecError
+from ..numerics.rng import LANES
+from ..running import engine
+from ..running.compiling import compile_missing
+from ..running.session import kernel_calls
+from ..specs import SpecError
+from ..storage.records import Part
 from .arrays import component_names, dataset_of
 from .progress import Line
 from .specs import of_mapping, whole

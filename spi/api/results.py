@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import xarray as xr
 
-from .. import claims, records, storage, views
+from .. import storage
 from ..kinds import KINDS
+from ..report import views
+from ..statistics import claims
+from ..storage import records
 from .arrays import dataset_of
 from .page import as_html
 from .specs import check_type, in_python
@@ -34,7 +37,7 @@ class Results:
     """
 
     def __init__(self, stored: records.Results, path: Path | None = None) -> None:
-        self.stored = stored  #: what is in the file, as :mod:`spi.records` describes it
+        self.stored = stored  #: what is in the file, as :mod:`spi.storage.records` describes it
         self.path = path  #: of the file; None if there is none
 
     @property

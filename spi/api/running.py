@@ -6,15 +6,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import runs, workers
-from ..ensemble import thread_count, use_threads
-from ..spec import SpecError
+from ..ensemble.loop import thread_count, use_threads
+from ..running import runs, workers
+from ..specs import SpecError
 from .progress import Line
 from .results import Results, load
 from .specs import experiment_of, in_python
 
 if TYPE_CHECKING:
-    from ..workers import Workers
+    from ..running.workers import Workers
 
 
 def run(

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import modules
-from ..loading import load, load_as
+from ..compiler import modules
 from ..models import MODELS
-from ..spec import Experiment, SpecError
-from ..spec.writing import as_override, as_yaml
+from ..running.loading import load, load_as
+from ..specs import Experiment, SpecError
+from ..specs.writing import as_override, as_yaml
 from ..storage import StorageError
 
 _AS_ARGUMENT = {"--fresh": "fresh=True", "--out": "out=", "--set ": "", "--profile": "profile", "--as": "as_"}

@@ -94,7 +94,8 @@ def plot(
     film_format: Annotated[FilmFormat, typer.Option(help="Of the film; mp4 needs ffmpeg.")] = FilmFormat.gif,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from .. import storage, views
+    from .. import storage
+    from ..report import views
     from .progress import ProgressLine
 
     try:
@@ -131,8 +132,9 @@ def show(
     format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
 ) -> None:
     """Print stored results to standard output."""
-    from .. import storage, views
+    from .. import storage
     from ..printing import as_csv, as_json
+    from ..report import views
 
     file = stored(source)
     results = storage.read(file)
@@ -156,7 +158,7 @@ def check(
     """Validate experiments and say what they would cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
-    from ..runs import cost, reports
+    from ..running.runs import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
@@ -166,7 +168,7 @@ def check(
 @app.command()
 def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
     """Print the Python source of the models of experiments."""
-    from ..runs import sources
+    from ..running.runs import sources
 
     for experiment in load(specs, profile, overrides, None, None):
         for text in sources(experiment):
@@ -178,7 +180,7 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from ..runs import layers
+    from ..running.runs import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
@@ -242,9 +244,9 @@ def _code(error: Exception) -> int | None:
     """The exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
-    from ..compilable import CompilationError
-    from ..runs import Stopped
-    from ..spec import SpecError
+    from ..checks.compilable import CompilationError
+    from ..running.runs import Stopped
+    from ..specs import SpecError
     from ..storage import StorageError
 
     if isinstance(error, Stopped):

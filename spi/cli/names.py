@@ -15,17 +15,17 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
     there are none of that name.
     """
     if source.suffix in SPECS:
-        from ..runs import results_of
+        from ..running.runs import results_of
 
         return results_of(source, folder)
-    from ..views import named
+    from ..report.views import named
 
     return named(source, folder)
 
 
 def complete_spec(incomplete: str) -> list[str]:
     """Names of the experiments that come with the program, and spec files."""
-    from .. import shipped
+    from ..specs import shipped
 
     return [name for name in shipped.names() if name.startswith(incomplete)] + _files(incomplete, SPECS)
 

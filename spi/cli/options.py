@@ -9,7 +9,7 @@ from .names import complete_kind, complete_profile, complete_results, complete_s
 from .streams import tell
 
 if TYPE_CHECKING:
-    from ..spec import Experiment
+    from ..specs import Experiment
 
 DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
 
@@ -57,8 +57,8 @@ def load(
 
     Raises SpecError with what is wrong with any of them.
     """
-    from ..loading import load, load_as
-    from ..spec import SpecError
+    from ..running.loading import load, load_as
+    from ..specs import SpecError
 
     overrides = list(overrides or [])
     overrides += [f"--samples={samples}"] if samples is not None else []

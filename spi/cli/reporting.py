@@ -25,7 +25,7 @@ def report(
     data: Annotated[Path | None, typer.Option(help="Folder for the curves as CSV: <data>/<name>.csv.")] = None,
 ) -> None:
     """Put results on one HTML page that needs no other file."""
-    from ..report import files
+    from ..report.page import files
     from ..storage import write_all
     from .progress import ProgressLine
 

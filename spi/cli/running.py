@@ -31,11 +31,11 @@ from .signals import STOP
 from .streams import tell
 
 if TYPE_CHECKING:
-    from ..checkpoint import Slice
-    from ..records import Results
-    from ..runs import Limits, Watch
-    from ..spec import Experiment
-    from ..workers import Workers
+    from ..running.checkpoint import Slice
+    from ..running.runs import Limits, Watch
+    from ..running.workers import Workers
+    from ..specs import Experiment
+    from ..storage.records import Results
 
 MaxTime = Annotated[str | None, typer.Option(help="Stop after so long, as in 90s, 45m, 3h; the same command goes on.")]
 Checkpoint = Annotated[str, typer.Option(help="Keep what is done at least this often, as in 5s, 1m.")]
@@ -66,8 +66,8 @@ def run(
     Exit code 4 if a claim of a spec is broken.
     """
     experiments = load(specs, profile, overrides, samples, seed, kind)
-    from .. import runs as runner
-    from .. import slices
+    from ..running import runs as runner
+    from ..running import slices
     from .progress import ProgressLine
 
     if sum(option is not None for option in (part, workers, dask)) > 1:
@@ -99,7 +99,7 @@ def merge(
     Then go on as `spi run` does.
     """
     experiments = load(specs, profile, overrides, samples, seed)
-    from .. import slices
+    from ..running import slices
 
     _prepare(threads)
     _show_each(experiments, lambda experiment, watch: slices.merge(experiment, out, fresh, watch))
@@ -116,7 +116,7 @@ def verify(
     """
     from .. import storage
     from ..printing import print_verification
-    from ..verification import verify
+    from ..running.verification import verify
     from .progress import ProgressLine
 
     file = stored(source)
@@ -131,7 +131,7 @@ def verify(
 def _prepare(threads: int | None) -> None:
     """Use so many threads, and say what a person should know before anything is compiled."""
     from .. import CACHE_PROBLEM
-    from ..ensemble import use_threads
+    from ..ensemble.loop import use_threads
 
     if threads is not None:
         try:
@@ -143,7 +143,7 @@ def _prepare(threads: int | None) -> None:
 
 
 def _limits(max_time: str | None, checkpoint: str) -> "Limits":
-    from ..runs import Limits
+    from ..running.runs import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
     return Limits(_seconds("--checkpoint", checkpoint), most)
@@ -159,7 +159,7 @@ def _seconds(option: str, text: str) -> float:
 
 def _slice(text: str | None) -> "Slice | None":
     """Which part of how many."""
-    from ..checkpoint import Slice
+    from ..running.checkpoint import Slice
 
     try:
         return None if text is None else Slice.of(text)
@@ -170,7 +170,7 @@ def _slice(text: str | None) -> "Slice | None":
 @contextmanager
 def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
     """The processes that compute, None for this one alone."""
-    from .. import workers
+    from ..running import workers
 
     with ExitStack() as stack:
         pool: Workers | None = None
@@ -188,8 +188,9 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
 
 def _broken(name: str, results: "Results") -> bool:
     """Say how the claims of an experiment were judged; whether one is broken."""
-    from .. import claims, views
     from ..printing.claims import remarks
+    from ..report import views
+    from ..statistics import claims
 
     judged = views.verdicts(results)
     for remark in remarks(name, judged):
@@ -199,7 +200,8 @@ def _broken(name: str, results: "Results") -> bool:
 
 def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
     """Compute each experiment, print the tables of its results, and judge its claims."""
-    from .. import storage, views
+    from .. import storage
+    from ..report import views
     from .progress import ProgressLine
 
     broken = False

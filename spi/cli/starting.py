@@ -31,7 +31,7 @@ def list_(
     problems: list[str] = []
     invalid: list[str] = []
     if what in (None, Listed.models):
-        from ..spec.models import catalogue as known
+        from ..specs.models import catalogue as known
 
         models, problems = known()
         catalogue.print_models(models)
@@ -49,9 +49,9 @@ def list_(
 
 def _list_experiments(folder: Path) -> list[str]:
     """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
-    from .. import shipped
     from ..printing.catalogue import print_experiments
-    from ..runs import headings
+    from ..running.runs import headings
+    from ..specs import shipped
 
     found, _ = headings(map(shipped.path_of, shipped.names()))
     print_experiments("experiments that come with spi: spi run NAME", {path.stem: one for path, one in found.items()})
@@ -96,14 +96,14 @@ def new(
 
 
 def _template(which: str, target: Path) -> dict[Path, str]:
-    from .. import shipped
+    from ..specs import shipped
 
     return {target: shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)}
 
 
 def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
     """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
-    from ..loading import load, load_as
+    from ..running.loading import load, load_as
 
     experiment = load(source) if kind is None else load_as(kind, source)
     return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}
@@ -135,8 +135,8 @@ def doctor() -> None:
     Its numbers are known; the first time its kernel is compiled, which takes some seconds.  Exit code 1 if something is
     wrong.
     """
-    from ..doctor import findings
     from ..printing.text import printable
+    from .doctor import findings
     from .progress import ProgressLine
 
     sound = True

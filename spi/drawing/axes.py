@@ -11,8 +11,8 @@ from matplotlib.legend import Legend
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
-from spi.records import INTERVAL as INTERVAL  # which figures ask for here
-from spi.records import Description
+from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
+from spi.storage.records import Description
 
 from . import page, style
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from ..claims import BROKEN, KEPT, UNDECIDED, VERDICTS, Verdict
+from ..statistics.claims import BROKEN, KEPT, UNDECIDED, VERDICTS, Verdict
 from . import style
 
 _WORDS = {KEPT: "Claims kept", UNDECIDED: "Claims not decided", BROKEN: "Claims broken"}

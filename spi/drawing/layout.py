@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, FigureBase, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.markers import CARETDOWN, CARETUP
 
-from spi.records import Description
+from spi.storage.records import Description
 
 from . import page, style
 from .axes import LEAST, legend_line

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from ..records import Description, Reading
 from ..schemes import SCHEMES
+from ..storage.records import Description, Reading
 from . import page
 
 Look = tuple[str, str]  #: marker and colour

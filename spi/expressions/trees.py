@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arithmetic import NumberError, Numbers, read
-from ..dispatch import INDICES, MOST, number
+from ..compiler.dispatch import INDICES, MOST, number
+from .arithmetic import NumberError, Numbers, read
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Records: what they hold, what they mean for arrays and in generated code, how they are written

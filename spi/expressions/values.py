@@ -6,11 +6,11 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
-from ..dispatch import INDICES, INLINED, inlined, kernel, number, record_class
-from ..elementary import REDUCIBLE, bits, exp, log
-from ..lanes import load_lane
-from ..rng import LANES
+from ..compiler.dispatch import INDICES, INLINED, inlined, kernel, number, record_class
+from ..ensemble.lanes import load_lane
+from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
+from ..numerics.elementary import REDUCIBLE, bits, exp, log
+from ..numerics.rng import LANES
 from .trees import Component, Constant, Cosine, Sine, WholePower, parse_expression
 
 _REDUCIBLE_BITS = int(bits(REDUCIBLE))

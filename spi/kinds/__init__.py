@@ -12,12 +12,12 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
-from spi.records import Group, Part, Reading
+from spi.storage.records import Group, Part, Reading
 
 if TYPE_CHECKING:  # what takes a while to import
-    from spi.claims import Quantity
     from spi.drawing import Figure
-    from spi.spec import BaseCase
+    from spi.specs import BaseCase
+    from spi.statistics.claims import Quantity
 
     from .plans import Plan
 

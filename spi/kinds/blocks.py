@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
-from spi.ensemble import in_batches
-from spi.rng import LANES
+from spi.ensemble.loop import in_batches
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.tallies import Chunk, PathSet, chunk_blocks
+from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
 from .plans import PathsPlan
 

@@ -1,9 +1,9 @@
 """What a study hands to the run: a plan for each part, and what all plans of sampled paths have in common.
 
 A part is computed in three steps.  Its paths belong to path sets, which fall into chunks of fixed content
-(``spi.tallies``); a chunk can be computed by any process, and what is known of its paths is summed up in a fixed order.
-Once all chunks are in, the plan may **settle** on further paths, as a multilevel estimator does.  When there are none,
-it **finishes**: it measures times, or finds what needs no paths.
+(``spi.statistics.tallies``); a chunk can be computed by any process, and what is known of its paths is summed up
+in a fixed order.  Once all chunks are in, the plan may **settle** on further paths, as a multilevel estimator does.
+When there are none, it **finishes**: it measures times, or finds what needs no paths.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -12,12 +12,12 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from spi.ensemble import Grid, RandomStream, brownian, empty_report, integrate, shortest
-from spi.protocol import in_kernels, large
-from spi.records import Group, Part, describe
-from spi.rng import LANES
+from spi.ensemble.loop import Grid, RandomStream, brownian, empty_report, integrate, shortest
+from spi.ensemble.protocol import in_kernels, large
+from spi.numerics.rng import LANES
 from spi.schemes import Scheme
-from spi.tallies import Chunk, PathSet, Sums
+from spi.statistics.tallies import Chunk, PathSet, Sums
+from spi.storage.records import Group, Part, describe
 
 from .state import Nothing, State
 
@@ -50,7 +50,7 @@ class Plan(Protocol):
 
     @property
     def case(self) -> Any:
-        """The keys of the case, a subclass of ``spi.spec.cases.BaseCase``."""
+        """The keys of the case, a subclass of ``spi.specs.cases.BaseCase``."""
 
     @property
     def part(self) -> Part:
@@ -105,7 +105,7 @@ def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
 class PartPlan:
     """The head of every plan for one scheme of one case."""
 
-    case: Any  #: the keys of the case, a subclass of ``spi.spec.cases.BaseCase``
+    case: Any  #: the keys of the case, a subclass of ``spi.specs.cases.BaseCase``
     part: Part
 
     @property

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from spi.tallies import Chunk, PathSet, Sums, Tally, digest
+from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
 
 if TYPE_CHECKING:
     from .plans import Plan

@@ -2,8 +2,8 @@
 
 from typing import get_args, get_type_hints
 
-from ..protocol import large
-from ..registration import check_class
+from ..checks.registration import check_class
+from ..ensemble.protocol import large
 from .lotka_volterra import LotkaVolterra
 from .maxwell_bloch import MaxwellBloch
 from .rigid_body import RigidBody, RigidBodySharedNoise

@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 
 from numba import types
 
-from ..dispatch import field_type
-from ..elementary import expm1
-from ..fields import add_scaled
-from ..protocol import (
+from ..compiler.dispatch import field_type
+from ..ensemble.fields import add_scaled
+from ..ensemble.protocol import (
     casimir_degrees,
     casimirs,
     commuting_noises,
@@ -36,6 +35,7 @@ from ..protocol import (
     structure,
     structure_derivative,
 )
+from ..numerics.elementary import expm1
 
 
 def _inner(model):

@@ -6,8 +6,8 @@ keep both populations positive.
 
 from typing import Annotated, NamedTuple
 
-from ..elementary import exp, log
-from ..protocol import NonNegative
+from ..ensemble.protocol import NonNegative
+from ..numerics.elementary import exp, log
 
 
 class LotkaVolterra(NamedTuple):

@@ -2,8 +2,8 @@
 
 from typing import Annotated, NamedTuple
 
-from ..angles import sin_versine
-from ..protocol import NonNegative
+from ..ensemble.protocol import NonNegative
+from ..numerics.angles import sin_versine
 
 
 class MaxwellBloch(NamedTuple):

@@ -5,9 +5,9 @@ With three independent noises, and, for the paper's remark rem-consistent, with 
 
 from typing import Annotated, NamedTuple
 
-from ..angles import sin_versine
-from ..dispatch import inlined
-from ..protocol import NonNegative, Positive, drift_hessian, noise_hessian
+from ..compiler.dispatch import inlined
+from ..ensemble.protocol import NonNegative, Positive, drift_hessian, noise_hessian
+from ..numerics.angles import sin_versine
 
 Positives = tuple[Positive, Positive, Positive]
 Strengths = tuple[NonNegative | None, NonNegative | None, NonNegative | None]

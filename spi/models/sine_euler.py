@@ -15,9 +15,9 @@ The 3-point Fourier transform diagonalises it, with the purely imaginary eigenva
 import math
 from typing import Annotated, NamedTuple
 
-from ..angles import adding_to_zero, sin_versine
-from ..dispatch import inlined, tuplewise
-from ..protocol import NonNegative, drift_hessian, noise_hessian
+from ..compiler.dispatch import inlined, tuplewise
+from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian
+from ..numerics.angles import adding_to_zero, sin_versine
 
 Strength = NonNegative | None
 

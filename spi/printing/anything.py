@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spi.records import Group
+from spi.storage.records import Group
 
 from .text import new_table, print_whole, short
 

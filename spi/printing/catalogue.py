@@ -30,7 +30,7 @@ def print_schemes(schemes: Mapping[str, "Scheme"], file: IO[str] | None = None) 
 
 
 def print_experiments(title: str, experiments: Mapping[str, Any], file: IO[str] | None = None) -> None:
-    """Print experiments: what to call them on the command line -> their ``spi.spec.Heading``."""
+    """Print experiments: what to call them on the command line -> their ``spi.specs.Heading``."""
     rows = [(name, str(one.figure or "-"), one.title) for name, one in experiments.items()]
     _print(title, ["name", "figure", "title"], rows, file)
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..claims import BROKEN, KEPT, VERDICTS, Quantity, Verdict
+from ..statistics.claims import BROKEN, KEPT, VERDICTS, Quantity, Verdict
 from .text import narrowed, new_table, power_of_two, print_whole, room, short
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from spi.records import Description, Order
+from spi.storage.records import Description, Order
 
 from .text import fraction, short
 

@@ -8,8 +8,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from spi.records import INTERVAL as INTERVAL  # which tables ask for here
-from spi.records import Description
+from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
+from spi.storage.records import Description
 
 if TYPE_CHECKING:  # rich takes a while
     from rich.console import Console

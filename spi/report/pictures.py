@@ -9,9 +9,9 @@ from multiprocessing import get_context
 
 from markupsafe import Markup, escape
 
-from .. import views
-from ..compiling import processors
-from ..records import Results
+from ..report import views
+from ..running.compiling import processors
+from ..storage.records import Results
 
 #: Bytes of the largest SVG that stands in a page.
 LARGEST_SVG = 400_000

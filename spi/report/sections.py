@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import shipped, views
-from ..claims import KEPT, VERDICTS, Verdict
 from ..kinds import KINDS
-from ..loading import load_as
 from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
-from ..records import Reading, Results, by_case
-from ..spec import text_of
+from ..report import views
+from ..running.loading import load_as
+from ..specs import shipped, text_of
+from ..statistics.claims import KEPT, VERDICTS, Verdict
+from ..storage.records import Reading, Results, by_case
 from .tables import Cell, Line, PlainTable, Recorder, Row
 
 Facts = list[tuple[str, str]]  #: name and value

@@ -2,7 +2,7 @@
 
 import math
 
-from ..protocol import exact_flows
+from ..ensemble.protocol import exact_flows
 from .costs import typical_ns
 from .rows import has_loops, is_own_reverse
 from .splitting import splitting

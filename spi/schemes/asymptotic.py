@@ -8,11 +8,11 @@ xi_k/eps as its dW_k; this is written without dividing by eps and without cancel
 
 from typing import NamedTuple
 
-from ..dispatch import number, unrolled, word
-from ..fields import add_noise_fields, add_scaled, drift_field
-from ..lanes import load_lane, store_lane
-from ..protocol import dimension, noise_indices, noises
-from ..rng import LANES
+from ..compiler.dispatch import number, unrolled, word
+from ..ensemble.fields import add_noise_fields, add_scaled, drift_field
+from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.protocol import dimension, noise_indices, noises
+from ..numerics.rng import LANES
 from .splitting import LIE_TROTTER, rows_toss, run_rows
 
 

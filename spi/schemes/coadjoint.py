@@ -9,13 +9,13 @@ from fractions import Fraction
 import numpy as np
 from numba.extending import overload
 
-from ..angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sinc_versinc
-from ..dispatch import INLINED, inlined
-from ..elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
-from ..fields import add_scaled, cross_product, dot, scaled
-from ..lanes import load_lane, store_lane
-from ..protocol import dimension, structure
-from ..rng import LANES
+from ..compiler.dispatch import INLINED, inlined
+from ..ensemble.fields import add_scaled, cross_product, dot, scaled
+from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.protocol import dimension, structure
+from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sinc_versinc
+from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.rng import LANES
 from .splitting import report_angle
 
 # Squares of angles, by their bits as in splitting.py.

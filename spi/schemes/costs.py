@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ..angles import TINY_ANGLES
-from ..fields import step_field_derivative, step_gradient, unit
-from ..inlining import uncompiled
-from ..protocol import (
+from ..compiler.inlining import uncompiled
+from ..ensemble.fields import step_field_derivative, step_gradient, unit
+from ..ensemble.protocol import (
     area_pairs,
     component_indices,
     dimension,
@@ -25,7 +24,8 @@ from ..protocol import (
     structure,
     substeps,
 )
-from ..rng import LANES
+from ..numerics.angles import TINY_ANGLES
+from ..numerics.rng import LANES
 from .euler_maruyama import euler_step
 from .rows import PARTS, angle, flow, sweeps
 

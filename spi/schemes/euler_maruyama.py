@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import inlined
-from ..fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
-from ..lanes import load_lane, store_lane
-from ..rng import LANES
+from ..compiler.dispatch import inlined
+from ..ensemble.fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
+from ..ensemble.lanes import load_lane, store_lane
+from ..numerics.rng import LANES
 from .large import euler_step_of_large, size_or
 
 

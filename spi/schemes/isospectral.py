@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import inlined
-from ..elementary import bits, from_bits
-from ..fields import add_noise_hessians, add_scaled, dot, scaled, step_gradient
-from ..lanes import load_lane, store_lane
-from ..protocol import dimension, drift_hessian, structure
-from ..rng import LANES
+from ..compiler.dispatch import inlined
+from ..ensemble.fields import add_noise_hessians, add_scaled, dot, scaled, step_gradient
+from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.protocol import dimension, drift_hessian, structure
+from ..numerics.elementary import bits, from_bits
+from ..numerics.rng import LANES
 from .midpoint import ENOUGH, report_solves
 
 

@@ -9,8 +9,9 @@ import functools
 import numpy as np
 from numba.extending import overload
 
-from ..dispatch import INLINED, called, inlined
-from ..protocol import (
+from ..compiler.dispatch import INLINED, called, inlined
+from ..compiler.vectors import WIDTH
+from ..ensemble.protocol import (
     REPORT,
     add_block_drift,
     add_block_ito_correction,
@@ -25,8 +26,7 @@ from ..protocol import (
     pieces,
     strengths,
 )
-from ..rng import LANES
-from ..vectors import WIDTH
+from ..numerics.rng import LANES
 from .rows import FINEST, Backwards, Symmetric, rows_known
 
 _ALONE = 3  #: so many paths at most go one by one, because a vector of eight would take longer

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..dispatch import inlined, number, unrolled
-from ..elementary import bits, from_bits
-from ..fields import (
+from ..compiler.dispatch import inlined, number, unrolled
+from ..ensemble.fields import (
     add_scaled,
     dot,
     squared_distance,
@@ -16,9 +15,10 @@ from ..fields import (
     step_gradient,
     unit,
 )
-from ..lanes import load_lane, store_lane
-from ..protocol import component_indices, dimension
-from ..rng import LANES
+from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.protocol import component_indices, dimension
+from ..numerics.elementary import bits, from_bits
+from ..numerics.rng import LANES
 
 ENOUGH = 2.0**-60  # for squares
 

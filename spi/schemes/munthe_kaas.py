@@ -5,11 +5,11 @@ See docs/schemes_of_others.md.
 
 from typing import NamedTuple
 
-from ..dispatch import number, unrolled
-from ..fields import add_scaled, noise_field, scaled, step_gradient
-from ..lanes import load_lane, store_lane
-from ..protocol import dimension, noise_hessian, noise_indices, noise_structure, strengths
-from ..rng import LANES
+from ..compiler.dispatch import number, unrolled
+from ..ensemble.fields import add_scaled, noise_field, scaled, step_gradient
+from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.protocol import dimension, noise_hessian, noise_indices, noise_structure, strengths
+from ..numerics.rng import LANES
 from .coadjoint import act, action_size
 
 

@@ -1,7 +1,7 @@
 """Compositions of flows as data: rows of flows, each row all pieces of H, or all noises, in some order, or loops.
 
 Everything that is known of a splitting scheme derives from its rows by :func:`flows_in_order`: its kernel, the backward
-operators of ``spi.kolmogorov``, whether it needs coins, whether it has a reversed twin, and what a step costs.
+operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has a reversed twin, and what a step costs.
 
 The fraction of a row is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
 flows have increments of their own over the time fraction * h, independent of those of all other noise flows of the
@@ -22,8 +22,16 @@ from typing import NamedTuple
 
 from numba import types
 
-from ..dispatch import INDICES, class_of, field_type, word
-from ..protocol import area_pairs, drift_angle, drift_flow, noise_angle, noise_flow, noise_indices, piece_indices
+from ..compiler.dispatch import INDICES, class_of, field_type, word
+from ..ensemble.protocol import (
+    area_pairs,
+    drift_angle,
+    drift_flow,
+    noise_angle,
+    noise_flow,
+    noise_indices,
+    piece_indices,
+)
 
 # The parts and orders of rows are records, so that the compiler knows them by their types.
 

@@ -11,12 +11,12 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
-from ..dispatch import INDICES, INLINED, field_type, inlined, number
-from ..elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
-from ..lanes import load_lane, store_lane
-from ..protocol import REPORT, noises, strengths
-from ..rng import LANES
+from ..compiler.dispatch import INDICES, INLINED, field_type, inlined, number
+from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.protocol import REPORT, noises, strengths
+from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
+from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.rng import LANES
 from .large import run_rows_of_large, size_or
 from .rows import (
     PARTS,

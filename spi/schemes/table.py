@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ..dispatch import answers
-from ..fields import cross_product, lie_poisson, noise_field_derivative
-from ..protocol import advance_large, squared_length_is_casimir
-from ..registration import check_class
+from ..checks.registration import check_class
+from ..compiler.dispatch import answers
+from ..ensemble.fields import cross_product, lie_poisson, noise_field_derivative
+from ..ensemble.protocol import advance_large, squared_length_is_casimir
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .costs import euler_cost, exponential_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
@@ -48,7 +48,7 @@ class Scheme(NamedTuple):
 
     @property
     def solvable_without_sampling(self):
-        """Whether ``spi.kolmogorov`` can do it: a composition, its noise flows with increments of Wiener processes."""
+        """Whether ``spi.exact.kolmogorov`` can do it: a composition, with increments of Wiener processes alone."""
         return self.composition is not None and not self.multiscale and not has_loops(self.composition)
 
     @property

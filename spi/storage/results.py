@@ -15,8 +15,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..records import Group, Results
 from .files import DAMAGE, StorageError, aside, checksum_holds, create, opened, reason
+from .records import Group, Results
 
 #: The root attribute by which our results are known, and the version of their layout.
 MARK, VERSION = "spi_results", 2
@@ -38,7 +38,7 @@ def write(path: str | Path, results: Results) -> None:
 
 
 def read(path: str | Path) -> Results:
-    """The :class:`~spi.records.Results` in ``path``; the groups of one case stand together."""
+    """The :class:`~spi.storage.records.Results` in ``path``; the groups of one case stand together."""
     path = Path(path)
     with _open_results(path) as file:
         try:

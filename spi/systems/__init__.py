@@ -13,8 +13,9 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .. import SOURCE_DIGEST, modules
-from ..arithmetic import NumberError
+from .. import SOURCE_DIGEST
+from ..compiler import modules
+from ..expressions.arithmetic import NumberError
 from .keys import KEYS, USED, DefinitionError
 
 __all__ = [

@@ -5,7 +5,7 @@ from typing import Any
 
 import sympy
 
-from ..registration import vocabulary
+from ..checks.registration import vocabulary
 from .definition import Defined, define
 from .source import Generated, generate
 from .splitting import Flow

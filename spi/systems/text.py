@@ -1,6 +1,6 @@
 """Texts of a system written in YAML: names, index ranges and formulas, read into symbols of sympy.
 
-The grammar is that of ``spi.arithmetic`` with the variables and parameters of the system as words, and more:
+The grammar is that of ``spi.expressions.arithmetic``, with the variables and parameters of the system as words, and:
 
     x(i+1)                          a variable with an index, x(mod(i, n) + 1) on a ring of n
     sum(x(i)*x(i+1) for i = 1..n-1) a sum; "for i = 1..n, j = 1..i" runs over pairs
@@ -18,7 +18,7 @@ from typing import Any
 
 import sympy
 
-from ..arithmetic import NumberError, in_parentheses, read
+from ..expressions.arithmetic import NumberError, in_parentheses, read
 
 FUNCTIONS = {
     **{name: getattr(sympy, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")},

@@ -1,7 +1,7 @@
 """The keys of an experiment of kind energy."""
 
-from spi.spec.cases import ErrorCase
-from spi.spec.keys import Samples, key_of
+from spi.specs.cases import ErrorCase
+from spi.specs.keys import Samples, key_of
 
 
 class Case(ErrorCase):

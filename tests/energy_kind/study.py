@@ -5,14 +5,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import FinalStates, empty_report, integrate, nested_grid
-from spi.estimators import stderr_of_mean
+from spi.ensemble.loop import FinalStates, empty_report, integrate, nested_grid
+from spi.ensemble.protocol import hamiltonian
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
-from spi.protocol import hamiltonian
-from spi.records import Group, Part, Variables
-from spi.rng import LANES
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
+from spi.statistics.estimators import stderr_of_mean
+from spi.storage.records import Group, Part, Variables
 
 
 class Energies(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from spi.claims import WIDEST, Quantity, each_step, lost_is_infinite
+from spi.statistics.claims import WIDEST, Quantity, each_step, lost_is_infinite
 
 from .reading import Law, LongTimes
 

@@ -5,12 +5,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
-from spi.claims import AT_MOST, EQUAL, Sort
-from spi.rng import STEPS_PER_TOSS
-from spi.spec.cases import CLIP, BaseCase
-from spi.spec.checks import check_once, check_schemes
-from spi.spec.conversion import Given
-from spi.spec.keys import Samples, Schemes, Steps, condition, key_of, wrong
+from spi.numerics.rng import STEPS_PER_TOSS
+from spi.specs.cases import CLIP, BaseCase
+from spi.specs.checks import check_once, check_schemes
+from spi.specs.conversion import Given
+from spi.specs.keys import Samples, Schemes, Steps, condition, key_of, wrong
+from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 #: What the figure can show.
 PANELS = ("growth", "law", "distance", "moments")

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.records import Description, Group, Solver
+from spi.storage.records import Description, Group, Solver
 
 
 class Law(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from spi.claims import Quantity, each_step, lost_is_infinite
+from spi.statistics.claims import Quantity, each_step, lost_is_infinite
 
 from .reading import Stability
 

@@ -5,12 +5,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import pydantic
 from annotated_types import MinLen
 
-from spi.claims import AT_LEAST, AT_MOST, Sort
-from spi.protocol import Positive, large
-from spi.spec.cases import FunctionsCase
-from spi.spec.conversion import Given
-from spi.spec.keys import Samples, condition, key_of, wrong
-from spi.spec.sweep import Sweep
+from spi.ensemble.protocol import Positive, large
+from spi.specs.cases import FunctionsCase
+from spi.specs.conversion import Given
+from spi.specs.keys import Samples, condition, key_of, wrong
+from spi.specs.sweep import Sweep
+from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
 #: What the figure can show.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.records import Description, Group, Solver
+from spi.storage.records import Description, Group, Solver
 
 #: From good to bad; a scheme is in the worst regime that applies.
 REGIMES = (

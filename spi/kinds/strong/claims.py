@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from spi.claims import Quantity, drifts, each_step, order
+from spi.statistics.claims import Quantity, drifts, each_step, order
 
 from .reading import StrongErrors
 

@@ -2,10 +2,10 @@
 
 from typing import Any, ClassVar
 
-from spi.claims import ORDER, STEPWISE
-from spi.spec.cases import ErrorCase
-from spi.spec.conversion import Given
-from spi.spec.keys import Samples, key_of
+from spi.specs.cases import ErrorCase
+from spi.specs.conversion import Given
+from spi.specs.keys import Samples, key_of
+from spi.statistics.claims import ORDER, STEPWISE
 
 
 class Case(ErrorCase):

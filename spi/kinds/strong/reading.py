@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.records import Description, Group, Order, Solver
+from spi.storage.records import Description, Group, Order, Solver
 
 
 class StrongErrors(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from spi.claims import Quantity, lost_is_infinite, quantity
+from spi.statistics.claims import Quantity, lost_is_infinite, quantity
 
 from .reading import Trajectory
 

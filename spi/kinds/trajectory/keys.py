@@ -6,14 +6,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import pydantic
 from annotated_types import Ge, Le, MinLen
 
-from spi.claims import AT_LEAST, AT_MOST, Sort
+from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension
 from spi.models.zeitlin.fields import lattice_of
-from spi.protocol import NonNegative, Positive, conserved, dimension
-from spi.spec.cases import CLIP, BaseCase
-from spi.spec.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
-from spi.spec.conversion import Given
-from spi.spec.keys import Schemes, condition, entries_in, key_of, quantity, wrong
-from spi.spec.mistakes import Mistakes
+from spi.specs.cases import CLIP, BaseCase
+from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
+from spi.specs.conversion import Given
+from spi.specs.keys import Schemes, condition, entries_in, key_of, quantity, wrong
+from spi.specs.mistakes import Mistakes
+from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
 #: What the figure can show.
 OF_FIELDS = ("vorticity", "spectrum", "enstrophy")  #: those of vorticity on a torus

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.records import Description, Group
+from spi.storage.records import Description, Group
 
 
 class SolverMeans(NamedTuple):

@@ -8,18 +8,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.dispatch import kernel, number, unrolled
-from spi.ensemble import BATCH_SECONDS, add_reports, empty_report, grid, integrate, report_columns, thread_count
-from spi.invariants import growth
+from spi.compiler.dispatch import kernel, number, unrolled
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.invariants import growth
+from spi.ensemble.lanes import load_lane
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, empty_report, grid, integrate, report_columns, thread_count
+from spi.ensemble.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian, large
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
-from spi.lanes import load_lane
 from spi.models.zeitlin.fields import lattice_of
-from spi.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian, large
-from spi.records import Group, Part
-from spi.rng import LANES, STEPS_PER_TOSS
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
-from spi.tallies import Chunk, PathSet
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Group, Part
 
 
 class Recorder(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.claims import Quantity, at_steps, each_step, order
+from spi.statistics.claims import Quantity, at_steps, each_step, order
 
 from .reading import WeakErrors
 from .reading.comparisons import agreement, comparable_sweeps, largest_over_eps

@@ -5,10 +5,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import MinLen
 
-from spi.claims import AT_MOST, EQUAL, ORDER, Sort
-from spi.spec.cases import SampledCase
-from spi.spec.conversion import Given
-from spi.spec.keys import ESTIMATORS, Estimators, Functions, Samples, condition, key_of, wrong
+from spi.specs.cases import SampledCase
+from spi.specs.conversion import Given
+from spi.specs.keys import ESTIMATORS, Estimators, Functions, Samples, condition, key_of, wrong
+from spi.statistics.claims import AT_MOST, EQUAL, ORDER, Sort
 
 #: What the figure can show.
 PANELS = ("errors", "samples", "seconds", "eps")

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from spi.claims import Quantity, each_step, lost_is_infinite, order, quantity
+from spi.statistics.claims import Quantity, each_step, lost_is_infinite, order, quantity
 
 from .reading import WorkPrecision
 

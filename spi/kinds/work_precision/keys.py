@@ -4,11 +4,11 @@ from typing import Annotated, Any, ClassVar, Self
 
 from annotated_types import Ge, Le, MinLen
 
-from spi.claims import ORDER, STEPWISE
-from spi.protocol import Positive
-from spi.spec.cases import SampledCase
-from spi.spec.conversion import Given
-from spi.spec.keys import ESTIMATORS, condition, key_of, wrong
+from spi.ensemble.protocol import Positive
+from spi.specs.cases import SampledCase
+from spi.specs.conversion import Given
+from spi.specs.keys import ESTIMATORS, condition, key_of, wrong
+from spi.statistics.claims import ORDER, STEPWISE
 
 Targets = Annotated[tuple[Positive, ...], MinLen(1)]
 Repeats = Annotated[int, Ge(3), Le(1000)]

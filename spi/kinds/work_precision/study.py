@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.ensemble import FinalStates, brownian, empty_report, grid, integrate, limited_threads, steps_of
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import FinalStates, brownian, empty_report, grid, integrate, limited_threads, steps_of
+from spi.ensemble.protocol import large
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.groups import result_steps
-from spi.protocol import large
-from spi.records import Group, Part, Variables
-from spi.rng import LANES
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.tallies import Chunk, PathSet
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Group, Part, Variables
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
@@ -166,7 +166,7 @@ def _job(p: WorkPlan, h: float) -> _Job:
 
 
 def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-    """The arguments of :func:`spi.ensemble.integrate` for so many steps of size h of so many blocks.
+    """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
 
     With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
     """

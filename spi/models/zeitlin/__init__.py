@@ -15,7 +15,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Le
 
-from ...protocol import casimirs
+from ...ensemble.protocol import casimirs
 from ..sine_euler import SineEuler, Strength
 from .kernels import tables
 from .lattice import Mode, lines, modes, shell

@@ -5,8 +5,8 @@ There are three ways, each the fastest where it can be used.
 
 from typing import NamedTuple
 
-from ...dispatch import inlined, word
-from ...vectors import TILE, WIDTH, flipped, fused, load, load_pairs, store, store_pairs
+from ...compiler.dispatch import inlined, word
+from ...compiler.vectors import TILE, WIDTH, flipped, fused, load, load_pairs, store, store_pairs
 from .scratch import around
 
 

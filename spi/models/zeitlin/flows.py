@@ -18,11 +18,11 @@ matrices with as many columns as there are cosets and paths.  What is added to z
 Casimirs do not drift.
 """
 
-from ...angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
-from ...dispatch import called, inlined
-from ...elementary import REDUCIBLE
-from ...rng import LANES
-from ...vectors import TILE, WIDTH, borrowed, load, multiply_tile, store
+from ...compiler.dispatch import called, inlined
+from ...compiler.vectors import TILE, WIDTH, borrowed, load, multiply_tile, store
+from ...numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
+from ...numerics.elementary import REDUCIBLE
+from ...numerics.rng import LANES
 from .cosets import InRows, Packed, Together, fold, unfold
 from .scratch import around, line_of, phases_at, sines_at, sines_length, tiles_at
 

@@ -1,4 +1,4 @@
-"""The sine-Euler equations as kernels see them: a large model, see ``spi.protocol``."""
+"""The sine-Euler equations as kernels see them: a large model, see ``spi.ensemble.protocol``."""
 
 import functools
 import math
@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...dispatch import FieldOf, called, inlined
-from ...vectors import TILE, WIDTH
+from ...compiler.dispatch import FieldOf, called, inlined
+from ...compiler.vectors import TILE, WIDTH
 from .flows import turn
 from .lattice import lines, modes, places
 from .matrices import first_casimirs

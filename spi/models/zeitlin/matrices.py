@@ -7,8 +7,8 @@ T_m T_n = w^(+-(m x n)) T_{m+n}, whose commutators are those of the bracket.
 
 import numpy as np
 
-from ...dispatch import called
-from ...vectors import TILE, WIDTH, multiply_tile
+from ...compiler.dispatch import called
+from ...compiler.vectors import TILE, WIDTH, multiply_tile
 
 
 @called

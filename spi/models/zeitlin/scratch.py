@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...dispatch import inlined
-from ...rng import LANES
-from ...vectors import TILE, WIDTH, borrowed
+from ...compiler.dispatch import inlined
+from ...compiler.vectors import TILE, WIDTH, borrowed
+from ...numerics.rng import LANES
 
 
 @inlined

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...vectors import TILE, WIDTH
+from ...compiler.vectors import TILE, WIDTH
 from .lattice import Mode, lines, modes, nearest, places
 
 

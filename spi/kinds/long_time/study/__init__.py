@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble import BATCH_SECONDS, grid, integrate, limited_threads, thread_count
+from spi.ensemble.loop import BATCH_SECONDS, grid, integrate, limited_threads, thread_count
+from spi.exact.sphere_law import SphereLaw, obstacle
 from spi.kinds.plans import Cost, Done, KernelCall, SchemePlan, State
-from spi.records import Group, Part
-from spi.rng import LANES, STEPS_PER_TOSS
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
-from spi.sphere_law import SphereLaw, obstacle
-from spi.tallies import Chunk, PathSet
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Group, Part
 
 from .paths import Paths, advanced, initial_rows, integration, paths_at_start
 from .results import group

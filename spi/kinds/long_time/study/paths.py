@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.ensemble import FinalStates, add_reports, empty_report, grid, integrate
-from spi.invariants import casimirs_of_states, growth
-from spi.protocol import REPORT, casimirs, memory_size
-from spi.rng import LANES, STEPS_PER_TOSS
-from spi.sphere_law import BINS, SphereLaw
-from spi.tallies import Chunk
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.invariants import casimirs_of_states, growth
+from spi.ensemble.loop import FinalStates, add_reports, empty_report, grid, integrate
+from spi.ensemble.protocol import REPORT, casimirs, memory_size
+from spi.exact.sphere_law import BINS, SphereLaw
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.statistics.tallies import Chunk
 
 if TYPE_CHECKING:
     from . import LongTimePlan
@@ -86,7 +86,7 @@ def next_stop(p: "LongTimePlan", n: int) -> int:
 
 
 def integration(p, times, y, first, end):
-    """The arguments of :func:`spi.ensemble.integrate` for blocks from `first` on, from the states `y` on.
+    """The arguments of :func:`spi.ensemble.loop.integrate` for blocks from `first` on, from the states `y` on.
 
     `times` is a grid; paths from number `end` on are idle.
     """

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spi.ensemble import report_columns, thread_count
-from spi.estimators import fit_order, stderr_of_mean
+from spi.ensemble.loop import report_columns, thread_count
+from spi.exact.sphere_law import BINS, SphereLaw
 from spi.kinds.plans import State
-from spi.records import Group, Variables
-from spi.sphere_law import BINS, SphereLaw
+from spi.statistics.estimators import fit_order, stderr_of_mean
+from spi.storage.records import Group, Variables
 
 from .paths import Paths
 

@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.ensemble import nested_grid
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import nested_grid
+from spi.ensemble.protocol import casimirs
 from spi.kinds.blocks import BlocksPlan, Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.protocol import casimirs
-from spi.records import Group, Part
 from spi.schemes import typical_ns
-from spi.tallies import PathSet
+from spi.statistics.tallies import PathSet
+from spi.storage.records import Group, Part
 
 from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
 from .paths import Paths, Rows, added, extremes_of, no_paths, rows_of

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from spi.ensemble.protocol import dimension
+from spi.exact.kolmogorov import can_solve_equation, exact_expectations
 from spi.expressions import canonical, functions_of
-from spi.kolmogorov import can_solve_equation, exact_expectations
-from spi.protocol import dimension
-from spi.records import Variables
+from spi.storage.records import Variables
 
 if TYPE_CHECKING:
     from . import StabilityPlan

@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import FinalStates, add_reports, empty_report, integrate, step_sizes_of
-from spi.estimators import stderr_of_mean
+from spi.ensemble.fields import scaled_square, smallest_component
+from spi.ensemble.invariants import watch_casimirs, watched_casimirs
+from spi.ensemble.lanes import load_lane
+from spi.ensemble.loop import FinalStates, add_reports, empty_report, integrate, step_sizes_of
+from spi.ensemble.protocol import casimirs, conserved, observe, populations
 from spi.expressions import as_numpy
-from spi.fields import scaled_square, smallest_component
-from spi.invariants import watch_casimirs, watched_casimirs
 from spi.kinds.plans import PathsPlan
-from spi.lanes import load_lane
-from spi.protocol import casimirs, conserved, observe, populations
-from spi.rng import LANES
+from spi.numerics.rng import LANES
+from spi.statistics.estimators import stderr_of_mean
 
 
 class Extremes(NamedTuple):

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spi.ensemble import report_columns, thread_count
+from spi.ensemble.loop import report_columns, thread_count
+from spi.ensemble.protocol import REPORT, casimirs, populations
 from spi.expressions import canonical
 from spi.kinds.plans import State
-from spi.protocol import REPORT, casimirs, populations
-from spi.records import Group, Variables
+from spi.storage.records import Group, Variables
 
 from .law import law_variables
 from .paths import summary

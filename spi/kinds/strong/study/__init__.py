@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import nested_grid
-from spi.estimators import GROUPS, PARTS, group_counts, jackknife_stderr, root_mean_square
+from spi.ensemble.loop import nested_grid
+from spi.ensemble.protocol import REPORT, casimirs
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.protocol import REPORT, casimirs
-from spi.records import Group, Part
 from spi.schemes import typical_ns
+from spi.statistics.estimators import GROUPS, PARTS, group_counts, jackknife_stderr, root_mean_square
+from spi.storage.records import Group, Part
 
 from .errors import group
 from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of, sums_of

@@ -4,8 +4,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import report_columns, thread_count
-from spi.estimators import (
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.fields import noise_field, noise_field_derivative
+from spi.ensemble.loop import report_columns, thread_count
+from spi.ensemble.protocol import in_kernels, large, noise_groups, noise_indices
+from spi.kinds.plans import State
+from spi.schemes import Scheme, has_theory
+from spi.statistics.estimators import (
     RESOLVED,
     fit_order,
     group_counts,
@@ -14,12 +19,7 @@ from spi.estimators import (
     root_mean_square,
     samples_needed,
 )
-from spi.fields import noise_field, noise_field_derivative
-from spi.inlining import uncompiled
-from spi.kinds.plans import State
-from spi.protocol import in_kernels, large, noise_groups, noise_indices
-from spi.records import Group, Variables
-from spi.schemes import Scheme, has_theory
+from spi.storage.records import Group, Variables
 
 from .paths import Totals
 

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.dispatch import tuplewise
-from spi.ensemble import Grid, add_reports, empty_report, grid, integrate, limited_threads, step_sizes_of, steps_of
-from spi.estimators import GROUPS, PARTS
-from spi.fields import squared_distance
-from spi.invariants import watch_casimirs, watched_casimirs
-from spi.lanes import load_lane
-from spi.protocol import conserved, large
-from spi.rng import LANES
+from spi.compiler.dispatch import tuplewise
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.fields import squared_distance
+from spi.ensemble.invariants import watch_casimirs, watched_casimirs
+from spi.ensemble.lanes import load_lane
+from spi.ensemble.loop import Grid, add_reports, empty_report, grid, integrate, limited_threads, step_sizes_of, steps_of
+from spi.ensemble.protocol import conserved, large
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
+from spi.statistics.estimators import GROUPS, PARTS
 
 if TYPE_CHECKING:
     from . import StrongPlan
@@ -28,7 +28,8 @@ class StrongSums(NamedTuple):
 
     `squares[row, offsets[l] + n - 1, part]` is the sum of |y_h - y_ref|^2 at time n h over the lanes of a part, for
     step size number l > 0; `drift[row, l, c, lane]` the largest |C_c(y) - C_c(y_0)| so far (for the reference: at the
-    end; with damping see ``spi.invariants``); `nonfinite[row, l]` the number of paths that are not finite at the end.
+    end; with damping see ``spi.ensemble.invariants``); `nonfinite[row, l]` the number of paths that are not finite at
+    the end.
     """
 
     squares: np.ndarray

@@ -12,7 +12,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from spi.drawing import layout, page, style
 from spi.drawing.axes import LEAST, legend_line, under_label
-from spi.records import Description
+from spi.storage.records import Description
 
 from ..reading import Trajectory
 from .curves import Path

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.records import INTERVAL, Description, Group, Order
+from spi.storage.records import INTERVAL, Description, Group, Order
 
 
 class Sampled(NamedTuple):
@@ -41,7 +41,7 @@ class Stages(NamedTuple):
     @property
     def resolved(self) -> np.ndarray:
         """(N, F, S) bool, whether the error stands clear of its standard error."""
-        from spi.estimators import is_resolved  # takes a while
+        from spi.statistics.estimators import is_resolved  # takes a while
 
         return is_resolved(np.abs(self.error), self.error_stderr)
 

@@ -8,7 +8,7 @@ import numpy as np
 from . import WeakErrors
 
 if TYPE_CHECKING:
-    from spi.estimators import Largest
+    from spi.statistics.estimators import Largest
 
 
 class Agreement(NamedTuple):
@@ -60,8 +60,8 @@ def comparable_sweeps(readings: Iterable[WeakErrors]) -> dict[tuple[str, str], l
 
 
 def largest_over_eps(members: Sequence[WeakErrors], f: int) -> "Largest":
-    """The :class:`~spi.estimators.Largest` over the readings of a comparable sweep, of test function number f."""
-    from spi.estimators import largest_over  # takes a while
+    """The ``spi.statistics.estimators.Largest`` over the readings of a comparable sweep, of test function number f."""
+    from spi.statistics.estimators import largest_over  # takes a while
 
     errors = np.array([one.error[f] for one in members])
     withouts = [one.sampled.error_without for one in members if one.sampled]

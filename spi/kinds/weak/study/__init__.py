@@ -8,7 +8,7 @@ order.  ``kolmogorov`` does not sample and measures against the law of the equat
 from collections.abc import Callable
 from typing import Any
 
-from spi.records import Part
+from spi.storage.records import Part
 
 from .differences import multilevel_plan
 from .kolmogorov import KolmogorovPlan

@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble import AS_TOSSED, COINS_TURNED, Grid, RandomStream, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, RandomStream, grid
+from spi.ensemble.protocol import exact_flows, needs_areas, tosses
 from spi.kinds.plans import KernelCall, State
-from spi.protocol import exact_flows, needs_areas, tosses
-from spi.records import Group, Part, Variables
-from spi.rng import DIFFERENCES, LANES
+from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import has_reversed_twin
+from spi.storage.records import Group, Part, Variables
 
 from . import estimates
 from .estimates import Errors

@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from spi.estimators import GROUPS, PARTS, fit_order, group_counts
-from spi.records import Group, Order, Variables
-from spi.rng import LANES
+from spi.numerics.rng import LANES
 from spi.schemes.splitting import has_reversed_twin
+from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
+from spi.storage.records import Group, Order, Variables
 
 from .extrapolated import errors_at_steps, shares_above
 from .groups import PER_POINT, error_variables, extension, order_variables, result_steps, weak_group

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble import thread_count
-from spi.estimators import fit_order, is_resolved, jackknife_stderr
+from spi.ensemble.loop import thread_count
 from spi.expressions import canonical
 from spi.kinds.plans import PartPlan
-from spi.records import Group, Order, Variables
-from spi.richardson import Extrapolation
 from spi.schemes import has_theory, weak_exponents
+from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
+from spi.statistics.richardson import Extrapolation
+from spi.storage.records import Group, Order, Variables
 
 PER_POINT = ("function", "h")  #: the axes of an array (F, S)
 

@@ -1,4 +1,4 @@
-"""Weak errors without sampling, from ``spi.kolmogorov``."""
+"""Weak errors without sampling, from ``spi.exact.kolmogorov``."""
 
 import functools
 import json
@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble import thread_count
+from spi.ensemble.loop import thread_count
+from spi.ensemble.protocol import dimension
+from spi.exact.kolmogorov import Expectations, demands, expectations
 from spi.expressions import as_numpy, canonical, functions_of
 from spi.kinds.plans import Cost, Done, PartPlan, State
-from spi.kolmogorov import Expectations, demands, expectations
-from spi.protocol import dimension
-from spi.records import Group, Order, Part
 from spi.schemes.rows import compositions
-from spi.tallies import Chunk, PathSet
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Group, Order, Part
 
 from .groups import PER_POINT, extrapolation, order_variables, result_steps, weak_group
 
@@ -128,7 +128,7 @@ def _untimed(notes: dict[str, Any]) -> dict[str, Any]:
 
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
-    """The :class:`~spi.kolmogorov.Expectations` of a composition of flows for a case at the step sizes `steps`."""
+    """The ``spi.exact.kolmogorov.Expectations`` of a composition of flows for a case at the step sizes `steps`."""
     acting, texts = compositions(rows, case.model), tuple(canonical(e) for e in case.expressions)
     steps = tuple(float(h) for h in steps)
     return _solution(case.model, acting, case.initial, case.final_time, steps, texts, case.accuracy)

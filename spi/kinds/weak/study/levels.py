@@ -4,9 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.ensemble import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
-from spi.rng import LEVELS
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
+from spi.numerics.rng import LEVELS
 
 #: The quantities of which a level has sums; the last two only with a control.
 DIFFERENCE, VALUE, CONTROL, PRODUCT = range(4)
@@ -38,7 +38,7 @@ def levels_of(case: Any, scheme: Any, twins: bool, limit: tuple | None) -> tuple
 
 
 def _two_steps(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The paths of a level, as words of :func:`spi.ensemble.grid`, and their weights."""
+    """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if twins:
         shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
         return shape, [[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]]

@@ -25,17 +25,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.estimators import GROUPS, jackknife_stderr
+from spi.ensemble.protocol import noise_indices
+from spi.exact.kolmogorov import can_solve
 from spi.kinds.blocks import Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
-from spi.kolmogorov import can_solve
-from spi.protocol import noise_indices
-from spi.records import Group, Part
-from spi.rng import LANES
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_reversed_twin
-from spi.tallies import Chunk, PathSet, chunk_blocks
+from spi.statistics.estimators import GROUPS, jackknife_stderr
+from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
+from spi.storage.records import Group, Part
 
 from .estimates import Errors, errors, group, moments
 from .extrapolated import shares

@@ -11,16 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.areas import fourier_terms
-from spi.ensemble import add_reports, nested_grid
-from spi.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import add_reports, nested_grid
+from spi.ensemble.protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, KernelCall, State
-from spi.protocol import REPORT
-from spi.records import Group, Part, Variables
-from spi.rng import LANES
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.tallies import Chunk
+from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.statistics.tallies import Chunk
+from spi.storage.records import Group, Part, Variables
 
 from .groups import PER_POINT, error_variables, extension, extrapolation, result_steps, weak_group
 from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_deviation, values_of_blocks, with_powers

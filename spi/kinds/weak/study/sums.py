@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from spi.dispatch import kernel
-from spi.ensemble import FinalStates, Grid, RandomStream, empty_report, integrate, shortest
-from spi.estimators import GROUPS, PARTS
+from spi.compiler.dispatch import kernel
+from spi.ensemble.loop import FinalStates, Grid, RandomStream, empty_report, integrate, shortest
 from spi.expressions import evaluate_lanes
 from spi.kinds.plans import KernelCall, PartPlan
-from spi.rng import LANES
+from spi.numerics.rng import LANES
+from spi.statistics.estimators import GROUPS, PARTS
 
 ROUND = GROUPS // PARTS  #: blocks after which all groups have had equally many paths
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from spi.printing.sentences import joined, orders, sentence, whose
-from spi.records import Order
+from spi.storage.records import Order
 
 from ..reading import WeakErrors
 from ..reading.comparisons import agreement

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.records import INTERVAL, Description, Group, Order
+from spi.storage.records import INTERVAL, Description, Group, Order
 
 from .work_points import WorkCurve, interval_of_median
 

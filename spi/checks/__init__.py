@@ -1,0 +1,1 @@
+"""What every model and scheme must satisfy, whatever its equations."""

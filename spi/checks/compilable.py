@@ -1,0 +1,135 @@
+"""What in the class of a model cannot be compiled, found before anything runs; errors of the compiler in one line."""
+
+import dis
+import inspect
+import re
+from pathlib import Path
+
+from ..compiler import modules
+from ..compiler.inlining import is_float, is_known_to_the_compiler, is_tuple_of_floats, type_of_result
+from ..ensemble.protocol import conserved, dimension
+from ..numerics.angles import ANY_ANGLES
+from .registration import vocabulary
+
+#: The words of a model that answer with one number; all but ``casimirs`` of the others answer with a vector.
+_NUMBERS = ("drift_angle", "noise_angle", "hamiltonian")
+
+
+class CompilationError(Exception):
+    """What somebody wrote cannot be compiled; one line says where and why."""
+
+
+def obstacle(record):
+    """What in the class of a foreign model keeps it from being compiled, one sentence; None if there is nothing.
+
+    First what can be told from the names that its methods use, then what the compiler says of each word, and whether a
+    word returns what it has to.
+    """
+    cls = type(record)
+    words = {name: word for name, word in vocabulary("model").items() if inspect.isfunction(getattr(cls, name, None))}
+    members = {name: value for name, value in inspect.getmembers(cls) if name in words or name.startswith("_")}
+    members |= {name: getattr(cls, name) for name in vocabulary("model") if hasattr(cls, name)}
+    for name in words:
+        method = getattr(cls, name)
+        if found := _misused_member(cls, method, members) or _unknown_function(method, set()):
+            return f"{name}, {found}"
+    return next(filter(None, (_wrong_type(record, name, word) for name, word in words.items())), None)
+
+
+def _wrong_type(record, name, word):
+    """What the compiler finds wrong with a word, or with the type of what it returns."""
+    d = dimension(record)
+    known = {"k": 0, "t": 1.0, "angles": ANY_ANGLES, **dict.fromkeys("yuv", (1.0,) * d)}
+    _, *parameters = inspect.signature(word).parameters
+    if not parameters:  # a fact, or a word that is not asked in compiled code
+        return None
+    method = getattr(type(record), name)
+    try:
+        found = type_of_result(method, record, *(known[parameter] for parameter in parameters))
+    except Exception as error:  # of many types, and not only Numba's
+        return f"{name}{_place(error, method)}, cannot be compiled: {_reason(error)}"
+    if found is None:
+        return None
+    length = {**dict.fromkeys(_NUMBERS, None), "casimirs": conserved(record)}.get(name, d)
+    if is_float(found) if length is None else is_tuple_of_floats(found, length):
+        return None
+    right = "a float" if length is None else f"a tuple of {length} floats"
+    right += ", as many as conserved says" * (name == "casimirs")
+    return f"{name}, line {method.__code__.co_firstlineno}, returns {found}; must return {right} (0.0 is one, 0 is not)"
+
+
+def _unknown_function(function, seen):
+    """The first function that is called from here and that the compiler does not know."""
+    seen.add(function)
+    for line, name, value in _globals_of(function):
+        if not inspect.isfunction(value):
+            continue
+        if not is_known_to_the_compiler(value):
+            remedy = f"add @inlined from spi.compiler.dispatch above {name}"
+            return f"line {line}, calls {name}, which is not compiled into it; {remedy}"
+        bare = inspect.unwrap(value)
+        if modules.is_foreign(bare) and bare not in seen and (found := _unknown_function(bare, seen)):
+            return f"line {line}, calls {name}: {found}"
+    return None
+
+
+def _misused_member(cls, method, members):
+    """The first name of the class, but for its fields, that a method looks up in the record."""
+    record = next(iter(inspect.signature(method).parameters), None)
+    line, before = method.__code__.co_firstlineno, None
+    for instruction in dis.get_instructions(method):
+        line = instruction.positions.lineno or line
+        name = instruction.argval
+        looks_up = instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and before == record
+        if looks_up and name in members and name not in cls._fields:
+            if name.startswith("_"):
+                remedy = f"let {name} stand outside of the class, a function with @inlined from spi.compiler.dispatch"
+            else:
+                call = f"{name}({record}{', ...' if callable(members[name]) else ''})"
+                remedy = f"write {call}, imported from spi.ensemble.protocol"
+            return f"line {line}, has {record}.{name}, which compiled code cannot look up; {remedy}"
+        before = name if instruction.opname.startswith("LOAD_FAST") else None
+    return None
+
+
+def _globals_of(function):
+    """(line, name, value) of the globals that a function uses, and of what it uses of modules among them."""
+    line, module, prefix = function.__code__.co_firstlineno, None, ""
+    for instruction in dis.get_instructions(function):
+        line = instruction.positions.lineno or line
+        value, name = None, str(instruction.argval)
+        if instruction.opname == "LOAD_GLOBAL":
+            prefix, value = "", function.__globals__.get(name)
+        elif module is not None and instruction.opname in ("LOAD_ATTR", "LOAD_METHOD"):
+            value = getattr(module, name, None)
+        prefix, name = (f"{prefix}{name}.", prefix + name)
+        module = value if inspect.ismodule(value) else None
+        if value is not None:
+            yield line, name, value
+
+
+def explained(error, classes):
+    """A CompilationError that says in one line what the compiler found wrong with some foreign classes."""
+    named = " and ".join(sorted(f"{cls.__qualname__} in {modules.source_name(cls)}" for cls in classes))
+    return CompilationError(f"{named}{_place(error, *classes)}, cannot be compiled: {_reason(error)}")
+
+
+def _place(error, *sources):
+    """The line that an error of the compiler speaks of last, in one of the files of some classes or functions."""
+    files = {Path(inspect.getfile(source)).name for source in sources}
+    places = re.findall(r'File "([^"]+)", line (\d+)|(?:at|from) (\S+) \((\d+)\)', str(error))
+    lines = [a or b for file, a, other, b in places if Path(file or other).name in files]
+    return f", line {lines[-1]}" if lines else ""
+
+
+def _reason(error):
+    """What is most particular in a message of Numba, which begins with what is most general."""
+    text = re.sub(
+        r"\x1b\[[0-9;]*m|(?<=\w)_[0-9a-f]{16}\b", "", str(error)
+    )  # colours, and digits that spi.compiler.own adds
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    last = max((n + 1 for n, line in enumerate(lines[:-1]) if "Failed in nopython mode pipeline" in line), default=0)
+    reason = lines[last] if lines else type(error).__name__
+    if reason.endswith("found for signature:"):
+        reason = f"Numba has no {lines[last + 1].removeprefix('>>> ')}"
+    return reason.partition(" Raised from")[0]

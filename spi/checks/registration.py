@@ -1,0 +1,61 @@
+"""Classes of models and schemes are compared with the words of ``protocol.py`` when they are registered."""
+
+import difflib
+import inspect
+
+from ..compiler.dispatch import MOST
+from ..ensemble import protocol
+
+_OF_PARAMETERS = ("in_kernels", "fault")
+
+
+def vocabulary(asked):
+    """{name: word or fact} of all that a "model", a "scheme" or an "observer" is asked."""
+    found = {name: word for name, word in vars(protocol).items() if hasattr(word, "declared")}
+    return {name: word for name, word in found.items() if word.declared.asked == asked}
+
+
+def check_class(cls, asked, name):
+    """TypeError that says all that is wrong with a class to be registered as the "model" or "scheme" `name`.
+
+    A class must have all that is required, each word with as many arguments as declared and each fact of its type, and
+    nothing public that nobody asks for, because that is a word misspelt.
+    """
+    words, members = vocabulary(asked), _members(cls)
+    if protocol.large(cls):  # the record with its parameters; kernels are given another
+        members = {name: value for name, value in members.items() if not isinstance(value, property)}
+        words = {name: word for name, word in words.items() if name in _OF_PARAMETERS or word.declared.of}
+    wrong = [
+        f"lacks {word}" for word, asking in words.items() if asking.declared.required and members.get(word) is None
+    ]
+    for member, value in members.items():
+        if member in words:
+            wrong += _disagreement(member, value, words[member].declared)
+        else:
+            near = difflib.get_close_matches(member, words, 1)
+            wrong.append(
+                f"has '{member}', for which no {asked} is asked" + (f"; did you mean {near[0]}?" if near else "")
+            )
+    if wrong:
+        raise TypeError(f"{asked} '{name}' ({cls.__qualname__}) " + "; ".join(wrong))
+
+
+def _members(cls):
+    """What stands in the class body without an underscore, except the fields."""
+    members = {}
+    for base in reversed([base for base in cls.__mro__ if base not in (tuple, object)]):
+        members |= vars(base)
+    return {name: value for name, value in members.items() if not name.startswith("_") and name not in cls._fields}
+
+
+def _disagreement(name, value, declared):
+    """What is wrong with a word or fact, a list of no or one text."""
+    if declared.of is None:
+        if not inspect.isfunction(value):
+            return [f"has {name} = {value!r}, which must be a method"]
+        found = len(inspect.signature(value).parameters)
+        return [f"has {name} with {found} parameters instead of {declared.parameters}"] * (found != declared.parameters)
+    if declared.of is int and type(value) is int and not 0 <= value <= MOST:
+        return [f"has {name} = {value}, which must be between 0 and {MOST}"]
+    right = type(value) is declared.of or inspect.isfunction(value)
+    return [] if right else [f"has {name} = {value!r}, which must be of type {declared.of.__name__}"]

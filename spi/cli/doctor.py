@@ -1,0 +1,157 @@
+"""Whether this installation works: what it runs with, where compiled kernels are kept, and a small run."""
+
+import importlib.metadata
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from llvmlite import binding
+
+from .. import CACHE_PROBLEM, __version__, modules_folder, storage
+from ..checks.compilable import CompilationError
+from ..ensemble.loop import thread_count
+from ..running.runs import Watch, load, run
+from ..running.session import NOBODY
+from ..schemes import typical_ns
+from ..storage.records import Group
+
+_PACKAGES = ("numba", "llvmlite", "numpy", "scipy", "h5py")
+
+#: How many doubles the vector registers of a processor hold, from wide to narrow, by the names of LLVM.
+_DOUBLES = {"avx512f": 8, "avx2": 4, "avx": 4, "neon": 2, "sse2": 2}
+
+#: The quick profile of the experiment rigid_body_strong for one scheme, and its strong errors, which depend on the
+#: processor in their last bits only.
+_SPEC = """\
+title: a small run whose numbers are known
+kind: strong
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+steps: 2^-4 .. 2^-7
+reference_step: 2^-10
+schemes: [splitting]
+truncate_noise: true
+samples: 64
+seed: 1
+"""
+_ERRORS = (0.04764229365175524, 0.0314329383048238, 0.020821623632698818, 0.013498335308160574)
+_TOLERANCE = 1e-9  #: relative
+_DRIFT = 1e-12  #: of the Casimir function, which the scheme keeps but for rounding
+
+_SLOW = 5.0  #: how many times longer than typical a step may take before that is worth a warning
+_LEAST_MEMORY, _LEAST_ROOM = 2e9, 1e9  #: bytes, of the machine and on the disk of the cache
+
+
+class Finding(NamedTuple):
+    """What was found, and what to do about it; printed as one line."""
+
+    what: str
+    found: str
+    remedy: str = ""  #: nothing if all is well
+    sound: bool = True  #: whether the program can be used all the same
+
+    def __str__(self) -> str:
+        verdict = "ok" if not self.remedy else "warning" if self.sound else "wrong"
+        return f"{verdict:<8} {self.what:<9} {self.found}" + (f": {self.remedy}" if self.remedy else "")
+
+
+def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
+    """What there is to say of this installation, the quick things first; `watch` is told how far the small run is."""
+    about = storage.provenance()
+    yield Finding("spi", f"{__version__}, Python {about['machine_python']} on {about['machine_platform']}")
+    yield _packages()
+    yield _vectors(about["machine_processor"])
+    yield _threads()
+    yield _memory()
+    yield _cache()
+    yield from _small_run(watch)
+
+
+def _packages() -> Finding:
+    found, missing = [], []
+    for package in _PACKAGES:
+        try:
+            found.append(f"{package} {importlib.metadata.version(package)}")
+        except importlib.metadata.PackageNotFoundError:
+            missing.append(package)
+    remedy = f"{', '.join(missing)} should be there too, install spi again" if missing else ""
+    return Finding("packages", ", ".join(found), remedy)
+
+
+def _vectors(processor: str) -> Finding:
+    """What the compiler knows of the processor."""
+    features = binding.get_host_cpu_features()
+    name = next((name for name in _DOUBLES if features.get(name)), None)
+    if name is None:
+        return Finding(
+            "processor", f"{processor}, without vectors that are known", "a run may take eight times as long"
+        )
+    return Finding("processor", f"{processor}, {name}: vectors of {_DOUBLES[name]} doubles")
+
+
+def _threads() -> Finding:
+    threads, processors = thread_count(), _processors()
+    remedy = "" if threads == processors else "NUMBA_NUM_THREADS in the environment says how many are used"
+    return Finding("threads", f"{threads}, for {processors} processors", remedy)
+
+
+def _memory() -> Finding:
+    try:
+        size = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # this system does not tell
+        return Finding("memory", "of unknown size")
+    remedy = "" if size >= _LEAST_MEMORY else "see what `spi check` says an experiment needs"
+    return Finding("memory", f"{size / 1e9:.1f} GB", remedy)
+
+
+def _cache() -> Finding:
+    """Where compiled kernels are kept, how many there are and whether there is room for more."""
+    if CACHE_PROBLEM:
+        remedy = "every run compiles anew; set SPI_CACHE_DIR to a folder that you can write to"
+        return Finding("kernels", CACHE_PROBLEM, remedy)
+    kernels = len(list(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbc")))
+    folder = modules_folder().parent
+    size, free = sum(path.stat().st_size for path in folder.rglob("*")), shutil.disk_usage(folder).free
+    found = f"{kernels} compiled; {folder} has {size / 1e6:.0f} MB and room for {free / 1e9:.1f} GB"
+    return Finding("kernels", found, "" if free >= _LEAST_ROOM else "free some, or set SPI_CACHE_DIR to another folder")
+
+
+def _small_run(watch: Watch) -> Iterator[Finding]:
+    """Whether a strong study gives the numbers that it should, and how long a step takes."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        yield Finding("compiler", "off, by NUMBA_DISABLE_JIT", "unset it, or runs take hundreds of times as long")
+        return
+    experiment = load("doctor", text=_SPEC)
+    try:
+        with tempfile.TemporaryDirectory(prefix="spi-") as folder:
+            (group,) = storage.read(run(experiment, folder, watch=watch)).groups
+    except (CompilationError, OSError, storage.StorageError) as error:
+        yield Finding("numbers", f"the small run failed ({error})", "install spi again, in a new environment", False)
+        return
+    yield _numbers(group)
+    (case,) = experiment.cases
+    yield _speed(float(np.min(group.arrays["ns_per_step"])), typical_ns(case.row("splitting"), case.model))
+
+
+def _numbers(group: Group) -> Finding:
+    """Whether the results of the small run are those that are known."""
+    off = float(np.max(np.abs(group.arrays["error"] / np.array(_ERRORS) - 1)))
+    drift = float(np.max(group.arrays["casimir_drift"]))
+    right = off < _TOLERANCE and drift < _DRIFT
+    found = f"strong errors as known, to {off:.0e}; Casimir drift {drift:.0e}"
+    return Finding("numbers", found, "" if right else "too much, so do not trust what spi computes here", sound=right)
+
+
+def _speed(ns: float, typical: float) -> Finding:
+    found = f"{ns:.3g} ns a step and path; {typical:.2g} ns with vectors of 8 at 4 GHz"
+    return Finding("speed", found, "" if ns < _SLOW * typical else "other programs are busy, or vectors are narrow")
+
+
+def _processors() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,248 @@
+"""Random numbers of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
+
+A row of increments has those over a whole step, and behind them, where a scheme asks for sub-steps, those over its
+halves, quarters, ..., see :func:`first_lane`, and last, where a scheme asks for them, Lévy areas, see ``areas.py``.
+"""
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numba.extending import overload
+
+from ..compiler.dispatch import INDICES, INLINED, class_of, field_type, inlined, number, unrolled
+from ..numerics.rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
+from .areas import areas_length, copy_areas, draw_areas, join_areas
+from .protocol import noise_indices, noises
+
+
+@inlined
+def truncation_bound(h):
+    """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
+    return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
+
+
+@inlined
+def first_lane(model, k, n, part):
+    """Where in a row the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ... begin."""
+    return ((n - 1 + part) * noises(model) + k) * LANES
+
+
+@unrolled(noise_indices)
+def draw_channels(index, model, increments, noise, draw, block, scale, words, stride):
+    """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on.
+
+    `stride` is the length of a row.
+    """
+    k = number(index)
+    rows = increments.ravel()[k * LANES :]
+    draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows, stride)
+    return increments
+
+
+@unrolled(noise_indices)
+def draw_bridges(index, model, increments, noise, draw, block, scale, words, normals, finest):
+    """Increments over the halves, quarters, ... of those steps, `finest` sub-steps at last, given those of the steps.
+
+    Lévy's construction: given the increment dW over a time t, that over its first half is dW/2 + sqrt(t)/2 Z with a
+    standard normal Z.  Bridge number n + part, of a stream of its own, halves sub-step `part` of n.
+    `normals` (STEPS_PER_DRAW * LANES) is scratch.
+    """
+    k = number(index)
+    stream = noise.stream + np.uint64(BRIDGES)
+    n = 1
+    while n < finest:
+        deviation = 0.5 * scale / np.sqrt(n)
+        for part in range(n):
+            channel = np.uint64((n + part) * 4096 + k)
+            draw_increments(noise.seed, stream, channel, draw, block, deviation, words, normals, LANES)
+            whole, half = first_lane(model, k, n, part), first_lane(model, k, 2 * n, 2 * part)
+            other = first_lane(model, k, 2 * n, 2 * part + 1)
+            for step in range(STEPS_PER_DRAW):
+                row, bridge = increments[step], normals[step * LANES :]
+                for lane in range(LANES):
+                    row[half + lane] = 0.5 * row[whole + lane] + bridge[lane]
+                    row[other + lane] = row[whole + lane] - row[half + lane]
+        n = 2 * n
+    return increments
+
+
+@unrolled(noise_indices)
+def keep_first_half(index, model, dW, first):
+    k = number(index)
+    for lane in range(k * LANES, (k + 1) * LANES):
+        first[lane] = dW[lane]
+    return dW
+
+
+@unrolled(noise_indices)
+def add_first_half(index, model, dW, first):
+    """dW = first half + second half, where dW holds the second."""
+    k = number(index)
+    for lane in range(k * LANES, (k + 1) * LANES):
+        dW[lane] = first[lane] + dW[lane]
+    return dW
+
+
+@unrolled(noise_indices)
+def join_halves(index, model, dW, first, finest):
+    """The sub-steps of a step from those of its halves, where dW holds the second: half as many of each half.
+
+    Increments over the whole step stay those of the second half; :func:`add_first_half` comes after.
+    """
+    k = number(index)
+    n = finest
+    while n > 1:
+        for part in range(n // 2):
+            source = first_lane(model, k, n // 2, part)
+            early, late = first_lane(model, k, n, part), first_lane(model, k, n, n // 2 + part)
+            for lane in range(LANES):
+                dW[late + lane] = dW[source + lane]
+                dW[early + lane] = first[source + lane]
+        n = n // 2
+    return dW
+
+
+@unrolled(noise_indices)
+def turn_around(index, model, dW, turned, finest):
+    """The increments of the path run through backwards: sub-steps in reversed order."""
+    k = number(index)
+    n = 1
+    while n <= finest:
+        for part in range(n):
+            source, target = first_lane(model, k, n, part), first_lane(model, k, n, n - 1 - part)
+            for lane in range(LANES):
+                turned[target + lane] = dW[source + lane]
+        n = 2 * n
+    return dW
+
+
+@unrolled(noise_indices)
+def clip(index, model, dW, clipped, bound):
+    k = number(index)
+    for lane in range(k * LANES, (k + 1) * LANES):
+        clipped[lane] = min(max(dW[lane], -bound), bound)
+    return dW
+
+
+@unrolled(noise_indices)
+def clip_substeps(index, model, dW, clipped, h, finest):
+    """Clip the increments over sub-steps, each by the bound for its own length."""
+    k = number(index)
+    n = 2
+    while n <= finest:
+        bound = truncation_bound(h / n)
+        for part in range(n):
+            begin = first_lane(model, k, n, part)
+            for lane in range(begin, begin + LANES):
+                clipped[lane] = min(max(dW[lane], -bound), bound)
+        n = 2 * n
+    return dW
+
+
+# What the loop over time does with rows of increments.  Where no scheme asks for sub-steps, which is so for nearly all,
+# kernels contain nothing about them; likewise for areas.
+
+
+class Kept(NamedTuple):
+    """What is known of a step besides its increments, as the compiler knows it by its type."""
+
+    substeps: NamedTuple  #: one of INDICES: into how many sub-steps it is resolved
+    areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
+
+
+@inlined
+def row_length(kept, model):
+    """How many floats the increments of a block over a step and its sub-steps are, with its areas."""
+    return (2 * number(kept.substeps) - 1) * noises(model) * LANES + areas_length(kept.areas, model)
+
+
+def _unless_one(plain):
+    """Decorator: `plain` takes the place of ``body(kept, ...)`` where there are no sub-steps, without a branch."""
+
+    def decorate(body):
+        @functools.wraps(body)
+        def f(kept, *arguments):
+            return (plain if number(kept.substeps) == 1 else body)(kept, *arguments)
+
+        @overload(f, jit_options=INLINED, strict=False)
+        def f_while_compiling(kept, *types_of_arguments):
+            return plain if INDICES.index(class_of(field_type(kept, "substeps"))) == 1 else body
+
+        return f
+
+    return decorate
+
+
+def _draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
+    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
+    draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
+
+
+@_unless_one(_draw_steps)
+def draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
+    """Increments of the next STEPS_PER_DRAW steps of size h, of their sub-steps, and areas from so many terms."""
+    draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
+    draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
+    normals = np.empty(STEPS_PER_DRAW * LANES)
+    draw_bridges(model, increments, noise, draw, block, np.sqrt(h), words, normals, number(kept.substeps))
+
+
+def _keep(kept, model, dW, first):
+    keep_first_half(model, dW, first)
+    copy_areas(kept.areas, model, dW, first)
+
+
+@_unless_one(_keep)
+def keep(kept, model, dW, first):
+    """Keep a step as the first half of a larger one."""
+    first[:] = dW
+
+
+def _join(kept, model, dW, first):
+    join_areas(kept.areas, model, dW, first)
+    add_first_half(model, dW, first)
+
+
+@_unless_one(_join)
+def join(kept, model, dW, first):
+    """The step of which `dW` holds the second half and `first` the first, in `dW`."""
+    join_areas(kept.areas, model, dW, first)
+    join_halves(model, dW, first, number(kept.substeps))
+    add_first_half(model, dW, first)
+
+
+def _same_row(kept, model, dW, row, turned):
+    return row
+
+
+@_unless_one(_same_row)
+def reversed_row(kept, model, dW, row, turned):
+    """The number of the row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
+    turn_around(model, dW[row], dW[turned], number(kept.substeps))
+    return turned
+
+
+def _truncate(kept, model, dW, clipped, h):
+    clip(model, dW, clipped, truncation_bound(h))
+    copy_areas(kept.areas, model, dW, clipped)
+
+
+@_unless_one(_truncate)
+def truncate(kept, model, dW, clipped, h):
+    """The increments of a step of size h with their bounds, in `clipped`, which may be `dW`; areas stay as they are."""
+    clip(model, dW, clipped, truncation_bound(h))
+    copy_areas(kept.areas, model, dW, clipped)
+    clip_substeps(model, dW, clipped, h, number(kept.substeps))
+
+
+@inlined
+def flip(coins, side, flipped):
+    for lane in range(LANES):
+        coins[flipped, lane] = -coins[side, lane]
+
+
+@inlined
+def copy(coins, source, target):
+    for lane in range(LANES):
+        coins[target, lane] = coins[source, lane]

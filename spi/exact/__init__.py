@@ -1,0 +1,1 @@
+"""Expectations and laws that need no sampling."""

@@ -1,0 +1,89 @@
+"""Expectations without sampling, on two-dimensional Casimir surfaces.
+
+The backward operator of a splitting step, (P f)(y) = E f(y_1) given y_0 = y, is a product of operators f -> E f(flow),
+one for each exact flow, and each of them is diagonal in a Fourier variable.  It is applied in the reverse order of the
+flows.
+
+Which solver works on a model follows from what the model answers, see ``spi.ensemble.protocol``: ``axis_inertias`` for
+spheres, ``rotation_shear_rates`` for cylinders.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import NamedTuple
+
+from ...compiler.dispatch import answers, class_of
+from ...ensemble.protocol import axis_inertias, rotation_shear_rates
+from .result import Demands, Expectations
+
+__all__ = [
+    "Demands",
+    "Expectations",
+    "can_solve",
+    "can_solve_equation",
+    "demands",
+    "exact_expectations",
+    "expectations",
+]
+
+
+class _Solver(NamedTuple):
+    word: Callable  #: what a model must answer
+    module: str
+    equation: bool  #: whether it solves the equation without looking at a scheme
+
+
+_SOLVERS = (
+    _Solver(axis_inertias, "sphere", equation=True),
+    _Solver(rotation_shear_rates, "cylinder", equation=False),
+)
+
+
+def _solvers(model, equation=False):
+    return [s for s in _SOLVERS if answers(s.word, model) and (s.equation or not equation)]
+
+
+def _solver(model, equation=False):
+    if found := _solvers(model, equation):
+        return import_module(f".{found[0].module}", __name__)
+    words = " or ".join(s.word.__name__ for s in _SOLVERS if s.equation or not equation)
+    what = "limit without schemes" if equation else "solver without sampling"
+    raise ValueError(f"no {what} for {class_of(model).__qualname__}, which does not answer {words}")
+
+
+def can_solve(model):
+    """Whether :func:`expectations` works for a model, or a class of models."""
+    return bool(_solvers(model))
+
+
+def can_solve_equation(model):
+    """Whether :func:`exact_expectations` works for a model, or a class of models."""
+    return bool(_solvers(model, equation=True))
+
+
+def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """What :func:`expectations` takes with these arguments, and whether it can do it at all: :class:`Demands`.
+
+    Found within milliseconds, from the grids that the solver would choose.
+    """
+    return _solver(model).demands(model, compositions, initial, final_time, steps, functions, accuracy)
+
+
+def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """E phi(y_N) of a splitting scheme at each step size, and E phi(y(T)) of the equation; an :class:`Expectations`.
+
+    `compositions` is a step as ``schemes.rows.compositions`` gives it: ((probability, flows), ...) with the flows
+    ("drift" or "noise", k, share of the step) in the order in which they act, each noise flow with an increment of its
+    own; `functions` take an array y of shape (3, n) and return n values.  `accuracy` asks for an absolute numerical
+    error.  ValueError for a model that no solver is for (:func:`can_solve`).
+    """
+    solve = _solver(model).expectations
+    return solve(model, compositions, initial, final_time, steps, functions, accuracy)
+
+
+def exact_expectations(model, initial, final_time, functions, accuracy):
+    """E phi(y(T)) of the equation for F functions, and a bound of its numerical error, two arrays (F,).
+
+    No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
+    """
+    return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy)

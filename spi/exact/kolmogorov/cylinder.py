@@ -1,0 +1,151 @@
+r"""E phi(y_N) of splitting schemes on cylinders, for models with ``rotation_shear_rates``, without sampling.
+
+With y_2 + i y_3 = r e^{i alpha}, where r is conserved, a function of the state is a function f(y_1, alpha) on a
+cylinder. The backward operators f -> E f(flow) of the pieces over time t are diagonal after one Fourier transform,
+
+    H_1:  e^{i m alpha} -> exp(-i m a t y_1 - (sigma_1 â)^2 m^2 y_1^2 t / 2) e^{i m alpha}      at each y_1,
+    H_2:  e^{i k y_1}   -> exp( i k c t y_2 - (sigma_2 ĉ)^2 k^2 y_2^2 t / 2) e^{i k y_1}        at each alpha
+
+(first terms: drift, second terms: noise).  A step that is the flow F, then G, ..., has P = P_F P_G ..., so its last
+flow is applied to f first.  The equation itself has the generator L = L_1 + L_2 made of the same two parts, and
+exp(TL) is the limit of (exp(hL_1/2) exp(hL_2) exp(hL_1/2))^N, whose error has even powers of h only, so that
+Richardson's extrapolation gains two orders at a time.
+
+*The line y_1* is cut to a period of half-width X + LAYER about y_1(0): phi is multiplied by a window and a rate of
+killing is added to L_1, both active beyond X only.  Scheme and equation are changed alike, by at most 2 max|phi|
+times the probability to be killed, which is 1 - E 1 and is computed by the same road.
+
+*Small steps* are not made.  On one grid the weak error of a method of order p is h^p times a smooth function of h; it
+is computed at step sizes T/8, T/16, ... and interpolated, until leaving out points no longer matters.
+
+*Rest points.*  Where y_1 = y_2 = 0 the noise vanishes, and around these two points f has structure finer than any
+grid if the noises are strong.  Cut off by the grid it rings, and a flow that acts first without noise would carry the
+ringing to y(0).  So f is evaluated through a smooth low-pass filter, after which weak errors of order 2 do not feel
+the grid.
+
+*Errors* are differences to a grid coarser in y_1 (with a wider period) and to one coarser in alpha, plus those of the
+interpolation in h, plus the probability to be killed.
+"""
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from ...ensemble.protocol import rotation_shear_rates, strengths
+from .backward import numbers_of_steps, plan, weak_order, words_of
+from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
+from .ladders import ladder_of_limit, ladder_of_scheme, limit_of_scheme, limit_on, prediction, weak_error
+from .result import Demands, Expectations
+
+ACCURACY = 1e-10  #: what is tried for when nothing is asked
+ROUNDING = 1e-15  #: of a step, relative to max|phi|
+
+#: exp(hL_1/2) exp(hL_2) exp(hL_1/2)
+STRANG = ((1.0, tuple((part, k, s) for k, s in ((0, 0.5), (1, 1.0), (0, 0.5)) for part in ("drift", "noise"))),)
+
+
+def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """E phi(y_N) for each phi in `functions` and h in `steps`, and their limit E phi(y(T)); see ``Expectations``.
+
+    `compositions` is a step as ``schemes.rows.compositions`` gives it; the refinement of the grid stops at an estimated
+    error below `accuracy`.
+    """
+    start = perf_counter()
+    accuracy = ACCURACY if accuracy is None else accuracy
+    problem = _problem(model, initial, final_time, functions)
+    numbers = numbers_of_steps(final_time, steps)
+    words, strang = words_of(compositions, problem.active), plan(words_of(STRANG, problem.active))
+    scheme, order = plan(words), weak_order(words)
+
+    half_width, killed = domain(problem, strang, min(numbers), accuracy)
+    size, seconds_probe = resolution(problem, strang, half_width, accuracy)
+    grids = _grids(problem, size, half_width)
+    limit_ladder = ladder_of_limit(grids[0], strang, accuracy)
+    ladder = ladder_of_scheme(grids[0], scheme, strang, limit_ladder, order, numbers, accuracy)
+    runs = [_on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder) for grid in grids]
+    largest = grids[0].largest
+    floor = 2 * killed * largest + ROUNDING * np.sqrt(ladder[-1]) * largest
+    limit, weak, direct = runs[0].limit, runs[0].weak, runs[0].direct
+    disagreement, doubt = limit_of_scheme(problem.T, direct, ladder, limit, order)
+    bounds = _bounds(runs, floor, np.maximum(0.0, disagreement - doubt))
+    notes = {
+        "order": order,
+        "grid": size,
+        "period": grids[0].period,
+        "killed": killed,
+        "steps_computed": [int(n) for n in sorted(direct)],
+        "limit_steps": limit_ladder,
+        "limit_from_scheme": disagreement,
+        "prediction": prediction(problem.T, direct, ladder, limit, order),
+        "seconds_resolution": seconds_probe,
+        "seconds": perf_counter() - start,
+    }
+    return Expectations(np.asarray(steps, float), limit[:, None] + weak, limit, weak, *bounds, notes)
+
+
+def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """:class:`~.result.Demands` of :func:`expectations`, from the period of the grid and the accuracy.
+
+    Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
+    """
+    problem = _problem(model, initial, final_time, functions)
+    coarser = max(ACCURACY, accuracy or ACCURACY) / ACCURACY
+    with np.errstate(all="ignore"):
+        least, usual, most = (first_points(x * safe_half_width(problem, 1e-13)) for x in (0.2, 0.4, 1.0))
+    if not least <= POINTS:
+        what = f"would need a grid of {least:.2g} points, so far does y1 get until final_time; {POINTS} are the most"
+        return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
+    groups = sum(map(len, (p := plan(words_of(compositions, problem.active)))[::2])) + sum(len(w) for _, w in p[1])
+    points = min(max(POINTS * coarser**-0.15, 4 * usual), max(POINTS, 2 * usual))
+    runs = 1000 * coarser**-0.1 * (1 + groups / 3) / 2  # steps, for the limit and for the scheme, on three grids
+    seconds = 0.2 + 5e-8 * len(functions) * points * runs
+    return Demands(seconds, 1e8 + 64 * (1 + len(functions)) * max(POINTS, 2 * most))
+
+
+def _problem(model, initial, final_time, functions):
+    rates, noise_rates = rotation_shear_rates(model)
+    sigma = tuple(s * rate for s, rate in zip(strengths(model), noise_rates, strict=True))
+    return Problem(tuple(map(float, initial)), float(final_time), rates, sigma, tuple(functions))
+
+
+def _grids(problem, size, half_width):
+    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha."""
+    wider, coarser = 1.1 * half_width, [n / REFINEMENT for n in size]
+    return [
+        Grid(problem, *size, half_width),
+        Grid(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
+        Grid(problem, size[0], even(coarser[1]), half_width),
+    ]
+
+
+class _Run(NamedTuple):
+    """What one grid gives, for F functions and S step sizes, and what is uncertain in it."""
+
+    limit: np.ndarray  #: (F,)
+    limit_uncertain: np.ndarray
+    weak: np.ndarray  #: (F, S)
+    weak_uncertain: np.ndarray
+    value_uncertain: np.ndarray
+    direct: dict  #: number of steps -> values that were computed, (F,)
+
+
+def _on_grid(grid, scheme, strang, order, numbers, limit_ladder, ladder):
+    limit, uncertain = limit_on(grid, strang, limit_ladder)
+    direct = {n: grid.run(scheme, n) for n in {*numbers, *ladder} if n <= ladder[-1]}
+    parts = [weak_error(grid.problem.T, direct, ladder, limit, uncertain, order, n) for n in numbers]
+    return _Run(limit, uncertain, *(np.stack(a, axis=1) for a in zip(*parts, strict=True)), direct)
+
+
+def _bounds(runs, floor, disagreement):
+    """Bounds of the errors of values, limits and weak errors, the first run being the finest."""
+    finest, others = runs[0], runs[1:]
+    value = finest.limit[:, None] + finest.weak
+    value_grid = sum(abs(value - run.limit[:, None] - run.weak) for run in others)
+    limit_grid = sum(abs(finest.limit - run.limit) for run in others)
+    weak_grid = sum(abs(finest.weak - run.weak) for run in others)
+    return (
+        value_grid + floor[:, None] + finest.value_uncertain,
+        finest.limit_uncertain + limit_grid + floor + disagreement,
+        weak_grid + finest.weak_uncertain + floor[:, None],
+    )

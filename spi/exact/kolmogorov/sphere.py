@@ -1,0 +1,272 @@
+"""E phi(y_N) of splitting schemes on spheres, for models with ``axis_inertias``, without sampling.
+
+The backward operator of a step, (P f)(y) = E f(y_1) given y_0 = y, is a product of one factor for each flow, the last
+flow acting on f first.  With A_k f = d/dt f(turned about axis k by t y_k), on the sphere of radius 1,
+
+    drift k over time t:                exp(t r / I_k A_k),                  r = |y_0|,
+    noise k over time t, averaged:      exp(t (sigma_k r / Î_k)^2 / 2 A_k^2),
+
+and the equation itself has E phi(y(T)) = exp(T G) phi with G = sum_k r / I_k A_k + (sigma_k r / Î_k)^2 / 2 A_k^2.
+Scheme and limit use the same truncated A_k (see :mod:`.harmonics`), so most of the error of truncation is common to
+both.
+"""
+
+import time
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ...ensemble.protocol import axis_inertias, strengths
+from .backward import numbers_of_steps
+from .harmonics import CLASSES, harmonics_up_to
+from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
+from .result import Demands, Expectations
+
+#: Degrees tried in turn.
+LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
+#: Without a wish, weak errors are wanted to this fraction.
+RELATIVE = 0.02
+#: A level is not tried if it would take longer, in estimated seconds of one core, for the schemes and for the limit.
+LONGEST, LONGEST_LIMIT = 100.0, 5.0
+#: What the first three degrees, which are always tried, may take for a question to be answered at all, in seconds.
+LONGEST_FIRST = 600.0
+#: Rounding errors in units of the largest |phi|.
+ROUNDING = 2e-14
+
+
+def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """E phi of a splitting scheme at each step size and of the equation, as :class:`~.result.Expectations`.
+
+    `compositions` is a step as ``schemes.rows.compositions`` gives it; each of `steps` divides `final_time`;
+    `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error of value, limit and weak error;
+    without it, weak errors are wanted to a fiftieth of themselves.
+
+    The degree L is raised until the weak error has settled.  The stated error is its last change, or a quarter of the
+    change before where that is larger (a change may be small by chance).  The limit is far cheaper, so it is taken at a
+    higher degree, and value = limit + weak error.
+    """
+    started = time.perf_counter()
+    problem = _Problem.of(model, compositions, initial, final_time, steps, functions)
+    rounding = ROUNDING * problem.size()[0]
+    if np.count_nonzero(initial) <= 1:
+        return _at_rest(problem, initial)
+    weak, limits, weak_error, weak_error_bound, goal = _settled_weak_errors(problem, rounding, accuracy)
+    goal = goal.min(axis=1) if accuracy is None else accuracy / 2
+    limit, limit_bound = _refined_limit(problem, limits, goal, rounding)
+    extrapolated, doubt = extrapolate(problem.steps, weak_error)
+    # two roads to the limit: where they differ by more than the extrapolation can be blamed for, the limit is blamed
+    limit_bound = limit_bound + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_bound.max(axis=1), 0.0)
+    notes = {
+        "degree": max(weak),
+        "degree_of_limit": max(limits),
+        "weak_errors_by_degree": weak,
+        "limits_by_degree": limits,
+        "extrapolated_minus_limit": extrapolated,
+        "extrapolation_error": doubt,
+        "seconds": time.perf_counter() - started,
+    }
+    bounds = limit_bound[:, None] + weak_error_bound, limit_bound, weak_error_bound
+    return Expectations(problem.steps, limit[:, None] + weak_error, limit, weak_error, *bounds, notes)
+
+
+def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
+    """:class:`~.result.Demands` of :func:`expectations`, from the waves of the functions and the cost of each degree.
+
+    Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
+    """
+    if np.count_nonzero(initial) <= 1:  # at rest
+        return Demands(0.1, 1e8)
+    try:
+        with np.errstate(all="ignore"):
+            problem = _Problem.of(model, compositions, initial, final_time, steps, functions)
+            first = 2 * problem.cost(LEVELS[2], rough=True)
+    except OverflowError:
+        first = np.inf
+    if not first <= LONGEST_FIRST:
+        what = f"would take about {first:.1g} s" if np.isfinite(first) else "would take for ever"
+        what = f"{what} at the coarsest degrees; {LONGEST_FIRST:g} s are the most"
+        return Demands(np.inf, np.inf, what, "decrease sigma, initial or final_time")
+    lost, waves = problem.waves()
+    on = f"on the sphere |y| = {problem.radius:.3g}"
+    if np.isnan(lost):
+        what = f"needs functions that are finite {on}"
+        return Demands(np.inf, np.inf, what, "decrease initial, or use functions that grow less")
+    if lost > 0.25:  # so much is lost that the projection would be, too
+        what = f"knows functions of up to {LEVELS[-1]} waves {on}, these have more"
+        return Demands(np.inf, np.inf, what, "decrease initial, or use functions that oscillate less")
+    return problem.demands(waves)
+
+
+def _settled_weak_errors(problem, rounding, accuracy):
+    """({degree: weak errors}, {degree: limits}, the last weak errors, their bound, what was aimed at)."""
+    limits, weak = {}, {}
+    for L in LEVELS:
+        if len(weak) >= 3 and problem.cost(L) > LONGEST:
+            break
+        limits[L], values = problem.solve(L)
+        weak[L] = values - limits[L][:, None]
+        weak_error, weak_error_bound = _settled(weak, rounding[:, None])
+        goal = RELATIVE * abs(weak_error) if accuracy is None else accuracy / 2
+        if len(weak) >= 3 and np.all(weak_error_bound <= np.maximum(goal, 2 * rounding[:, None])):
+            break
+    return weak, limits, weak_error, weak_error_bound, goal
+
+
+def exact_expectations(model, initial, final_time, functions, accuracy):
+    """E phi(y(T)) of the equation, (F,), and its error, refined until that is below `accuracy` or would take long."""
+    problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
+    if np.count_nonzero(initial) <= 1:
+        found = _at_rest(problem, initial)
+        return found.limit, found.limit_bound
+    return _refined_limit(problem, {}, accuracy, ROUNDING * problem.size()[0])
+
+
+def _refined_limit(problem, found, goal, rounding):
+    """The limit and its error, from `found` {degree: limit} and as many higher degrees as the goal asks for."""
+    for L in LEVELS[len(found) :]:
+        settled = len(found) >= 3 and np.all(_settled(found, rounding)[1] <= np.maximum(goal, 2 * rounding))
+        if settled or (len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
+            break
+        found[L], _ = problem.solve(L, schemes=False)
+    return _settled(found, rounding)
+
+
+def _at_rest(problem, initial):
+    """On an axis nothing moves (and seen from there expectations elsewhere are least smooth)."""
+    y = np.asarray(initial, dtype=float)[:, None]
+    limit, nothing = np.array([np.ravel(f(y))[0] for f in problem.functions]), np.zeros(len(problem.steps))
+    weak_error = limit[:, None] * nothing
+    bounds = weak_error, 0 * limit, weak_error
+    return Expectations(problem.steps, limit[:, None] + weak_error, limit, weak_error, *bounds, {"fixed point": True})
+
+
+def _settled(by_degree, rounding):
+    """The last of a sequence of refinements, and its error, infinite where that is not known."""
+    found = list(by_degree.values())
+    changes = [abs(b - a) for a, b in pairwise(found)]
+    if not changes:
+        return found[-1], np.full_like(found[-1], np.inf)
+    error = np.maximum(changes[-1], changes[-2] / 4 if len(changes) > 1 else np.inf) + rounding
+    return found[-1], np.where(np.isnan(error), np.inf, error)
+
+
+def extrapolate(steps, weak_error):
+    """The polynomial through the weak errors at the smallest steps (at most seven), at h = 0; and its error.
+
+    That is the limit found by extrapolating the scheme, minus the limit found from the generator.  The error is taken
+    to be the change when the largest of the steps is left out; infinite for less than three steps.
+    """
+    h, at = np.unique(steps, return_index=True)
+    h, values = h[:7], weak_error[:, at[:7]]
+    if len(h) < 3:
+        return np.zeros(len(values)), np.full(len(values), np.inf)
+    found = []
+    for n in (len(h), len(h) - 1):
+        weights = [np.prod([b / (b - a) for b in h[:n] if b != a]) for a in h[:n]]
+        found.append(values[:, :n] @ np.array(weights))
+    return found[0], abs(found[0] - found[1])
+
+
+class _Problem(NamedTuple):
+    compositions: tuple
+    point: np.ndarray  #: y_0 / r
+    radius: float
+    turn: list  #: r / I_k
+    spread: list  #: (sigma_k r / Î_k)^2 / 2
+    time: float
+    steps: np.ndarray
+    counts: list
+    functions: tuple
+
+    @classmethod
+    def of(cls, model, compositions, initial, final_time, steps, functions):
+        initial, steps = np.asarray(initial, dtype=float), np.asarray(steps, dtype=float)
+        counts = numbers_of_steps(final_time, steps)
+        if abs(sum(p for p, _ in compositions) - 1) > 1e-12:
+            raise ValueError("the probabilities of the compositions do not add up to 1")
+        r = float(np.linalg.norm(initial))
+        point = initial / r if r > 0 else np.array([0.0, 0.0, 1.0])
+        inertia, noise_inertia = axis_inertias(model)
+        spread = [(sigma * r / i) ** 2 / 2 for sigma, i in zip(strengths(model), noise_inertia, strict=True)]
+        turn = [r / i for i in inertia]
+        return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions))
+
+    def size(self):
+        """The largest |phi| and the integral of phi^2 over the unit sphere, both roughly (F,)."""
+        z, phi = np.linspace(-1, 1, 20000), np.arange(20000) * np.pi * (np.sqrt(5) - 1)
+        s = np.sqrt(1 - z**2)
+        points = self.radius * np.array([s * np.cos(phi), s * np.sin(phi), z])
+        values = np.array([np.broadcast_to(f(points), z.shape) for f in self.functions])
+        return abs(values).max(axis=1), 4 * np.pi * np.mean(values**2, axis=1)
+
+    def words(self, h):
+        return [(p, factors(self.turn, self.spread, word, h)) for p, word in self.compositions]
+
+    def solve(self, L, schemes=True):
+        """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
+        harmonics = harmonics_up_to(L)
+        coefficients = harmonics.project(self.functions, self.radius)
+        evaluation = harmonics.evaluation(self.point)
+        size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))
+        limit = np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0)
+        values = limit[:, None] + np.zeros(len(self.steps))
+        for c in CLASSES:
+            e = evaluation[c]
+            on = np.linalg.norm(coefficients[c], axis=0) > 1e-15 * size
+            if not np.any(on) or np.linalg.norm(e) < 1e-14 * L:
+                continue
+            V = np.ascontiguousarray(coefficients[c][:, on])
+            limit[on] += e @ semigroup(harmonics, c, self.turn, self.spread, self.time, V)
+            for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
+                values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
+        return limit, values
+
+    def cost(self, L, rough=False):
+        """About how many seconds `solve` takes; `rough` does not find out how many terms the limit needs."""
+        lengths = [Step(None, 0, self.words(h)).length for h in self.steps]
+        steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
+        return 3 * steps + self.cost_of_limit(L, rough)
+
+    def cost_of_limit(self, L, rough=False):
+        beta, rho = bounds(L, self.turn, self.spread)
+        if rough:
+            pieces = max(1.0, self.time * beta / 2)
+            terms = 20 + 9.6 * np.sqrt(max(rho * self.time / pieces / 2, 1.0))
+        else:
+            pieces, _, coefficients = chebyshev(beta, rho, self.time)
+            terms = len(coefficients)
+        return 3 * pieces * terms * 4e-9 * L**2 * len(self.functions)
+
+    def waves(self):
+        """(the share of phi beyond the highest degree, waves that it has), the worst of all phi on three great circles.
+
+        The share is of the mean square, NaN where phi is not finite; all but 1e-8 of it has at most so many waves.
+        """
+        n = 16 * LEVELS[-1]
+        angle = 2 * np.pi / n * np.arange(n)
+        lost, most = 0.0, 0
+        for axes in np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3, 3)))[0]:
+            points = self.radius * (np.outer(axes[0], np.cos(angle)) + np.outer(axes[1], np.sin(angle)))
+            with np.errstate(all="ignore"):
+                values = np.array([np.broadcast_to(f(points), n) for f in self.functions], float)
+            if not np.isfinite(values).all():
+                return np.nan, n
+            largest = abs(values).max(axis=1, keepdims=True)
+            power = abs(np.fft.rfft(values / np.where(largest > 0, largest, 1.0))) ** 2
+            power /= np.maximum(power.sum(axis=1, keepdims=True), 1e-300)
+            lost = max(lost, power[:, LEVELS[-1] :].sum(axis=1).max())
+            most = max(most, int((np.cumsum(power, axis=1) < 1 - 1e-8).sum(axis=1).max()))
+        return lost, most
+
+    def demands(self, waves):
+        """Of a question that can be answered, from how many waves the functions have."""
+        # Shear makes waves, and noise smooths them.
+        turned = sum(map(abs, self.turn))
+        degree = 2 * waves * (1 + min(self.time * turned, turned / max(sum(self.spread), 1e-300)) / 8)
+        number = max(2, int(np.searchsorted(LEVELS, degree)))
+        weak = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= number and self.cost(L) <= LONGEST)]
+        finer = [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
+        seconds = sum(map(self.cost, weak)) + sum(self.cost_of_limit(L) for L in finer)
+        cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, self.words(h)).length for h in self.steps) * weak[-1] ** 3
+        return Demands(1.5 * seconds + 1.0, 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2)

@@ -1,0 +1,90 @@
+"""How large angles are: flows that rotate are told, and take the cheapest sine that is right there."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.dispatch import inlined, word
+from . import elementary
+
+
+@inlined
+def _divided(angles, square):
+    """Sine and versine divided by the angle and its square; the limits at 0."""
+    square += 1e-300
+    angle = np.sqrt(square)
+    s, v = sin_versine(angles, angle)
+    return (s - angle) / angle, v / square
+
+
+class TinyAngles(NamedTuple):
+    """All angles lie within +-2^-5: short polynomials."""
+
+    def sin_versine(angles, x):
+        return elementary.sin_versine_tiny(x)
+
+    def sinc_versinc(angles, square):
+        return elementary.sinc_versinc_tiny(square)
+
+    def adding_to_zero(angles, p0, p1, p2):
+        return p0, p1, p2
+
+
+class SmallAngles(NamedTuple):
+    """All angles lie within [-pi/4, pi/4]: no range reduction."""
+
+    def sin_versine(angles, x):
+        return elementary.sin_versine_small(x)
+
+    def sinc_versinc(angles, square):
+        return elementary.sinc_versinc_small(square)
+
+    adding_to_zero = TinyAngles.adding_to_zero
+
+
+class ReducedAngles(NamedTuple):
+    """All angles lie within +-1.6e6: range reduction in vector instructions."""
+
+    def sin_versine(angles, x):
+        return elementary.sin_versine(x)
+
+    def sinc_versinc(angles, square):
+        return _divided(angles, square)
+
+    def adding_to_zero(angles, p0, p1, p2):
+        """As multiples of one small number, so that additions are exact: of large angles the sum must be 0 indeed."""
+        size = abs(p0) + abs(p1) + abs(p2)  # twice the largest, so that all are rounded to the same multiples
+        p0, p1 = (p0 + size) - size, (p1 + size) - size
+        return p0, p1, -(p0 + p1)
+
+
+class AnyAngles(NamedTuple):
+    """Nothing is known: the library's scalar sine."""
+
+    def sin_versine(angles, x):
+        return elementary.sin_versine_huge(x)
+
+    sinc_versinc = ReducedAngles.sinc_versinc
+    adding_to_zero = ReducedAngles.adding_to_zero
+
+
+TINY_ANGLES, SMALL_ANGLES, REDUCED_ANGLES, ANY_ANGLES = TinyAngles(), SmallAngles(), ReducedAngles(), AnyAngles()
+
+
+@word
+def sin_versine(angles, x):
+    """(sin x, 1 - cos x).
+
+    Rotations use the versine, because with a rounded cosine the length drifts systematically (-1e-17 a step), while
+    with p += s w - v p, w -= s p + v w its error is an unbiased walk of roundings.
+    """
+
+
+@word
+def sinc_versinc(angles, square):
+    """(sin x / x - 1, (1 - cos x) / x^2), given x^2: what Rodrigues' formula for rotations about any axis takes."""
+
+
+@word
+def adding_to_zero(angles, p0, p1, p2):
+    """Three angles whose sum is 0 but for roundings, so that what is left of it is no more than that of small ones."""

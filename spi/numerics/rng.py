@@ -1,0 +1,110 @@
+"""Random numbers that are a function of (seed, stream, path, step): Philox4x32-10 (Salmon et al., SC 2011).
+
+Key = the 64-bit seed.  Counter = (step // 4, stream and channel, path low, path high).  One evaluation gives four
+words and these, by Box and Muller's method, the normals of four consecutive steps of one channel (one Wiener process).
+So a path does not depend on threads, on chunks, on how many paths or steps are computed, or on which other channels
+are in use; a noise that is off costs nothing.
+"""
+
+import numpy as np
+
+from ..compiler.dispatch import inlined
+from .elementary import log_normal, sin_versine_small
+
+#: Stored in every result; to be raised whenever the same seed would give other numbers.
+STREAM_VERSION = 2
+
+#: The registry of streams: no two uses of random numbers share one.
+BROWNIAN = 0  # increments of the Wiener processes, channel = process
+COINS = 1  # what is added to the stream of the increments: the coins of the same paths
+BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
+AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
+LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
+DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
+
+#: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
+LANES = 64
+#: Steps whose normals come from one evaluation of the generator.
+STEPS_PER_DRAW = 4
+#: Steps whose coins come from one evaluation.
+STEPS_PER_TOSS = 128
+
+_M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+_W0, _W1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
+_LOW = np.uint64(0xFFFFFFFF)
+_32 = np.uint64(32)
+_ANGLE = np.pi * 2.0**-31  # a quarter turn over 2^30
+
+
+@inlined
+def philox(c0, c1, c2, c3, k0, k1):
+    """Philox4x32-10: four 32-bit words from a counter and a key, all carried in uint64."""
+    for _ in range(10):
+        p0 = _M0 * c0
+        p1 = _M1 * c2
+        c0, c1, c2, c3 = (p1 >> _32) ^ c1 ^ k0, p1 & _LOW, (p0 >> _32) ^ c3 ^ k1, p0 & _LOW
+        k0 = (k0 + _W0) & _LOW
+        k1 = (k1 + _W1) & _LOW
+    return c0, c1, c2, c3
+
+
+@inlined
+def normal_pair(radius_word, angle_word, scale=1.0):
+    """Two independent normals of standard deviation `scale` from two 32-bit words (Box and Muller).
+
+    The radius is scale sqrt(-2 ln u), u = (word + 1/2) / 2^32, hence at most 6.76 scale.  The angle lies within pi/4 of
+    the first axis by 30 bits of its word; one more bit exchanges the two coordinates and one changes both signs.
+    """
+    radius = scale * np.sqrt(-2.0 * log_normal(np.float64(np.int64(radius_word)) * 2.0**-32 + 2.0**-33))
+    word = np.int64(angle_word)
+    radius = -radius if (word & 0x80000000) != 0 else radius
+    s, v = sin_versine_small((np.float64(word & 0x3FFFFFFF) - 536870911.5) * _ANGLE)
+    c = radius - radius * v
+    s = radius * s
+    swap = (word & 0x40000000) != 0
+    return (s if swap else c), (c if swap else s)
+
+
+@inlined
+def draw_increments(seed, stream, channel, draw, block, scale, words, increments, stride):
+    """Increments of the steps 4 draw, ..., 4 draw + 3 of one channel, for the LANES paths of a block.
+
+    `increments` receives step 4 draw + r of lane l, `scale` times a standard normal, at [r * stride + l]; `words`
+    (4 * LANES uint64) is scratch.  `seed`, `stream`, `channel`, `draw` and `block` are uint64.
+    """
+    k0, k1 = seed & _LOW, seed >> _32
+    c1 = (stream << np.uint64(16)) | channel
+    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
+    for lane in range(LANES):
+        w = philox(draw, c1, c2 + np.uint64(lane), c3, k0, k1)
+        words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+    for half in range(2):
+        first, second = increments[half * stride :], increments[(half + 2) * stride :]
+        for lane in range(LANES):
+            pair = normal_pair(words[half * LANES + lane], words[(half + 2) * LANES + lane], scale)
+            first[lane], second[lane] = pair
+
+
+@inlined
+def draw_normals(seed, stream, channel, draw, block, words, normals):
+    """:func:`draw_increments` with scale 1, the four steps one after the other."""
+    draw_increments(seed, stream, channel, draw, block, 1.0, words, normals, LANES)
+
+
+@inlined
+def toss(seed, stream, draw, block, words):
+    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+    k0, k1 = seed & _LOW, seed >> _32
+    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
+    for lane in range(LANES):
+        w = philox(draw, stream << np.uint64(16), c2 + np.uint64(lane), c3, k0, k1)
+        words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+
+
+@inlined
+def read_coins(words, step, coins):
+    """The coins of one step, 1.0 or -1.0 for each lane, from the bits of :func:`toss`."""
+    row = step % STEPS_PER_TOSS // 32 * LANES
+    place = np.uint64(step % 32)
+    for lane in range(LANES):
+        coins[lane] = 1.0 if (words[row + lane] >> place) & np.uint64(1) != 0 else -1.0

@@ -1,0 +1,194 @@
+"""Stored results as readings, tables and figures, by the kind of experiment that they are of."""
+
+import difflib
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from ..kinds import KINDS
+from ..printing import anything
+from ..printing import claims as printed_claims
+from ..printing.text import new_console, printable
+from ..specs import shipped
+from ..statistics import claims
+from ..storage import StorageError, write_all
+from ..storage.records import Group, Reading, Results, by_case
+
+if TYPE_CHECKING:
+    from ..drawing import Figure
+    from ..drawing.film import Film
+
+
+def named(source: Path, folder: Path) -> Path:
+    """The results file that is meant: `source`, or if that is the bare name of an experiment, its file in `folder`.
+
+    A file of that name in the current folder goes first.  StorageError if there are no results of the name.
+    """
+    path = folder / f"{source}.h5"
+    is_name = source.name == str(source) and not source.suffix and not source.is_file()
+    if not is_name or (source.is_dir() and not path.is_file()):
+        return source
+    if not path.is_file():
+        raise StorageError(f"{path}: no such file; {_meant(source.name, folder)}")
+    return path
+
+
+def _meant(name: str, folder: Path) -> str:
+    """What to do where there are no results of this name in a folder."""
+    if name in shipped.names():
+        return f"`spi run {name}` writes it"
+    near = difflib.get_close_matches(name, [*(path.stem for path in sorted(folder.glob("*.h5"))), *shipped.names()], 1)
+    return f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
+
+
+def readings(results: Results) -> list[Reading]:
+    """What the kind of the results makes of each group: records with named fields, see ``kinds/*/reading.py``.
+
+    StorageError where a group lacks what its kind needs, as one may that another version of spi wrote.
+    """
+    kind = results.attributes["kind"]
+    return [_reading(kind, group) for group in results.groups]
+
+
+def _reading(kind: str, group: Group) -> Reading:
+    try:
+        return KINDS[kind].reading.read(group)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:
+        name = "/".join(filter(None, (group.case, group.variant, group.estimator)))
+        what = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise StorageError(
+            f"the group {name} cannot be read as results of kind {kind} ({what}); run the experiment again with --fresh"
+        ) from error
+
+
+def verdicts(results: Results) -> list[claims.Verdict]:
+    """Whether the claims that are stored with results are kept, case by case; StorageError if they cannot be read."""
+    return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
+
+
+def _judged(results: Results, read: list[Reading]) -> list[claims.Verdict]:
+    """The same from readings that have been made already."""
+    try:
+        stated = claims.of_text(results.attributes.get("expect"))
+    except ValueError as error:
+        raise StorageError(f"the claims in the results file are damaged: {error}; run the experiment again") from None
+    if not stated:
+        return []
+    judging = KINDS[results.attributes["kind"]].claims
+    return claims.judge(stated, [one for case in by_case(read) for one in judging.quantities(case)])
+
+
+def rows(results: Results) -> list[dict[str, Any]]:
+    """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
+
+    Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
+    """
+    if results.attributes.get("kind") not in KINDS:
+        return list(anything.rows(results.groups))
+    read = readings(results)
+    judged = _judged(results, read)
+    records = KINDS[results.attributes["kind"]].table.rows(read)
+    return [record | printed_claims.columns(record, judged) for record in records]
+
+
+def print_tables(results: Results, file: IO[str] | None = None) -> None:
+    """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
+    show(results, new_console(file))
+
+
+def show(results: Results, console: Any, with_title: bool = True) -> None:
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
+
+    Of results of an unknown kind all numbers are printed.
+    """
+    known = results.attributes.get("kind") in KINDS
+    read = readings(results) if known else []  # before anything is printed: they may not be readable
+    title = results.attributes.get("title")
+    if title and with_title:
+        console.print(printable(title), style="bold", markup=False)
+    if not known:
+        anything.show(console, results.groups)
+        return
+    judged = _judged(results, read)
+    for case in by_case(read):
+        about = case[0].about
+        heading = "" if about.case_title == title else printable(about.case_title)
+        KINDS[results.attributes["kind"]].table.show(console, heading, case)
+        printed_claims.show(console, [one for one in judged if one.claim.case == about.case])
+
+
+def figure(
+    results: Results, style: str = "screen", width: str | float | None = None, font: str | None = None
+) -> "Figure":
+    """The matplotlib figure of results, with the verdicts on their claims under it.
+
+    In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
+    says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
+    "sans" or an installed TrueType family.  Its title, parameters and claims are then left to the caption,
+    see :func:`caption`.  ValueError if there is no figure for their kind, nothing to draw, or no such style, width or
+    font.
+    """
+    from ..drawing import claims as drawn_claims
+    from ..drawing import fitting, page
+
+    kind = results.attributes.get("kind")
+    if kind not in KINDS:
+        raise ValueError(f"there is no figure for results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
+    read = readings(results)
+    if not read:
+        raise ValueError("the results hold no scheme, so there is nothing to draw")
+    with page.applied(page.named(style, width, font)):
+        drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), by_case(read))
+        drawn_claims.write_under(drawn, _judged(results, read))
+        if page.current().width is not None:
+            fitting.settle(drawn)
+        return drawn
+
+
+def check_style(style: str, width: str | float | None, font: str | None) -> None:
+    """ValueError if :func:`figure` does not know such a style, width or font."""
+    from ..drawing import page
+
+    page.named(style, width, font)
+
+
+def caption(figure: "Figure") -> str:
+    """What :func:`figure` drew, its parameters and the verdicts on its claims, with formulas as LaTeX reads them."""
+    from ..drawing import style
+
+    return style.caption(figure)
+
+
+def film(results: Results) -> "Film":
+    """The film of results; ValueError if there is none for their kind, or nothing that moves."""
+    from ..drawing import page
+
+    kind = results.attributes.get("kind")
+    draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
+    if draw is None:
+        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
+    with page.applied():
+        found: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
+        return found
+
+
+def save_film(film: "Film", folder: str | Path, stem: str, form: str, report: Callable[[int, int], None]) -> Path:
+    """Write ``<stem>.gif`` or ``<stem>.mp4`` into ``folder``, whole or not at all.
+
+    `report` is told the frames drawn and how many there are.  ValueError if this form cannot be made here, StorageError
+    if the file cannot be written.
+    """
+    from ..drawing.film import as_file
+
+    path = Path(folder, f"{stem}.{form}")
+    write_all({path: as_file(film, form, report)})
+    return path
+
+
+def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:
+    """Write ``<stem>.pdf`` and ``<stem>.png`` into ``folder``, both or none; StorageError if that is not possible."""
+    from ..drawing import as_files
+
+    files = {Path(folder, f"{stem}.{form}"): content for form, content in as_files(figure).items()}
+    write_all(files)
+    return tuple(files)

@@ -1,0 +1,169 @@
+"""The states of all parts of an experiment, and the file in which they are kept while it runs and afterwards."""
+
+import contextlib
+import glob
+import math
+import re
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from .. import SOURCE_DIGEST, specs, storage
+from ..kinds.state import State
+from ..statistics.tallies import Chunk
+from ..storage import StorageError
+from .loading import name_of, plans
+
+#: Of the time of a run, what writing checkpoints may take.
+_SHARE = 0.01
+
+
+class Stopped(Exception):
+    """The run was interrupted, or its time was up; the same command goes on from the checkpoint."""
+
+
+class Limits(NamedTuple):
+    """When a run keeps what is done, and when it ends."""
+
+    checkpoint_seconds: float = 5.0  #: from one checkpoint to the next, or longer where writing one takes long
+    max_seconds: float = math.inf  #: after which it stops as if it were interrupted
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Part number `number` of `count` of an experiment that is divided among several runs."""
+
+    number: int  #: from 1 on
+    count: int
+
+    @classmethod
+    def of(cls, text: str) -> "Slice":
+        """Read from "3/8"; ValueError if that is no slice."""
+        number, _, count = text.partition("/")
+        found = cls(int(number), int(count))
+        if not 1 <= found.number <= found.count:
+            raise ValueError(text)
+        return found
+
+    @property
+    def suffix(self) -> str:
+        """What its file is called after that of the whole."""
+        return f".part-{self.number}-of-{self.count}"
+
+
+class _TimeIsUp(Exception):
+    """The run has taken as long as it may."""
+
+
+def sums_path(
+    experiment: specs.Experiment, out: str | Path, one: Slice | None = None, spec_hash: str | None = None
+) -> Path:
+    """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>.npz``; `spec_hash` is that of another."""
+    name = f"{experiment.name}-{(spec_hash or experiment.hash)[:12]}{one.suffix if one else ''}.npz"
+    return Path(out) / "sums" / name
+
+
+class Checkpoint:
+    """The states of all parts of an experiment, and their file."""
+
+    def __init__(self, experiment: specs.Experiment, path: Path, limits: Limits, tell: Callable[[str], None]) -> None:
+        self.experiment, self.path, self.limits, self.tell = experiment, path, limits, tell
+        self.states = [State(plan) for plan in plans(experiment)]
+        self.began = self.saved = time.monotonic()
+        self.pause = limits.checkpoint_seconds
+        self.failed = False
+
+    @property
+    def by_name(self) -> dict[str, State]:
+        """Name of a part -> its state."""
+        return {name_of(state.plan): state for state in self.states}
+
+    def missing(self) -> list[tuple[int, Chunk]]:
+        """The chunks that are wanted for now and not done, with the number of their part."""
+        return [(number, chunk) for number, state in enumerate(self.states) for chunk in state.missing()]
+
+    def chunks(self) -> tuple[str, ...]:
+        """A line for each chunk, as ``Results.chunks``."""
+        return tuple(
+            f"{name} {chunk.path_set} {chunk.index} {chunk.paths} {state.digests[chunk.path_set][chunk.index]}"
+            for name, state in self.by_name.items()
+            for number, path_set in enumerate(state.path_sets)
+            for chunk in path_set.chunks(number)
+        )
+
+    def slices(self) -> dict[Slice, Path]:
+        """The files of those slices of the experiment that have been begun."""
+        name = re.compile(re.escape(self.path.stem) + r"[.]part-([0-9]+)-of-([0-9]+)[.]npz")
+        found = {file: name.fullmatch(file.name) for file in self.path.parent.glob("*.npz")}
+        return {Slice(int(match[1]), int(match[2])): file for file, match in found.items() if match}
+
+    def resume(self) -> None:
+        """Take what is known from the file and from those of slices; else of a run with other numbers of samples."""
+        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.slices().values())]
+        if not any(known):
+            others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
+            sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
+            for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
+                if self.take(other):
+                    return
+
+    def take(self, path: Path, with_more: bool = True) -> bool:
+        """Add what a file of sums knows of the very same paths; whether it could be read and belongs to them."""
+        read = storage.read_sums(path)
+        if read is None or not self._same_paths(read[0]):
+            return False
+        for name, state in self.by_name.items():
+            if name in read[1]:
+                with contextlib.suppress(ValueError, LookupError, TypeError):  # of a file that somebody edited
+                    state.take(read[1][name], with_more)
+        return True
+
+    def save(self, finished: bool = False) -> None:
+        """Write the file."""
+        began = time.monotonic()
+        about = {
+            "paths_hash": self.experiment.paths_hash,
+            "spec_hash": self.experiment.hash,
+            "source_digest": SOURCE_DIGEST,  # other code might go on with other numbers
+            "samples": sum(self.experiment.samples),
+            "finished": finished,
+        }
+        storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
+        self.saved = time.monotonic()
+        self.pause = max(self.limits.checkpoint_seconds, (self.saved - began) / _SHARE)
+
+    def tick(self) -> None:
+        """Save if it is time to; a checkpoint that cannot be written is no reason to stop."""
+        now = time.monotonic()
+        if now - self.began > self.limits.max_seconds:
+            raise _TimeIsUp
+        if now - self.saved > self.pause:
+            try:
+                self.save()
+            except StorageError as error:
+                self.saved = time.monotonic()
+                if not self.failed:
+                    self.tell(f"warning: no checkpoint could be written: {error}; the run goes on")
+                self.failed = True
+
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Within it an interruption, or the end of the time, is turned into Stopped once all that is done is kept."""
+        try:
+            yield
+        except (KeyboardInterrupt, _TimeIsUp) as reason:
+            why = "stopped" if isinstance(reason, KeyboardInterrupt) else "stopped, as its time is up"
+            try:
+                self.save()
+            except StorageError as error:
+                raise Stopped(f"{why}; what is done could not be kept: {error}") from None
+            raise Stopped(f"{why}; what is done is kept in {self.path}: the same command goes on from there") from None
+
+    def _about(self, path: Path) -> dict | None:
+        about = storage.about_sums(path)
+        return about if about is not None and self._same_paths(about) else None
+
+    def _same_paths(self, about: dict) -> bool:
+        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, SOURCE_DIGEST)

@@ -1,0 +1,390 @@
+"""What several kinds of experiment have in common: keys, and conditions between them."""
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import pydantic
+
+from ..ensemble.protocol import NonNegative, Positive, dimension, in_kernels, large
+from ..exact.kolmogorov import Demands, can_solve, demands
+from ..expressions import canonical, functions_of, is_constant, parse_expression
+from ..expressions.arithmetic import NumberError
+from ..models import MODELS
+from ..models.damped import undamped
+from ..schemes import SCHEMES, Scheme, composed, with_eps
+from ..schemes.rows import compositions, has_loops
+from ..statistics.claims import Claim, Sort
+from ..systems import variables
+from ..systems.keys import MOST
+from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
+from .compositions import Compositions, weak_order
+from .damping import damped_model
+from .expect import Expect, claims
+from .initial import Initial
+from .keys import (
+    ESTIMATORS,
+    Eps,
+    Estimators,
+    Functions,
+    Keys,
+    Levels,
+    Samples,
+    SchemeName,
+    Schemes,
+    Seed,
+    Steps,
+    condition,
+    entries_in,
+    key_of,
+    quantity,
+    shown,
+    wrong,
+)
+from .mistakes import Mistakes
+from .models import Model, check_words, name_of
+
+CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
+
+
+def _told(value: Any) -> Any:
+    """A parameter of a model, records as text."""
+    if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
+        return "; ".join(map(str, value))
+    return value
+
+
+class BaseCase(Keys):
+    """What the cases of all kinds have; a spec file gives all fields but the first two as its keys."""
+
+    name: str
+    title: str
+    model: Model
+    damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
+    initial: key_of(
+        Initial,
+        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "state",
+    )
+    seed: key_of(Seed, "seed of the random numbers") = 1
+    eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
+    compositions: key_of(Compositions, "schemes of your own, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
+        pydantic.Field(default_factory=dict)
+    )
+    expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+
+    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
+    scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
+
+    if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
+        schemes: tuple[str, ...]
+
+    def row(self, scheme: str, eps: float | None = None) -> Scheme:
+        """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
+        if scheme in self.compositions:
+            rows = self.compositions[scheme]
+            return composed(scheme, rows, weak_order(rows, self.model))
+        return with_eps(SCHEMES[scheme], eps)
+
+    def reference_record(self, eps: float | None) -> Any:
+        """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""
+        name: str | None = getattr(self, "reference_scheme", None)
+        return self.row(name, eps or 0.0).record if name else None
+
+    @property
+    def schemes_used(self) -> tuple[str, ...]:
+        """The schemes, and that of the reference if there is one."""
+        name: str | None = getattr(self, "reference_scheme", None)
+        return (*self.schemes, name) if name else self.schemes
+
+    @property
+    def runs(self) -> list[tuple[str, float | None]]:
+        """(scheme, eps or None) for all schemes of the case, those of the multiscale system with each eps."""
+        return [(s, eps) for s in self.schemes for eps in (self.eps if self.row(s).multiscale else [None])]
+
+    @property
+    def limiting(self) -> tuple[str, ...]:
+        """What a claim may be limited by: the step size, and eps where there is one."""
+        return ("h", *["eps"] * (self.eps is not None))
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What must come out."""
+        return claims(self)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What the system calls its components, () if it gives them no names."""
+        return variables(undamped(self.model))
+
+    @property
+    def model_name(self) -> str:
+        return name_of(self.model)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Those of the model by name, and the damping where there is one."""
+        return {key: _told(value) for key, value in undamped(self.model)._asdict().items()} | (
+            {"damping": self.damping} if self.damping else {}
+        )
+
+    @property
+    def last_time(self) -> float:
+        """The time at which the longest paths end."""
+        raise NotImplementedError
+
+    @condition
+    def _check_damping(self) -> Self:
+        """The case with its damping in the record of the model."""
+        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+
+    @pydantic.model_serializer(mode="wrap")
+    def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
+        said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
+        return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
+
+    @condition
+    def _check_names(self) -> Self:
+        """The case with those of its compositions that it uses."""
+        check_names(self)
+        used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
+        return self.model_copy(update={"compositions": used})
+
+    @condition
+    def _check_initial(self) -> Self:
+        d, found = dimension(self.model), len(self.initial)
+        if found != d:
+            raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
+        return self
+
+    @condition
+    def _check_words(self) -> Self:
+        check_words(self.model, self.initial)
+        return self
+
+    @condition
+    def _check_needs(self) -> Self:
+        if large(in_kernels(self.model)):
+            self._check_large()
+        for name in self.schemes_used:
+            needs = self.row(name).needs
+            if needs and not needs(self.model):
+                able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
+                listed = name in self.schemes
+                able += " without damping" if self.damping else ""
+                what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
+                raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
+        return self
+
+    def _check_large(self) -> None:
+        """What cannot be done with a model whose states are arrays."""
+        for name in self.schemes_used:
+            if not self.row(name).for_large_models:
+                listed = name in self.schemes
+                what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
+                right = "use euler_maruyama or a splitting without Lévy areas"
+                raise wrong(what, right, "schemes" if listed else "reference_scheme")
+
+    @condition
+    def _check_eps(self) -> Self:
+        multiscale = [s for s in self.schemes if self.row(s).multiscale]
+        if multiscale and self.eps is None:
+            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+        if self.eps is not None:
+            if not multiscale:
+                known = [name for name, row in SCHEMES.items() if row.multiscale]
+                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+            check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
+            for name in multiscale:
+                if self.row(name).needs_eps and 0 in self.eps:
+                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        return self
+
+    @condition
+    def _check_expect(self) -> Self:
+        _ = self.claims
+        return self
+
+
+class ErrorCase(BaseCase):
+    """What the cases of errors against step sizes have."""
+
+    final_time: key_of(Positive, "final time T, a multiple of every step", "time")
+    steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13", "time")
+    reference_step: key_of(Positive, "step size of the reference; steps are 2, 4, 8, ... times as large", "time")
+    schemes: key_of(Schemes, "a list of schemes")
+    truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+    reference_scheme: key_of(SchemeName | None, "scheme of the reference; default: each its own") = None
+
+    bounded_increments: ClassVar[bool] = True  #: whether schemes that need them must have them
+
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
+
+    @condition
+    def _check_steps(self) -> Self:
+        """The case with its steps from large to small."""
+        check_count(self.final_time, self.reference_step, "reference_step")
+        steps = [self._dyadic(h) for h in self.steps]
+        if len(set(steps)) < len(steps):
+            raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
+        check_schemes(self, self.schemes_used if self.bounded_increments else (), max(steps), "steps")
+        return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
+
+    @condition
+    def _check_reference_scheme(self) -> Self:
+        name = self.reference_scheme
+        if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
+            raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
+        return self
+
+    def _dyadic(self, h: float) -> float:
+        """h as exactly the reference step times a power of two that divides the final time."""
+        end, reference = self.final_time, self.reference_step
+        if h > end * (1 + ROUNDING):
+            raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
+        doublings = math.log2(h) - math.log2(reference)
+        exact = reference * 2.0 ** round(doublings)
+        if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
+            lower = reference * 2.0 ** max(1, math.floor(doublings))
+            what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
+            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
+        check_multiple(end, h, "steps", "has")
+        return exact
+
+
+class FunctionsCase(ErrorCase):
+    """What the cases with test functions have."""
+
+    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi") = (
+        pydantic.Field(default_factory=dict)
+    )
+
+    @property
+    def expressions(self) -> tuple:
+        """The trees of the test functions, in the order of their names."""
+        return tuple(parse_expression(text, dimension(self.model)) for text in self.functions.values())
+
+    @pydantic.field_serializer("functions")
+    def _canonical(self, functions: dict[str, str]) -> Any:
+        # pairs, because their order decides that of the results, and in the least text that decides the values
+        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
+
+    @condition
+    def _check_functions(self) -> Self:
+        trees, mistakes = {}, Mistakes()
+        for name, text in self.functions.items():
+            with mistakes.apart():
+                trees[name] = self._tree(name, text)
+        mistakes.report()
+        if not self.variables:
+            return self
+        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+
+    def _tree(self, name: str, text: str) -> Any:
+        """The tree of a test function."""
+        d = dimension(self.model)
+        try:
+            tree = parse_expression(text, d, self.variables)
+            if is_constant(tree):
+                raise NumberError("constant")
+        except NumberError as error:
+            right = f"must be an expression in y1 .. y{min(d, MOST)} such as sin(2*pi*y1) + y2^2"
+            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+        return tree
+
+
+class SampledCase(FunctionsCase):
+    """What the cases have in which expectations are estimated."""
+
+    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
+    samples: key_of(Samples | None, "number of Brownian paths") = None
+    standard_error: key_of(
+        Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
+    ) = None
+    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
+        None
+    )
+    accuracy: key_of(
+        Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
+    ) = None
+
+    extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
+
+    @condition
+    def _check_extrapolate(self) -> Self:
+        check_extrapolate(self)
+        return self
+
+    @condition
+    def _check_estimators(self) -> Self:
+        check_once(self.estimators, "estimators")
+        for name in self.estimators:
+            getattr(self, f"_check_{name}")()
+        return self
+
+    def _check_plain(self) -> None:
+        self._need("plain", "samples")
+
+    def _check_multilevel(self) -> None:
+        self._need("multilevel", "standard_error", "seconds")
+        if self.reference_scheme:
+            what = "has 'multilevel', which has references of its own, and reference_scheme is set"
+            raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+        if can_solve(self.model) and not self.truncate_noise:
+            self._check_demands("multilevel", multiscale=True)
+
+    def _check_demands(self, estimator: str, multiscale: bool) -> None:
+        """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
+        for name in self.schemes:
+            row = self.row(name)
+            rows = row.composition
+            if rows is None or row.multiscale != multiscale or has_loops(rows):
+                continue
+            acting, texts = compositions(rows, self.model), tuple(self.functions.values())
+            need = _demands(self.model, acting, self.initial, self.final_time, self.steps, texts, self.accuracy)
+            if need.obstacle:
+                its = f" for '{name}'" if multiscale else ""
+                raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
+
+    def _check_kolmogorov(self) -> None:
+        """What the solvers without sampling can do."""
+        if self.damping:
+            what = "follows paths on a Casimir surface, which they leave with damping"
+        elif not can_solve(self.model):
+            able = [name for name, cls in MODELS.items() if can_solve(cls)]
+            what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
+        elif not any(self.row(s).solvable_without_sampling for s in self.schemes):
+            rows = self.row(self.schemes[0]).composition
+            without = " without loops" if rows and has_loops(rows) else ""
+            what = f"is for splitting schemes{without}, which '{self.schemes[0]}' is not"
+        elif self.truncate_noise:
+            what = "has no truncate_noise"
+        elif self.reference_scheme:
+            what = "has no reference_scheme"
+        else:
+            self._check_demands("kolmogorov", multiscale=False)
+            return
+        rest = [name for name in ESTIMATORS if name != "kolmogorov"]
+        raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
+
+    def _need(self, estimator: str, *keys: str) -> None:
+        """One of these keys must be given."""
+        if all(getattr(self, key) is None for key in keys):
+            add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
+            raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
+
+
+@functools.lru_cache(maxsize=256, typed=True)
+def _demands(
+    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
+) -> Demands:
+    """What solving without sampling takes; kept, because the layers of a file often ask the same.
+
+    Typed, because models of two classes may be equal tuples.
+    """
+    return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)

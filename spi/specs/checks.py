@@ -1,0 +1,80 @@
+"""Conditions that several kinds of experiment have in common."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from ..ensemble.protocol import area_pairs, needs_areas
+from ..schemes import SCHEMES, weak_exponents
+from ..statistics.richardson import places
+from ..systems.keys import MOST
+from .keys import quantity, shown, suggestion, wrong
+from .mistakes import Mistakes
+
+ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
+_MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
+
+
+def check_count(end: float, step: float, key: str) -> None:
+    if end / step > _MOST_STEPS:
+        what = "gives more than 2^34 steps until final_time"
+        raise wrong(what, f"must be at least {quantity(end / _MOST_STEPS)}", key)
+
+
+def check_multiple(end: float, h: float, key: str, has: str) -> None:
+    """The final time must be a multiple of h."""
+    if h > end * (1 + ROUNDING) or abs(round(end / h) * h - end) > ROUNDING * end:
+        lower = max(math.floor(end / h), 1) * h
+        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
+        raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
+
+
+def check_once(listed: Sequence[Any], key: str) -> None:
+    if len(set(listed)) < len(listed):
+        raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
+def check_names(case: Any) -> None:
+    """All schemes are in the table of schemes or among the compositions of the case."""
+    known, mistakes = (*SCHEMES, *case.compositions), Mistakes()
+    for n, name in enumerate(case.schemes_used):
+        if name not in known:
+            place = ("schemes", n) if n < len(case.schemes) else ("reference_scheme",)
+            with mistakes.apart():
+                raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
+    mistakes.report()
+
+
+def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: str) -> None:
+    """No scheme twice, no Lévy areas of more pairs of noises than compiled code takes; and what the truncation of
+    increments asks for, where some of the schemes are `used`."""
+    listed, truncated, pairs = case.schemes, case.truncate_noise, len(area_pairs(case.model))
+    check_once(listed, "schemes")
+    if truncated and largest_step >= 1:
+        has = "has" if key == "steps" else "is"
+        right = "must be below 1 with truncate_noise, whose bound is 0 there"
+        raise wrong(f"{has} {quantity(largest_step)}", right, key)
+    for name in case.schemes_used:
+        row, key = case.row(name), "schemes" if name in listed else "reference_scheme"
+        if row.needs_truncation and name in used and not truncated:
+            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)
+        if pairs > MOST and needs_areas(row.record):
+            what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
+            raise wrong(what, f"there may be {MOST}; leave out the scheme or some of the noises", key)
+
+
+def check_extrapolate(case: Any) -> None:
+    """What the key `extrapolate` needs: schemes whose weak error is a series in known powers of h, and steps."""
+    check_once(case.extrapolate, "extrapolate")
+    if not (most := max(case.extrapolate)):
+        return
+    for key, why in (("reference_scheme", "measures each scheme with itself"), ("truncate_noise", "needs powers of h")):
+        if getattr(case, key):
+            raise wrong(f"has {most}, which {why}", f"leave out {key}", "extrapolate")
+    for name in case.schemes:
+        if weak_exponents(case.row(name), case.model, most) is None:
+            what = f"has {most}, but theory knows no powers of h in the weak error of '{name}'"
+            raise wrong(what, "leave out the scheme or extrapolate", "extrapolate")
+    if not len(places(case.steps, most)):
+        needed = ", ".join(["h", *(f"{2**i}h" for i in range(1, most + 1))])
+        raise wrong(f"has {most}, which combines the steps {needed}", "add them to steps", "extrapolate")

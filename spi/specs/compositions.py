@@ -1,0 +1,140 @@
+"""The key ``compositions``: splitting schemes of the user's own, as rows of flows.
+
+    compositions:
+      strang: [noise 1/2, drift 1, noise 1/2]
+      palindrome: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]
+      with_areas: [drift 1/2, noise 1, loops, drift 1/2 backwards]
+
+A row is the part that acts, its share of the step and, where that is not forwards, the order of its flows; the word
+``coin`` has the order reversed for the paths whose coin is -1.  The row ``loops`` supplies the Lévy areas of noises
+that do not commute.  The first row acts first.
+"""
+
+import functools
+import math
+import re
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, PlainSerializer
+
+from ..ensemble.protocol import large, noise_indices, noises
+from ..exact.kolmogorov import backward
+from ..expressions.arithmetic import NumberError, parse
+from ..models import MODELS
+from ..schemes import SCHEMES
+from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows, has_loops
+from ..schemes.splitting import splitting
+from .keys import NAME, entries_in, shown, suggestion, wrong
+from .mistakes import Mistakes
+
+Rows = tuple[Flows, ...]
+
+_MOST_ROWS = 16  # each becomes compiled code of its own
+_OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
+_COIN = "coin"
+_WORDS = (*ORDERS, _COIN)
+_LOOPS = "loops"
+_RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
+_NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
+
+
+def _row(text: Any, *keys: str | int) -> Flows:
+    """The row that a text stands for; `keys` lead to it."""
+    part, *words = (text.split() if isinstance(text, str) else []) or [""]
+    if part == _LOOPS and not words:
+        return flows(_LOOPS)
+    if part not in PARTS or part == _LOOPS or not words:
+        raise wrong(f"is {shown(text)}", _RIGHT, *keys)
+    last = len(words)
+    while last > 1 and words[last - 1].isalpha():
+        last -= 1
+    told = words[last:]
+    if unknown := next((word for word in told if word not in _WORDS), None):
+        raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), *keys)
+    orders = [word for word in told if word != _COIN] or ["forwards"]
+    if len(orders) > 1 or told.count(_COIN) > 1:
+        raise wrong(f"is {shown(text)} with several orders", _RIGHT, *keys)
+    try:
+        return flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told)
+    except NumberError as error:
+        raise wrong(f"is {shown(text)} ({error})", _RIGHT, *keys) from None
+    except ValueError as error:
+        raise wrong(f"is {shown(text)}", f"{error}", *keys) from None
+
+
+def _fraction(text: str) -> float:
+    fraction = parse(text)
+    if isinstance(fraction, complex):
+        raise NumberError("not a real number")
+    return float(fraction)
+
+
+def _read(value: dict[str, Any]) -> dict[str, Rows]:
+    """The mapping {name: texts of rows} as {name: rows}."""
+    read, mistakes = {}, Mistakes()
+    for name, texts in value.items():
+        with mistakes.apart():
+            read[name] = _rows(name, texts)
+    mistakes.report()
+    return read
+
+
+def _rows(name: str, texts: Any) -> Rows:
+    if not re.match(NAME, name):
+        raise wrong("is no name of a composition", "must consist of letters, digits and _", name)
+    if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
+        raise wrong("is the name of a scheme", "give the composition another name", name)
+    if not isinstance(texts, list):
+        raise wrong(f"is {shown(texts)}", "must be a list of rows, as in [noise 1/2, drift 1, noise 1/2]", name)
+    if len(texts) > _MOST_ROWS:
+        raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_ROWS}", name)
+    rows, mistakes = [], Mistakes()
+    for n, text in enumerate(texts):
+        with mistakes.apart():
+            rows.append(_row(text, name, n))
+    mistakes.report()
+    try:
+        splitting(*rows)
+    except ValueError as error:
+        raise wrong("is no whole step", f"{error}", name) from None
+    return tuple(rows)
+
+
+def weak_order(rows: Rows, model: Any) -> float:
+    """What theory says of rows: 2 where any two flows act in either order for one half of the step, otherwise 1.
+
+    With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
+    negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops
+    together is that of the noise of the equation up to terms of order h^2 only.
+    """
+    if has_loops(rows):
+        return 1.0
+    if large(model):  # of hundreds of flows four tell the same
+        model = MODELS["sine_euler"](sigma=tuple(1.0 if k < noises(model) else None for k in range(4)))
+    return _weak_order(compositions(rows, model)) if noise_indices(model) else math.nan
+
+
+@functools.lru_cache(maxsize=64)
+def _weak_order(acting: Any) -> float:
+    words = backward.words_of(acting, lambda part, k: True)
+    return float(backward.weak_order(words, commute=lambda a, b: False))
+
+
+def _texts(rows: Rows) -> list[str]:
+    """The rows in one text each, whatever the texts that they were read from."""
+    return [
+        _LOOPS
+        if _NAMES[type(row.part)] == _LOOPS
+        else " ".join(
+            [_NAMES[type(row.part)], repr(row.fraction), _NAMES[type(row.order)], *[_COIN] * (row.coin is not None)]
+        )
+        for row in rows
+    ]
+
+
+Compositions = Annotated[
+    dict[str, Any],
+    AfterValidator(_read),
+    PlainSerializer(lambda compositions: {name: _texts(rows) for name, rows in compositions.items()}),
+    Field(json_schema_extra={"additionalProperties": {"type": "array", "items": {"type": "string"}}}),
+]

@@ -1,0 +1,324 @@
+"""How values of a spec file are read: words of messages, numbers, lists.
+
+pydantic reads values as the annotations here ask, and writes their JSON Schema.
+"""
+
+import difflib
+import functools
+import math
+import re
+import warnings
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial, reduce
+from operator import or_
+from types import UnionType
+from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+
+import pydantic
+from annotated_types import Ge, Le, MinLen
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError, create_model, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from ..ensemble.protocol import Positive
+from ..expressions.arithmetic import NumberError, parse
+from ..schemes import SCHEMES
+from .mistakes import Mistakes, again, details
+
+#: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
+ESTIMATORS = ("plain", "multilevel", "kolmogorov")
+
+ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Words of messages
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def shown(value: Any) -> str:
+    """A value in a message."""
+    if isinstance(value, str):
+        return f"'{value}'" if len(value) <= 60 else f"'{value[:57]}...'"
+    if isinstance(value, dict | list):
+        return ("a " if value else "an empty ") + ("mapping" if isinstance(value, dict) else "list")
+    return {None: "empty", True: "true", False: "false"}[value]
+
+
+def suggestion(word: Any, known: Iterable[str]) -> str:
+    """What to write instead of an unknown word."""
+    near = difflib.get_close_matches(word, known, 1) if isinstance(word, str) else []
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
+
+
+def entries_in(count: int) -> str:
+    """'3 entries'."""
+    return "1 entry" if count == 1 else f"{count} entries"
+
+
+def quantity(value: float) -> str:
+    """A number in a message: as a power of two if it is one."""
+    mantissa, exponent = math.frexp(value)
+    return f"2^{exponent - 1}" if mantissa == 0.5 and abs(exponent - 1) > 1 else f"{value:.12g}"
+
+
+def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
+    """The error that pydantic is to report; `keys`, and numbers of entries, lead from the mapping at hand to it."""
+    return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "keys": keys})
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Keys and numbers
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mapping[str, Any]) -> list[InitErrorDetails]:
+    """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
+    unknown = [key for key in data if key not in known]
+    meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
+    faults = [wrong("is no known key", suggestion(key, known), key) for key in unknown]
+    for key, field in needed.items():
+        if key not in data and key not in meant:
+            faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
+    return [InitErrorDetails(type=fault, loc=(), input=data) for fault in faults]
+
+
+def condition(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A method of a subclass of :class:`Keys` that raises the error about a condition between keys, if there is one.
+
+    Where several entries of a key can be wrong it raises them all, as :class:`Mistakes` collects them.
+
+    It returns the record, or a copy with what it makes of it.  The conditions of a class are tried in the order in
+    which they are defined, those of its bases first.  After one that is not met the rest are tried without the key at
+    fault: what asks for that key is left out, so that no mistake hides another and none is reported twice.
+    """
+    check.is_condition = True  # type: ignore[attr-defined]
+    return check
+
+
+class Keys(pydantic.BaseModel):
+    """A mapping of a spec file."""
+
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _check(cls, data: Any, read: pydantic.ModelWrapValidatorHandler[Self], info: pydantic.ValidationInfo) -> Any:
+        """The record; a ValidationError with all that is wrong, as far as one mistake does not hide another."""
+        if not isinstance(data, dict):
+            return read(data)
+        allowed = cls.model_config["extra"] == "allow"
+        faults = _faults_of_keys(data, data if allowed else cls.model_fields, needed_keys(cls))
+        known = {key: value for key, value in data.items() if allowed or key in cls.model_fields}
+        try:
+            record = read(known)
+        except ValidationError as invalid:
+            inner = [f for f in invalid.errors(include_url=False) if f["type"] != "missing" or len(f["loc"]) > 1]
+            faults += map(again, inner)
+            record = cls._of_right_keys(known, {fault["loc"][0] for fault in inner if fault["loc"]}, info.context)
+        record = record._met(faults)
+        if faults:
+            raise ValidationError.from_exception_data(cls.__name__, faults)
+        return record
+
+    @classmethod
+    def _of_right_keys(cls, data: dict[str, Any], wrong_keys: Collection[Any], context: Any) -> Self:
+        """A record of what is right and given, or has a default; other keys are no attributes of it."""
+        right = {
+            k: f for k, f in cls.model_fields.items() if k not in wrong_keys and (k in data or not f.is_required())
+        }
+        fields: dict[str, Any] = {key: (field.annotation, field) for key, field in right.items()}
+        with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
+            read = create_model(cls.__name__, **fields)
+        values = read.model_validate({key: data[key] for key in right if key in data}, context=context)
+        return cls.model_construct(**dict(values))._without(set(cls.model_fields) - set(right))
+
+    def _without(self, keys: Iterable[str]) -> Self:
+        """A copy of which some keys are no attributes."""
+        copy = self.model_copy()
+        for key in keys:
+            copy.__dict__.pop(key, None)
+        return copy
+
+    def _met(self, faults: list[InitErrorDetails]) -> Any:
+        """The record once its conditions are met; adds to `faults` what is wrong."""
+        record, whole = self, not faults
+        for name in _conditions(type(self)):
+            try:
+                record = getattr(record, name)()
+            except (PydanticCustomError, ValidationError) as error:
+                found = details(error)
+                faults += found
+                record = record._without(str(key) for fault in found for key in _keys_of(fault)[:1])
+                whole = False
+            except Exception:
+                if whole:  # else it asked for a key that is wrong
+                    raise
+        return record
+
+
+@functools.cache
+def _conditions(cls: type[Keys]) -> tuple[str, ...]:
+    """The names of the conditions of a class."""
+    named = (item for base in reversed(cls.__mro__) for item in vars(base).items())
+    return tuple(dict.fromkeys(name for name, method in named if getattr(method, "is_condition", False)))
+
+
+def _keys_of(fault: InitErrorDetails) -> tuple[Any, ...]:
+    """The keys that lead to what is wrong."""
+    error = fault["type"]
+    context = error.context if isinstance(error, PydanticCustomError) else None
+    return (*fault.get("loc", ()), *(context or {}).get("keys", ()))
+
+
+def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
+    """The fields that a mapping of this class must have."""
+    return {key: field for key, field in cls.model_fields.items() if field.is_required()}
+
+
+def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterable[str]) -> Any:
+    """The annotation of a mapping of one of these classes, which `key` tells apart: it has one of `names`."""
+    known = dict.fromkeys(k for cls in classes for k in cls.model_fields)
+
+    def check(data: Any) -> Any:
+        """Where nothing tells which class it is, what is wrong with the keys."""
+        if isinstance(data, dict) and key not in data:
+            faults = _faults_of_keys(data, known, {key: Field(description=" or ".join(names))})
+            raise ValidationError.from_exception_data("keys", faults)
+        return data
+
+    return Annotated[reduce(or_, classes), Field(discriminator=key), BeforeValidator(check)]
+
+
+_NUMBERS = {
+    float: "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)",
+    int: "must be a whole number such as 500 or 10^6",
+}
+
+
+def _number(kind: type, value: Any) -> Any:
+    """The number that a text stands for."""
+    if not isinstance(value, str):
+        raise wrong(f"is {shown(value)}", _NUMBERS[kind])
+    try:
+        number = parse(value)
+        if isinstance(number, complex):
+            raise NumberError("complex")
+        if kind is int and number != int(number):
+            raise NumberError("not whole")
+    except NumberError as error:
+        raise wrong(f"is {shown(value)} ({error})", _NUMBERS[kind]) from None
+    return kind(number)
+
+
+def _read(hint: Any) -> Any:
+    """An annotation with arithmetic in its numbers; models, which know nothing of specs, leave that to us."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    base = arguments[0] if origin is Annotated else hint
+    if base in _NUMBERS:
+        return Annotated[hint, BeforeValidator(partial(_number, base), json_schema_input_type=hint | str)]
+    if origin is Annotated:
+        return Annotated[_read(base), *hint.__metadata__]
+    if origin is dict:
+        return dict[arguments[0], _read(arguments[1])]
+    if hasattr(base, "_fields"):
+        return _record_of(base)
+    if origin is tuple and len(arguments) == 2 and arguments[1] is ... and hasattr(arguments[0], "_fields"):
+        return Annotated[tuple[_read(arguments[0]), ...], BeforeValidator(_listed)]
+    if origin in (tuple, Union, UnionType):
+        return (tuple if origin is tuple else Union)[tuple(map(_read, arguments))]
+    return hint
+
+
+def text_in(hint: Any) -> str | None:
+    """The text in an annotation, which says what it is."""
+    return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
+
+
+def _record_of(cls: Any) -> Any:
+    """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
+    hints = get_type_hints(cls, include_extras=True)
+    fields: dict[str, Any] = {
+        key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints.items()
+    }
+    keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
+    return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]
+
+
+def _powers_of_two(value: Any) -> Any:
+    """The texts that a range such as 2^-5 .. 2^-13 stands for; a list as it is."""
+    if isinstance(value, list):
+        return value
+    if not isinstance(value, str) or ".." not in value:
+        raise wrong(f"is {shown(value)}", "must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13")
+    ends = [math.frexp(_number(float, end)) for end in value.split("..")]
+    if len(ends) != 2 or any(mantissa != 0.5 for mantissa, _ in ends):
+        right = "a range must have powers of two at both ends, such as 2^-5 .. 2^-13"
+        raise wrong(f"is {shown(value)}", right)
+    (_, first), (_, last) = ends
+    sign = 1 if last >= first else -1
+    return [repr(2.0 ** (k - 1)) for k in range(first, last + sign, sign)]
+
+
+def _complex_modes(value: Any) -> Any:
+    """A list with complex numbers such as 0.1+0.3i as real and imaginary parts; other values as they are."""
+    if not isinstance(value, list) or not all(isinstance(v, str) for v in value):
+        return value
+    try:
+        numbers = [parse(v) for v in value]
+    except NumberError:
+        return value  # to be reported with its place
+    if not any(isinstance(z, complex) for z in numbers):
+        return value
+    return [repr(float(part)) for z in numbers for part in (complex(z).real, complex(z).imag)]
+
+
+NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
+
+
+def _by_name(value: Any) -> Any:
+    """The mapping of names that a text stands for, with the name phi; other values as they are."""
+    mistakes = Mistakes()
+    for name in value if isinstance(value, dict) else ():
+        if not re.match(NAME, name):
+            with mistakes.apart():
+                raise wrong("is no name of a function", "must consist of letters, digits and _", name)
+    mistakes.report()
+    return {"phi": value} if isinstance(value, str) else value
+
+
+def _listed(value: Any) -> Any:
+    """A single entry as a list of it."""
+    return value if isinstance(value, list) else [value]
+
+
+def key_of(hint: Any, description: str | None, unit: str | None = None) -> Any:
+    """The annotation of a key; its unit, if it has one, stands in the JSON Schema."""
+    units = [Field(json_schema_extra={"unit": unit})] if unit else []
+    return Annotated[_read(hint), *units, Field(description=description)]
+
+
+_List = Annotated[tuple[Positive, ...], MinLen(1)]
+Steps = Annotated[_List, BeforeValidator(_powers_of_two, json_schema_input_type=_read(_List) | str)]
+_State = tuple[float, ...]
+State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
+_Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
+Eps = Annotated[
+    _Eps,
+    BeforeValidator(_listed, json_schema_input_type=_read(_Eps) | float | str),
+]
+_Levels = Annotated[tuple[Annotated[int, Ge(0), Le(3)], ...], MinLen(1)]
+Levels = Annotated[
+    _Levels,
+    BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str),
+]
+Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
+Samples = Annotated[int, Ge(1), Le(10**15)]
+# A name may be that of a composition, which stands among other keys; the schema offers the others.
+SchemeName = Annotated[str, Field(json_schema_extra={"anyOf": [{"enum": list(SCHEMES)}, {"pattern": NAME}]})]
+Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
+Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
+_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
+Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
+CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
+# What can be read only together with other layers.
+Unread = Annotated[Any, BeforeValidator(lambda v: v)]

@@ -1,0 +1,260 @@
+"""How ``model`` is read: a built-in model or one that an installed package registers, by name; or one from a file.
+
+    model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
+    model: {python: my_top.py, name: HeavyTop, weight: 1}
+    model: {system: heavy_top.yaml, parameters: {weight: 1}}
+
+:data:`SOURCES` says for each key that tells where a model comes from how the mapping is read.
+"""
+
+import functools
+import importlib.metadata
+import warnings
+from collections.abc import Callable, Mapping
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, Literal, get_type_hints
+
+import pydantic
+from pydantic import BeforeValidator, Field, PlainValidator, create_model
+
+from .. import systems
+from ..checks.model_checks import check_once
+from ..compiler import modules
+from ..ensemble.protocol import fault, large
+from ..models import MODELS, check_model_class
+from ..models.damped import undamped
+from .files import Files
+from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, text_in, wrong
+from .systems import KEYS, read_system
+
+GROUP = "spi.models"  #: of the entry points by which packages register models
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Parameters
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
+    """The keys of a model: those that tell which it is, and the fields of its record, all of them if `complete`."""
+    fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
+    for key, hint in get_type_hints(cls, include_extras=True).items():
+        default = cls._field_defaults.get(key, ...) if complete else ABSENT
+        fields[key] = (key_of(hint, text_in(hint)), default)
+    with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
+        name = cls.__qualname__ + ("" if complete else "Part")
+        return create_model(name, __base__=Keys, __doc__=cls.__doc__, **fields)
+
+
+def _record(cls: Any, parameters: Keys) -> Any:
+    """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
+    model = cls(**{name: value for name, value in parameters if name in cls._fields})
+    if found := fault(model):
+        key, what, right = found
+        raise wrong(what, right, key)
+    return model._replace(sigma=tuple(s or None for s in model.sigma)) if "sigma" in cls._fields else model
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# By name
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def registered() -> dict[str, list[importlib.metadata.EntryPoint]]:
+    """The models that installed packages register, by name; none is loaded for it, and none takes a built-in name."""
+    found: dict[str, list[importlib.metadata.EntryPoint]] = {}
+    for point in importlib.metadata.entry_points(group=GROUP):
+        if point.name not in MODELS:
+            found.setdefault(point.name, []).append(point)
+    return found
+
+
+_LOADED: dict[str, Any] = {}
+
+
+def loaded(name: str) -> Any:
+    """The class of a registered model; ValueError says in a sentence what is wrong with it or its package."""
+    if name in _LOADED:
+        return _LOADED[name]
+    point, *others = registered()[name]
+    if rival := next((other for other in others if other.value != point.value), None):
+        raise ValueError(f"'{name}', which is registered both as {point.value} and as {rival.value}, is ambiguous")
+    try:
+        cls = point.load()
+        check_model_class(name, cls)
+    except (Exception, SystemExit) as error:
+        package = point.dist.name if point.dist else point.value
+        what = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise ValueError(f"'{name}', which the package {package} registers as {point.value}, fails: {what}") from error
+    return _LOADED.setdefault(name, cls)
+
+
+def catalogue() -> tuple[dict[str, Any], list[str]]:
+    """All models that are known by a name, name -> class, and what is wrong with others."""
+    found, problems = dict(MODELS), []
+    for name in sorted(registered()):
+        try:
+            found[name] = loaded(name)
+        except ValueError as error:
+            problems.append(f"the model {error}")
+    return found, problems
+
+
+def _by_name(data: Any, files: Files) -> Any:
+    name = data.get("name") if isinstance(data, dict) else None
+    if not isinstance(name, str) or name in MODELS or not registered():
+        parameters = _BUILT_IN.validate_python(data)
+        return _record(MODELS[parameters.name], parameters)
+    if name not in registered():
+        raise wrong(f"is {shown(name)}", suggestion(name, [*MODELS, *registered()]), "name")
+    try:
+        cls = loaded(name)
+    except ValueError as error:
+        raise wrong(f"is {error}", "repair or remove what registers it", "name") from None
+    return _of_class(cls, data, {"name": Literal[name]}, "correct that package")
+
+
+def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> Any:
+    """The record of a class that somebody else wrote, from the mapping `data`."""
+    try:
+        keys = _keys_of(cls, telling, True)
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise wrong(f"is {shown(data['name'])}, whose fields cannot be read ({reason})", remedy, "name") from None
+    if taken := next((key for key in (*SOURCES, "code") if key in cls._fields), None):
+        raise wrong(
+            f"is {shown(data['name'])}, whose field {taken} has the name of a key", f"rename it; {remedy}", "name"
+        )
+    return _record(cls, keys.model_validate(data))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# From a Python file
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _of_python(data: dict[str, Any], files: Files) -> Any:
+    path = data["python"]
+    if not isinstance(path, str):
+        raise wrong(
+            f"is {shown(path)}", "must be the path of a Python file, seen from the folder of this one", "python"
+        )
+    module = files.module(path, "python")
+    here = [
+        name
+        for name, cls in vars(module).items()
+        if isinstance(cls, type) and hasattr(cls, "_fields") and cls.__module__ == module.__name__
+    ]
+    name = data.get("name")
+    if name is None:
+        raise wrong(
+            "missing key 'name'", f"add name: the class in {path}, one of {', '.join(here) or '(none yet)'}", "name"
+        )
+    cls = getattr(module, name, None) if isinstance(name, str) else None
+    if cls is None:
+        right = suggestion(name, here) if here else "write a class derived from NamedTuple, see docs/own_models.md"
+        raise wrong(f"is {shown(name)}, for which there is no class in {path}", right, "name")
+    try:
+        check_model_class(name, cls)
+    except Exception as error:
+        raise wrong(f"is {shown(name)}: {error}", f"correct {path}", "name") from None
+    return _of_class(cls, data, {"python": str, "name": str}, f"correct {path}")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# All of them
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: Key that tells where a model comes from -> how its mapping becomes a record, given the files that belong to the spec.
+#: If a mapping has several of these keys, the first of them counts.
+SOURCES: dict[str, Callable[[Any, Files], Any]] = {
+    "python": _of_python,
+    "system": read_system,
+    "algebra": read_system,
+    "bracket": read_system,
+    "name": _by_name,
+}
+
+
+def _source(data: Any) -> str | None:
+    return next((key for key in SOURCES if key in data), None) if isinstance(data, dict) else None
+
+
+def is_another(above: Any, below: Any) -> bool:
+    """Whether a mapping names another model than the one that it overrides, instead of changing parameters of that."""
+    source = _source(above)
+    if source is None or not isinstance(above, dict) or not isinstance(below, dict):
+        return False
+    other = "name" in above and above["name"] != below.get("name")
+    return other or source not in ("name", _source(below))
+
+
+def name_of(model: Any) -> str:
+    """What a model is called: by its name in a spec file, or by that of its class if it comes from a file."""
+    cls = type(undamped(model))
+    return next((name for name, known in {**MODELS, **_LOADED}.items() if known is cls), cls.__qualname__)
+
+
+def check_words(model: Any, initial: tuple[float, ...]) -> None:
+    """Raise the error about a model that is not built in and fails the generic checks."""
+    model = undamped(model)
+    if large(model):
+        return
+    if complaints := check_once(model, initial):
+        more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
+        what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
+        if systems.variables(model):
+            right = "near the initial state the formulas must be finite and smooth; take others, or another state"
+        else:
+            right = "correct the class, see docs/own_models.md"
+        raise wrong(what, right, "model", *SOURCES)
+
+
+def _plain(model: Any) -> dict[str, Any]:
+    """All that decides results: of a model from elsewhere its code too."""
+    record = undamped(model)
+    code = modules.digest(type(record))
+    return {"name": name_of(model), **({"code": code} if code else {}), **record._asdict()}
+
+
+def _read(data: Any, info: pydantic.ValidationInfo) -> Any:
+    files: Any = info.context
+    return SOURCES[_source(data) or "name"](data, files)
+
+
+#: The keys of the built-in models, complete and in part.
+COMPLETE = [_keys_of(cls, {"name": Literal[name]}, True) for name, cls in MODELS.items()]
+_PARTS = [_keys_of(cls, {"name": Literal[name]}, False) for name, cls in MODELS.items()]
+_BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
+
+
+#: What JSON Schema says of a name that is not one of theirs.
+NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
+
+
+class _FromElsewhere(Keys):
+    """A model that is not built in: by its name, by its class in a Python file, or a system."""
+
+    model_config = pydantic.ConfigDict(
+        extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": NOT_BUILT_IN}}]}
+    )
+
+    python: Annotated[str, Field(description="path of a Python file, seen from the folder of this one")] = ABSENT
+    system: Annotated[str, Field(description=KEYS["system"])] = ABSENT
+    algebra: Annotated[str, Field(description=KEYS["algebra"])] = ABSENT
+    bracket: Annotated[dict[str, Any], Field(description=KEYS["bracket"])] = ABSENT
+    name: Annotated[str, Field(description="name of a model, or of a class in the Python file")] = ABSENT
+
+
+Model = Annotated[
+    Any,
+    PlainValidator(_read),
+    pydantic.PlainSerializer(_plain),
+    Field(description=f"a mapping with a name ({', '.join(MODELS)}) and parameters"),
+]
+# Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
+ModelPart = Annotated[
+    dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, [*_PARTS, _FromElsewhere]))
+]

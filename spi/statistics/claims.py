@@ -1,0 +1,225 @@
+"""Claims: what a spec says must come out, and whether it did.  Nothing here computes, reads files or knows a kind.
+
+A spec states claims under its key ``expect``; the module ``claims`` of a kind of experiment says which quantities came
+out; :func:`judge` compares the two.  A quantity is judged with its 95 % interval.  With [a, b] the numbers that the
+claim allows, it is
+
+    kept          if the interval lies in [a, b]; where one number is claimed, with a tolerance or without, if it meets
+                  [a, b], since no interval lies in a single number,
+    broken        if not even the interval of twice that width meets [a, b],
+    not decided   otherwise, and if the interval is too wide to say anything or the number is not known.
+
+An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim is hardly ever broken.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..storage.records import INTERVAL, Description, Order
+
+EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in which a number can be claimed
+KEPT, UNDECIDED, BROKEN = "kept", "not decided", "broken"  #: the verdicts, from good to bad
+VERDICTS = (KEPT, UNDECIDED, BROKEN)
+
+WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
+
+_ROUNDING = 1e-12  # relative: step sizes written as decimals are not exact
+
+
+class Sort(NamedTuple):
+    """A quantity that the specs of a kind may expect."""
+
+    sense: str  #: in which a bare number is meant
+    per_step: bool = False  #: whether it is known for each step size
+
+
+#: The quantities of several kinds.
+ORDER = {"order": Sort(EQUAL)}
+STEPWISE = {name: Sort(AT_MOST, per_step=True) for name in ("error", "casimir_drift", "nonfinite")}
+
+
+class Claim(NamedTuple):
+    """One number that a spec expects."""
+
+    case: str
+    scheme: str
+    quantity: str
+    sense: str  #: EQUAL, AT_MOST or AT_LEAST
+    number: float
+    tolerance: float  #: to both sides of the number; 0 but for EQUAL
+    stated: str  #: the number, its tolerance and the limits as they stand in the spec
+    scopes: tuple[str, ...] = ()  #: the estimator, test function and extrapolation of which it is claimed; () for all
+    limits: tuple[tuple[str, float], ...] = ()  #: up to which h, eps or swept value it is claimed; () for all
+
+    @property
+    def text(self) -> str:
+        """``order 1/2`` or ``Casimir drift at most 1e-12``."""
+        sense = "" if self.sense == EQUAL else f"{self.sense} "
+        return f"{self.quantity.replace('_', ' ').replace('casimir', 'Casimir')} {sense}{self.stated}"
+
+    @property
+    def allowed(self) -> tuple[float, float]:
+        """[a, b], the numbers that it allows."""
+        low = -math.inf if self.sense == AT_MOST else self.number - self.tolerance
+        high = math.inf if self.sense == AT_LEAST else self.number + self.tolerance
+        return low, high
+
+    def covers(self, one: "Quantity") -> bool:
+        """Whether it speaks of this quantity."""
+        about = one.about
+        same = (about.case, about.scheme, one.name) == (self.case, self.scheme, self.quantity)
+        small = (one.places.get(name, math.inf) <= limit + _ROUNDING * abs(limit) for name, limit in self.limits)
+        scopes = {about.estimator, one.function, f"extrapolate {about.extrapolate}"}
+        return same and all(small) and scopes.issuperset(self.scopes)
+
+
+class Quantity(NamedTuple):
+    """One number that came out, with its 95 % interval, [value, value] if it is exact; NaN where it is not known."""
+
+    name: str
+    about: Description
+    value: float
+    low: float
+    high: float
+    function: str = ""  #: the test function it belongs to
+    h: float | None = None  #: the step size it belongs to
+    swept: tuple[str, float] | None = None  #: the swept word and the value it belongs to
+    widest: float = math.inf  #: half the width of an interval from which on it says nothing
+
+    @property
+    def places(self) -> dict[str, float]:
+        """The step size, eps and the swept value that it belongs to, by name, those that there are."""
+        known = {"h": self.h, "eps": self.about.eps, **dict([self.swept] if self.swept else [])}
+        return {name: value for name, value in known.items() if value is not None}
+
+    @property
+    def subject(self) -> str:
+        """Whose it is: the scheme, its eps, the estimator and the test function."""
+        return ", ".join(filter(None, (self.about.label, self.about.estimator, self.function)))
+
+
+class Verdict(NamedTuple):
+    """Whether a claim is kept by one scheme, at one eps, with one estimator and test function."""
+
+    claim: Claim
+    found: Quantity | None  #: the worst of all step sizes; None if nothing came out that the claim speaks of
+    verdict: str  #: KEPT, UNDECIDED or BROKEN
+
+    @property
+    def subject(self) -> str:
+        """Whose quantity is judged."""
+        return self.found.subject if self.found else ", ".join((self.claim.scheme, *self.claim.scopes))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What came out
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def quantity(
+    name: str, about: Description, value: float, half: float = 0.0, function: str = "", h: float | None = None
+) -> Quantity:
+    """A quantity with half the width of its interval; one that is infinite is known for certain to be that."""
+    value, half = float(value), 0.0 if math.isinf(value) else float(half)
+    return Quantity(name, about, value, value - half, value + half, function, h)
+
+
+def order(about: Description, fitted: Order, name: str = "order", function: str = "") -> Quantity:
+    """A fitted order of convergence."""
+    return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, widest=WIDEST)
+
+
+def each_step(
+    name: str, about: Description, h: np.ndarray, values: np.ndarray, stderr: np.ndarray | None = None
+) -> Iterator[Quantity]:
+    """A quantity for each step size in `h` (S,): the `values` (S,) and their standard errors if they have any."""
+    yield from at_steps(name, about, h, values, np.zeros(len(h)) if stderr is None else INTERVAL * stderr)
+
+
+def at_steps(
+    name: str, about: Description, h: np.ndarray, values: np.ndarray, halves: np.ndarray, function: str = ""
+) -> Iterator[Quantity]:
+    """The same with half the widths of their intervals (S,), perhaps of one test function."""
+    for step, value, half in zip(h.tolist(), values.tolist(), halves.tolist(), strict=True):
+        yield quantity(name, about, value, half, function, step)
+
+
+def drifts(about: Description, h: np.ndarray, drift: np.ndarray) -> Iterator[Quantity]:
+    """``casimir_drift`` for each step size, of `drift` (S, C) the largest over the Casimirs; nothing if C = 0.
+
+    A drift that is no number, because paths were lost, counts as infinite.
+    """
+    if drift.shape[1]:
+        yield from each_step("casimir_drift", about, h, lost_is_infinite(drift.max(axis=1)))
+
+
+def lost_is_infinite(values: np.ndarray) -> np.ndarray:
+    """The values with infinity for NaN, where that says that a path was lost."""
+    return np.where(np.isnan(values), np.inf, values)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The verdicts
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def judge(claims: Iterable[Claim], quantities: Iterable[Quantity]) -> list[Verdict]:
+    """The verdicts on the claims, in their order: for each what it says of each scheme, eps, estimator and function.
+
+    Of the step sizes that a claim covers the worst one counts.  A claim of which nothing came out is not decided.
+    """
+    quantities, verdicts = list(quantities), []
+    for claim in claims:
+        covered: dict[str, list[Quantity]] = {}
+        for one in filter(claim.covers, quantities):
+            covered.setdefault(one.subject, []).append(one)
+        verdicts += [_worst(claim, members) for members in covered.values()] or [Verdict(claim, None, UNDECIDED)]
+    return verdicts
+
+
+def _worst(claim: Claim, members: Sequence[Quantity]) -> Verdict:
+    """The verdict on the quantity that does worst."""
+
+    def badness(one: Quantity) -> tuple[int, float]:
+        a, b = claim.allowed
+        beyond = abs(one.value - claim.number) if claim.sense == EQUAL else max(a - one.low, one.high - b)
+        return VERDICTS.index(_verdict(claim, one)), math.inf if math.isnan(beyond) else beyond
+
+    worst = max(members, key=badness)
+    return Verdict(claim, worst, _verdict(claim, worst))
+
+
+def _verdict(claim: Claim, one: Quantity) -> str:
+    a, b = claim.allowed
+    down, up = (0.0 if end == one.value else abs(one.value - end) for end in (one.low, one.high))
+    if any(map(math.isnan, (one.value, down, up))) or (down + up) / 2 > one.widest:
+        return UNDECIDED
+    meets = one.low <= b and one.high >= a
+    if meets if claim.sense == EQUAL else a <= one.low and one.high <= b:
+        return KEPT
+    return UNDECIDED if one.value - 2 * down <= b and one.value + 2 * up >= a else BROKEN
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# As text
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def as_text(claims: Iterable[Claim]) -> str | None:
+    """The claims as JSON, to be stored; None if there are none."""
+    plain = [claim._asdict() for claim in claims]
+    return json.dumps(plain, ensure_ascii=False, allow_nan=False) if plain else None
+
+
+def of_text(text: str | None) -> list[Claim]:
+    """The claims in such a text; ValueError if it is none."""
+    try:
+        plain = json.loads(text) if text is not None else []
+        lists = [{"scopes": tuple(one["scopes"]), "limits": tuple(map(tuple, one["limits"]))} for one in plain]
+        return [Claim(**(one | tuples)) for one, tuples in zip(plain, lists, strict=True)]
+    except (TypeError, KeyError, ValueError) as error:
+        raise ValueError(f"no list of claims ({error})") from None

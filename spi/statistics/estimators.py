@@ -1,0 +1,223 @@
+"""Means, standard errors and orders of convergence, from sums over groups of paths.
+
+Paths fall into GROUPS groups, lane l of block b into group (b mod 8) * 8 + l mod 8, of which only sums are kept, so
+that memory does not grow with the number of paths.  Standard errors and intervals come from leaving out one group at a
+time (the jackknife), which needs no assumption on how the errors at different step sizes depend on one another: they
+share their paths.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..numerics.rng import LANES
+from ..storage.records import Order
+
+Array = np.ndarray
+
+#: Paths are summed up in this many groups.
+GROUPS = 64
+#: A block's lanes go into this many of them, lane mod PARTS; the next block into the next ones.
+PARTS = 8
+#: A value counts as resolved if it is at least this many standard errors.
+RESOLVED = 4.0
+_EXACT = 0.01  # errors are no powers of h to better than this, so that a more exact one has no more weight in a fit
+_SMALL = 1e-5  # relative, of what selection adds to a value
+_ITERATIONS = 20  # each moves a point at RESOLVED by about 0.7 of what the one before did, others by less
+
+
+def group_counts(samples: int) -> Array:
+    """How many of the paths 0, ..., samples - 1 each group has, shape (GROUPS,)."""
+    rounds, rest = divmod(samples, GROUPS * PARTS)
+    blocks, lanes = divmod(rest, LANES)
+    counts = np.full((GROUPS // PARTS, PARTS), rounds * (LANES // PARTS))
+    counts[:blocks] += LANES // PARTS
+    counts[blocks] += lanes // PARTS + (np.arange(PARTS) < lanes % PARTS)
+    return counts.ravel()
+
+
+def root_mean_square(sums: Array, counts: Array) -> tuple[Array, Array]:
+    """Root of the mean and its leave-one-out values.
+
+    `sums` (GROUPS, ...) are sums of squares, `counts` (GROUPS,) the numbers of paths.  Returns the root of total sum
+    over total count, shape (...), and the same without each group in turn, shape (groups with paths, ...).
+    """
+    used = counts > 0
+    sums, counts = sums[used], counts[used]
+    total, n = sums.sum(axis=0), counts.sum()
+    rest = (n - counts).reshape(-1, *[1] * total.ndim)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # the difference of nearly equal sums may round to just below 0
+        without = np.sqrt(np.maximum(total - sums, 0.0) / rest) if len(counts) > 1 else np.full_like(sums, np.nan)
+        return np.sqrt(total / n), without
+
+
+def stderr_of_mean(values: Array) -> Array:
+    """Standard error of the mean over the last axis, independent paths; NaN for one path."""
+    paths = values.shape[-1]
+    with np.errstate(all="ignore"):
+        return values.std(axis=-1, ddof=1) / np.sqrt(paths) if paths > 1 else np.full(values.shape[:-1], np.nan)
+
+
+def jackknife_stderr(value: Array | float, without: Array, counts: Array) -> Array:
+    """Standard error of `value` (...) from its leave-one-out values (groups, ...), for groups of unequal size.
+
+    With weights w_g = n / n_g: sqrt(1/G sum_g (p_g - mean)^2 / (w_g - 1)) of the pseudo-values
+    p_g = w_g value - (w_g - 1) without_g (Busing, Meijer and van der Leeden, Statistics and Computing 9, 1999).
+    NaN for fewer than two groups; inf or NaN where a value is not finite.
+    """
+    counts = counts[counts > 0]
+    if len(counts) < 2:
+        return np.full(np.shape(value), np.nan)
+    w = (counts.sum() / counts).reshape(-1, *[1] * np.ndim(value))
+    with np.errstate(invalid="ignore", over="ignore"):
+        pseudo = w * value - (w - 1.0) * without
+        return np.sqrt(np.mean((pseudo - (pseudo / w).sum(axis=0)) ** 2 / (w - 1.0), axis=0))
+
+
+def is_resolved(value: Array, stderr: Array) -> Array:
+    """Whether a value stands clear of its standard error."""
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(value) & np.isfinite(stderr) & (value > 0.0) & (value >= RESOLVED * stderr)
+
+
+def samples_needed(value: Array, stderr: Array, samples: int) -> Array:
+    """About how many samples would resolve a value that `samples` did not; NaN if that cannot be said."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return samples * (RESOLVED * stderr / value) ** 2
+
+
+def fit_order(
+    h: Array,
+    value: Array,
+    without: Array,
+    counts: Array,
+    use: Array,
+    reference_step: float = 0.0,
+    stderr: Array | None = None,
+) -> Order:
+    """Order p of value = C h^p, by least squares in logarithms through the points `use`, with its 95 % interval.
+
+    The values are distances from a reference of the same scheme at step h_ref and lack the reference's own error, which
+    makes a plain slope too steep (for steps from 8 to 2048 h_ref by 0.01 for p = 1/2).  If the two errors are
+    independent, as they are for p = 1/2, C h^p is value / (1 - r^(2p))^(1/2) with r = h_ref/h; if p = 1 and they are
+    proportional along each path, it is value / (1 - r).  The order is the middle of the slopes of the former and of
+    value / (1 - r)^p, which for p = 1/2 are the same, and the interval covers both.
+
+    The interval is, besides, the wider of two of Student's: from the jackknife, for the sampling, and from the scatter
+    of the points about the line, for what is no power of h.  As long as the points bend by more than sampling can
+    explain (at 95 %), the largest step is not yet asymptotic and is left out, down to four points.  A bend that
+    sampling hides is not allowed for.  `value` has shape (steps,), `without` (groups, steps).
+
+    With `stderr` (steps,), of values whose standard errors differ and of which `use` has those that are resolved, the
+    points have weights, and what selection adds to them is taken away, see :func:`_selected`; a bend counts at 99 %.
+    """
+    from scipy.special import stdtrit  # not needed to start the program
+
+    use = np.flatnonzero(use)
+    groups = np.count_nonzero(counts) - 1
+    student, clear = stdtrit(groups, 0.975), stdtrit(groups, 0.975 if stderr is None else 0.995)
+
+    def fitted(degree: int, steps: Array) -> _Fit:
+        return _fit(degree, steps, value[use], without[:, use], counts, None if stderr is None else stderr[use])
+
+    while len(use) > 4:
+        bend = fitted(2, h[use] - reference_step)
+        if not abs(bend.coefficient) > bend.stderr * clear + 1e-9:  # false for NaN
+            break
+        use = np.delete(use, np.argmax(h[use]))
+    n = len(use)
+    if n < 3:
+        return Order(np.nan, np.nan, np.nan, n)
+    line = fitted(1, h[use])
+    r = reference_step / h[use]
+    low = high = line.coefficient
+    for _ in range(20):  # contractions by a factor of about 0.02
+        low = line.coefficient - _slope(h[use], np.log(1.0 - r) * max(low, 0.0))
+        high = line.coefficient - _slope(h[use], 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01))))
+    order = 0.5 * (low + high)
+    y = line.logarithms - 0.5 * np.log(1.0 - r ** (2.0 * max(high, 0.01)))
+    x, y = _centred(np.log(h[use]), line.weights), _centred(y, line.weights)
+    scatter = np.sqrt((line.weights * (y - high * x) ** 2).sum() / (n - 2) / (line.weights * x @ x))
+    half = float(np.maximum(line.stderr * student, scatter * stdtrit(n - 2, 0.975)) + 0.5 * abs(high - low))
+    return Order(order, order - half, order + half, n)
+
+
+class Largest(NamedTuple):
+    """The largest of several errors at each step size."""
+
+    which: Array  #: (steps,) the number of the largest
+    value: Array  #: (steps,) without its sign
+    stderr: Array  #: (steps,)
+    resolved: Array  #: (steps,)
+    order: Order
+
+
+def largest_over(h: Array, errors: Array, withouts: Array) -> Largest:
+    """The largest of the absolute values of errors (n, steps) at each step size, and its order of convergence.
+
+    `withouts` (n, groups, steps) are their leave-one-out values, of groups as large as one another.  Those of the
+    largest are taken for its own, as if it were known beforehand which one is the largest.  What is not a number counts
+    as larger than all numbers.
+    """
+    sizes, steps = np.abs(errors), np.arange(len(h))
+    which = np.argmax(sizes, axis=0)
+    value, without = sizes[which, steps], np.abs(withouts)[which, :, steps].T
+    counts = np.full(len(without), PARTS)
+    stderr = jackknife_stderr(value, without, counts)
+    resolved = is_resolved(value, stderr)
+    return Largest(which, value, stderr, resolved, fit_order(h, value, without, counts, resolved, stderr=stderr))
+
+
+def _centred(x: Array, weights: Array) -> Array:
+    return x - (weights * x).sum() / weights.sum()
+
+
+def _slope(h: Array, y: Array) -> float:
+    x = _centred(np.log(h), np.ones(len(h)))
+    return float(y @ x / (x @ x))
+
+
+class _Fit(NamedTuple):
+    """A polynomial in ln(h) through the logarithms of values."""
+
+    coefficient: float  #: the leading one
+    stderr: float  #: its jackknife standard error
+    logarithms: Array  #: of the values, without what selection adds to them
+    weights: Array  #: of the points
+
+
+def _fit(degree: int, h: Array, value: Array, without: Array, counts: Array, stderr: Array | None) -> _Fit:
+    """The least squares fit to the points, all of one weight where nothing is known of their standard errors."""
+    weights = np.ones(len(h)) if stderr is None else 1.0 / (_EXACT**2 + (stderr / value) ** 2)
+    x = _centred(np.log(h), np.ones(len(h)))
+    powers, root = np.vander(x, degree + 1), np.sqrt(weights)
+    solve = np.linalg.pinv(powers * root[:, np.newaxis]) * root
+    found = np.log(value)
+    logarithms = found if stderr is None else _selected(found, stderr, powers @ solve)
+    coefficient = float(logarithms @ solve[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left_out = (np.log(without) - found + logarithms) @ solve[0]
+        return _Fit(coefficient, float(jackknife_stderr(coefficient, left_out, counts)), logarithms, weights)
+
+
+def _selected(logarithms: Array, stderr: Array, smooth: Array) -> Array:
+    """The logarithms of values without what it adds to their means that each was found resolved, and that they are
+    logarithms.
+
+    A normal value of mean m and standard error 1 that is known to exceed c = RESOLVED has the mean m + phi(c - m) /
+    Phi(m - c), and its logarithm the mean ln(m) - 1 / (2 m^2) to second order.  m is that of the fit: `smooth`, a
+    matrix, has the fitted logarithms from all of them.
+    """
+    from scipy.special import log_ndtr
+
+    known = logarithms
+    for _ in range(_ITERATIONS):
+        with np.errstate(over="ignore", divide="ignore"):
+            mean = np.exp(smooth @ known) / stderr
+            beyond = RESOLVED - mean
+            added = np.exp(-0.5 * beyond**2 - log_ndtr(-beyond)) / np.sqrt(2.0 * np.pi)
+            before, known = known, logarithms - np.log1p(added / mean) + 0.5 / mean**2
+        if np.abs(known - before).max() < _SMALL:
+            break
+    return known

@@ -1,0 +1,363 @@
+"""The Python interface: what is computed, and what its arguments mean."""
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import COMPILED, INITIAL, LANES
+from own_models import OSCILLATOR
+from weak_cases import case_of, results_of
+
+import spi
+from spi.api import progress
+from spi.api.paths import plan_of
+from spi.api.specs import experiment_of
+from spi.compiler import modules
+from spi.ensemble.loop import thread_count
+from spi.models import RigidBody
+from spi.running import runs
+from spi.running.loading import load_as
+
+TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
+TINY |= {"steps": "2^-2 .. 2^-4", "reference_step": "2^-5"}
+TEXTS = {"samples": "9", "schemes": "[euler_maruyama, splitting]", "expect": "null"}
+TEXTS |= {"steps": "2^-2 .. 2^-4", "reference_step": "2^-5"}
+
+BODY = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
+PATH = {"initial": INITIAL, "final_time": 0.5, "step": "1/8", "seed": 3}
+
+NUMBERS = ("error", "error_stderr", "error_final", "casimir_drift", "nonfinite")
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def messages(function, *arguments, **keywords):
+    """The lines of the SpecError that a call raises."""
+    with pytest.raises(spi.SpecError) as caught:
+        function(*arguments, **keywords)
+    return str(caught.value).splitlines()
+
+
+def same(one, other):
+    """Whether two results have the same numbers."""
+    return one.parts == other.parts and all(
+        np.array_equal(one[part].dataset[name], other[part].dataset[name]) for part in one.parts for name in NUMBERS
+    )
+
+
+# --- run -------------------------------------------------------------------------------------------------------------
+
+
+def test_an_experiment_by_name_is_what_the_command_line_computes():
+    experiment = runs.load("rigid_body_strong", "quick", [f"{key}={value}" for key, value in TEXTS.items()])
+    expected = spi.load(runs.run(experiment, "there"))
+    found = spi.run("rigid_body_strong", **TINY)
+    assert found.path == Path("results/rigid_body_strong.h5") and found.path.is_file()
+    assert same(found, spi.load("rigid_body_strong")) and same(found, spi.load("rigid_body_strong", out="there"))
+    assert found.attributes["spec_hash"] == expected.attributes["spec_hash"]
+    assert found.spec == expected.spec == experiment.text
+    assert same(found, expected)
+    assert set(found.parts) == {"main/euler_maruyama", "main/splitting"}
+    assert not same(found, spi.run("rigid_body_strong", **TINY | {"samples": 8}, out=None))  # other numbers are noticed
+
+    written = found.path.stat().st_mtime_ns
+    assert same(spi.run("rigid_body_strong", **TINY), found)
+    assert found.path.stat().st_mtime_ns == written  # nothing was computed again
+    with pytest.raises(spi.StorageError, match=r"results of another spec; use fresh=True .*out= for another folder"):
+        spi.run("rigid_body_strong", **TINY | {"seed": 5})
+    assert not same(spi.run("rigid_body_strong", **TINY | {"seed": 5}, name="other"), found)
+    assert Path("results/other.h5").is_file()
+
+
+SPEC = {
+    "kind": "strong",
+    "title": "a body",
+    "model": BODY,
+    "initial": ["cos(1.1)", 0, "sin(1.1)"],
+    "final_time": 1,
+    "truncate_noise": True,
+    **{key: value for key, value in TINY.items() if key != "profile"},
+}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        {"initial": np.array(INITIAL)},
+        {"steps": np.array([0.25, 0.125, 0.0625]), "samples": np.int64(9), "schemes": ("euler_maruyama", "splitting")},
+        {"model": RigidBody((2, 1, 2 / 3), (1, 2, 3), (1, 1, 1))},
+    ],
+)
+def test_a_mapping_is_a_spec(changed):
+    expected = spi.run("rigid_body_strong", **TINY)
+    found = spi.run(SPEC | changed, out=None)
+    assert found.path is None and not Path("results/experiment.h5").exists()
+    assert same(found, expected)
+    assert spi.run(SPEC | changed, name="mine").attributes["spec_hash"] == found.attributes["spec_hash"]
+    Path("again.yaml").write_text(spi.load("results/mine.h5").spec)  # the text that is stored is a spec file
+    assert runs.load("again.yaml").hash == found.attributes["spec_hash"]
+
+
+def test_mappings_override_what_they_name():
+    def model_of(**overrides):
+        return spi.run("rigid_body_strong", **TINY, **overrides, out=None)["splitting"].dataset.attrs
+
+    changed = model_of(model={"inertia": [3, 2, 1]})
+    assert changed["model_inertia"] == (3, 2, 1) and changed["model_noise_inertia"] == (1, 2, 3)
+    assert model_of()["model_inertia"][0] == 2
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"steps": [0.3]}, "spec: steps: has 0.3, which is not 2, 4, 8, ... times the reference_step 2^-5"),
+        ({"sampels": 3}, "spec: sampels: is no known key; did you mean 'samples'?"),
+        ({"model": "rigid_bod"}, "spec: model.name: is 'rigid_bod'; did you mean 'rigid_body'?"),
+        ({"model": {**BODY, "inertia": [1, 2]}}, "spec: model.inertia: has 2 entries; must have 3"),
+        ({"initial": [float("nan"), 0, 0]}, "spec: initial: entry 1 is '.nan'"),
+    ],
+)
+def test_what_is_wrong_with_a_mapping_is_told_without_lines(changed, told):
+    found = messages(spi.run, SPEC | changed, out=None)
+    assert any(line.startswith(told) for line in found), found
+    assert not any("yaml" in line for line in found)
+
+
+def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
+    (line,) = messages(spi.run, "rigid_body_strong", samples=4.5)
+    assert line == ("rigid_body_strong: samples: is '4.5' (not whole); must be a whole number such as 500 or 10^6")
+    assert messages(spi.run, SPEC) == [
+        "spec: name: missing; add name='...' for the results file, or out=None to write none"
+    ]
+    assert "no such file" in messages(spi.run, "rigid_body_stron")[0]
+    (line,) = messages(spi.run, "rigid_body_strong", profile="papr")
+    assert "profile: 'papr' is no known profile; did you mean 'paper'?" in line and "--" not in line
+
+    foreign = type("Mine", (RigidBody,), {"__module__": "__main__"})
+    assert "the class Mine is in no file" in messages(spi.trajectory, foreign, "splitting", **PATH)[0]
+    with pytest.raises(spi.StorageError, match="no such file"):
+        spi.load("nowhere.h5")
+    with pytest.raises(spi.StorageError, match=r"toda_weak\.h5: no such file; spi.run\('toda_weak'\) writes"):
+        spi.load("toda_weak")
+    (line,) = messages(spi.run, 3)
+    assert line.startswith("spec: is 3; must be a spec file, a name that spi.experiments() lists, or a mapping")
+    assert messages(spi.load, 3)[0].startswith("results: is 3; must be a results file, or the name")
+
+
+def test_an_experiment_of_another_kind():
+    assert messages(spi.run, "rigid_body_strong", kind="weak") == [
+        "kind: is no key to override; as_='...' makes an experiment into one of another kind"
+    ]
+    assert messages(spi.run, "rigid_body_strong", as_="wea") == [
+        "as_: 'wea' is no kind of experiment; did you mean 'weak'?"
+    ]
+    assert messages(spi.run, SPEC, out=None, as_="weak")[0].startswith("as_: is for experiments in files")
+    assert messages(spi.run, "rigid_body_strong", as_="weak", sampels=3) == [
+        "rigid_body_strong_as_weak: sampels: is no known key; did you mean 'samples'?"
+    ]
+    made = experiment_of("rigid_body_strong", None, "laptop", {"samples": 7}, "weak")
+    assert (made.name, made.kind, made.samples) == ("rigid_body_strong_as_weak", "weak", (7,))
+    assert made.hash == load_as("weak", "rigid_body_strong", overrides=["samples=7"]).hash
+
+
+def test_an_interrupted_run_goes_on(monkeypatch, capsys):
+    def interrupt(line, told):
+        if told.done:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(progress.Line, "_report", interrupt)
+        with pytest.raises(KeyboardInterrupt, match=r"kept in results.*the same call goes on"):
+            spi.run("rigid_body_strong", **TINY, progress=True)
+        with pytest.raises(KeyboardInterrupt, match="nothing is kept"):
+            spi.run("rigid_body_strong", **TINY, progress=True, out=None)
+    assert list(Path("results/sums").glob("rigid_body_strong-*"))
+    expected = spi.run("rigid_body_strong", **TINY, out=None)
+    capsys.readouterr()
+    assert same(spi.run("rigid_body_strong", **TINY), expected)
+    assert capsys.readouterr() == ("", "")  # no progress unless it is asked for
+    spi.run("rigid_body_strong", **TINY, fresh=True, progress=True)
+    out, err = capsys.readouterr()
+    assert out == "" and "\rrigid_body_strong: 2/2 main splitting 100%" in err and err.endswith(" \r")
+
+
+def test_threads_and_workers_are_those_of_the_run(monkeypatch):
+    told = []
+
+    def run(experiment, out, fresh, watch, workers):
+        told.append((thread_count(), getattr(workers, "size", None)))
+        raise spi.StorageError("cannot write s.h5; choose a folder with --out")
+
+    before = thread_count()
+    monkeypatch.setattr(runs, "run", run)
+    for asked in ({}, {"threads": 1}, {"workers": 1}):
+        with pytest.raises(spi.StorageError, match=r"choose a folder with out=$"):
+            spi.run("rigid_body_strong", **asked)
+    assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
+    (line,) = messages(spi.run, "rigid_body_strong", threads=10**4)
+    assert line.startswith("threads: is 10000; ") and len(told) == 3
+
+
+# --- paths -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_trajectory_is_that_of_a_run():
+    spec = {"kind": "trajectory", "model": BODY, "schemes": ["splitting"], "panels": ["casimirs"], "path": 70, **PATH}
+    expected = spi.run(spec, out=None).dataset
+    found = spi.trajectory(BODY, "splitting", path=70, **PATH)
+    assert found.y.dims == ("t", "component") and list(found.component.values) == ["y1", "y2", "y3"]
+    for name in ("y", "hamiltonian", "casimirs"):
+        np.testing.assert_array_equal(found[name], expected[name])
+    assert found.t.values.tolist() == [0, 0.125, 0.25, 0.375, 0.5]
+    many = spi.trajectory(BODY, "splitting", samples=71, **PATH)
+    for name in ("y", "hamiltonian", "casimirs"):
+        np.testing.assert_array_equal(many[name][70], found[name])
+    assert not np.array_equal(many.y[69], found.y)
+    some = spi.trajectory(RigidBody((2, 1, 2 / 3), (1, 2, 3), (1, 1, 1)), "splitting", samples=2, every=2, **PATH)
+    np.testing.assert_array_equal(some.y, many.y[:2, ::2])
+    assert some.sizes == {"path": 2, "t": 3, "component": 3, "casimir": 1}
+
+
+def test_a_class_of_ones_own_is_that_of_its_file(tmp_path, monkeypatch):
+    (tmp_path / "my_api_model.py").write_text(OSCILLATOR)
+    monkeypatch.syspath_prepend(tmp_path)
+    cls = importlib.import_module("my_api_model").Oscillator
+    keys = {"initial": [1, 0], "final_time": 1, "step": 2**-4}
+    for model, sigma in ((cls(sigma=(0.5,)), 0.5), ({"python": "my_api_model.py", "name": "Oscillator"}, None)):
+        found = plan_of(model, "euler_maruyama", keys).case.model
+        assert type(found).__qualname__ == "Oscillator" and modules.text_of(type(found)) == OSCILLATOR
+        assert sigma in (None, found.sigma[0])
+    assert plan_of(cls, "euler_maruyama", keys).case.model == cls()
+    silent = plan_of(cls(sigma=(None,)), "euler_maruyama", keys).case.model  # a noise of strength 0
+    assert silent.sigma == (None,)
+
+
+@pytest.mark.parametrize("most", [1, 64e6])  # bytes of states that are recorded at a time
+def test_observers_see_all_paths(monkeypatch, most):
+    monkeypatch.setattr("spi.api.paths._BATCH_BYTES", most)
+    samples, seen = 2 * LANES + 3, []
+
+    def observe(t, y):
+        seen.append(y.shape)
+        return {"highest": y.max(axis=1), "end": t[-1] + y[:, -1, 0]}
+
+    found = spi.trajectory(BODY, "splitting", samples=samples, observe=observe, **PATH)
+    states = spi.trajectory(BODY, "splitting", samples=samples, **PATH).y
+    np.testing.assert_array_equal(found.highest, states.max("t"))
+    np.testing.assert_array_equal(found.end, 0.5 + states[:, -1, 0])
+    assert found.end.dims == ("path",) and len(seen) == (3 if most == 1 else 1)
+    one = spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: y[:, -1], **PATH)
+    np.testing.assert_array_equal(one.observed, states[:3, -1])
+    with pytest.raises(ValueError, match=r"returned observed of shape \(\) for 3 paths"):
+        spi.trajectory(BODY, "splitting", samples=3, observe=lambda t, y: y.sum(), **PATH)
+    assert messages(spi.trajectory, BODY, "splitting", observe=observe, **PATH)[0].startswith("samples: missing")
+
+
+def test_what_is_wrong_with_a_trajectory_is_told_at_once():
+    assert messages(spi.trajectory, BODY, "splitting", **PATH | {"step": 0.3}) == [
+        "step: is 0.3, of which final_time 0.5 is no multiple; the nearest multiples are 0.3 and 0.6"
+    ]
+    found = messages(spi.trajectory, "lotka_volterra", "splittin", **PATH, sede=4)
+    assert {line.partition(":")[0] for line in found} >= {"sede"}
+    assert messages(spi.trajectory, BODY, "splitting", samples=0, **PATH) == [
+        "samples: is 0; must be a whole number, at least 1"
+    ]
+
+
+# --- expectations ----------------------------------------------------------------------------------------------------
+
+
+def test_expectations_are_those_of_the_weak_study():
+    samples = 200 if COMPILED else 70
+    case = case_of(f"samples={samples}", "seed=11")
+    expected, _ = results_of(case, "splitting", "plain")
+    functions = {**case.functions, "mine": lambda y: y[0] * y[0]}
+    steps = [case.reference_step, *case.steps]
+    model = {"model": BODY | {key: value for key, value in case.parameters.items()}}
+    keys = {"initial": case.initial, "final_time": case.final_time, "seed": 11, "samples": samples}
+    found = spi.expectations(model["model"], "splitting", functions, steps=steps, **keys)
+    names = list(case.functions)
+    assert found.h.values.tolist() == [*case.steps, case.reference_step]  # from large to small
+    ours = found.expectation.sel(function=names)
+    np.testing.assert_allclose(ours[:, -1], expected["reference"], rtol=1e-12)
+    np.testing.assert_allclose(ours[:, :-1], expected["expectation"], rtol=1e-10)
+    squares = spi.expectations(model["model"], "splitting", "y1^2", steps=steps, **keys).expectation[0]
+    np.testing.assert_allclose(found.expectation.sel(function="mine"), squares, rtol=1e-14)
+    assert not found.nonfinite.any()
+
+
+def test_standard_errors_are_those_of_the_paths(monkeypatch):
+    keys = {key: value for key, value in PATH.items() if key != "step"}
+    for most in (1, 16e6):  # bytes of final states at a time
+        monkeypatch.setattr("spi.api.expecting._BATCH_BYTES", most)
+        found = spi.expectations(BODY, "splitting", "y1", steps="1/8", samples=2 * LANES + 3, **keys)
+        last = spi.trajectory(BODY, "splitting", samples=2 * LANES + 3, **PATH).y[:, -1, 0].values
+        np.testing.assert_allclose(found.expectation[0, 0], last.mean(), rtol=1e-12)
+        np.testing.assert_allclose(found.expectation_stderr[0, 0], last.std(ddof=1) / len(last) ** 0.5, rtol=1e-12)
+
+
+def test_what_is_wrong_with_expectations_is_told():
+    keys = {"initial": INITIAL, "final_time": 1.5, "samples": 10}
+    functions = {"a": "y1", "b": "y4"}
+    assert messages(spi.expectations, BODY, "splitting", functions, steps=0.25, **keys)[0].startswith(
+        "functions.b: is 'y4' (unknown word 'y4'"
+    )
+    assert messages(spi.expectations, BODY, "splitting", "y1", steps=[0.25, 0.75], **keys) == [
+        "steps: has 0.75, which is not 1, 2, 4, 8, ... times the smallest, 0.25; take others"
+    ]
+    assert messages(spi.expectations, BODY, "splitting", "y1", steps=[], **keys)[0].startswith(
+        "steps: is an empty list"
+    )
+    assert messages(spi.expectations, BODY, "splitting", "y1", steps=0.25, **keys | {"samples": 1})[0].startswith(
+        "samples:"
+    )
+    with pytest.raises(ValueError, match=r"the function phi returned shape \(\) for 10 paths"):
+        spi.expectations(BODY, "splitting", np.sum, steps=0.5, **keys)
+
+
+# --- the package -----------------------------------------------------------------------------------------------------
+
+OTHER_PROCESS = """
+import json, os, pydoc, sys
+from pathlib import Path
+import spi
+light = sorted({"numpy", "numba", "matplotlib", "xarray", "pydantic"} & set(sys.modules))
+offered = dir(spi)
+text = pydoc.plain(pydoc.render_doc(spi))
+def kernels():
+    return {str(file) for file in Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbc")}
+before = kernels()
+y = spi.trajectory(%r, "splitting", **%r).y
+print(json.dumps([light, offered, text, sorted(kernels() - before), len(before) > 0, y.values.tolist()]))
+"""
+
+
+def test_another_process_imports_little_and_compiles_nothing():
+    expected = spi.trajectory(BODY, "splitting", **PATH).y
+    program = OTHER_PROCESS % (BODY, PATH)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=dict(os.environ))
+    assert done.returncode == 0, done.stderr
+    light, offered, text, compiled, known, y = json.loads(done.stdout)
+    assert light == [] and offered == sorted(spi.__all__)
+    assert compiled == [] and (known or not COMPILED)
+    assert y == expected.values.tolist()
+    assert {"run", "load", "trajectory", "expectations", "experiments", "SpecError", "StorageError"} < set(offered)
+    functions = text.partition("\nFUNCTIONS\n")[2]
+    assert "run(what" in functions and "trajectory(model" in functions
+    for hidden in ("source_digest", "computing_sources", "modules_folder", "CACHE_PROBLEM", "SOURCE_DIGEST"):
+        assert hidden not in text
+
+
+def test_every_experiment_has_a_name():
+    assert "rigid_body_strong" in spi.experiments() and spi.experiments() == sorted(spi.experiments())
+    with pytest.raises(AttributeError, match="'spi' has no attribute 'rum'"):
+        _ = spi.rum

@@ -1,0 +1,80 @@
+"""What the notebook and the page about Python show is run, cell by cell."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from helpers import COMPILED
+
+DOCS = Path(__file__).parents[2] / "docs"
+NOTEBOOK = DOCS / "notebook.ipynb"
+MOST_BYTES = 400_000
+
+
+def cells(path):
+    """The code in a notebook or a page, in its order."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        return ["".join(cell["source"]) for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+    return re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def run(codes, where):
+    """Run pieces of code one after the other, in one namespace."""
+    names = {"__name__": "__main__"}
+    for number, code in enumerate(codes, start=1):
+        exec(compile(code, f"{where}, piece {number}", "exec"), names)
+    return names
+
+
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+@pytest.mark.parametrize("name", ["notebook.ipynb", "python.md"])
+def test_all_code_runs(name, tmp_path, monkeypatch, capsys):
+    from matplotlib import pyplot
+
+    monkeypatch.chdir(tmp_path)
+    pyplot.switch_backend("agg")
+    codes = cells(DOCS / name)
+    assert len(codes) > 5
+    try:
+        names = run(codes, name)
+    finally:
+        pyplot.close("all")
+        pyplot.rcdefaults()
+    out = capsys.readouterr().out
+    assert "spec: schemes: entry 1 is 'spliting'; did you mean 'splitting'?" in out
+    if name == "notebook.ipynb":
+        (told,) = re.findall(r"y1 stays positive .*", out)
+        assert told in "".join(map(str, stored_texts()))  # what is stored is what comes out
+        assert 0 < float(names["own"].casimirs.std()) < 1e-12
+    else:
+        assert Path("mine.pdf").is_file() and names["loaded"].parts == names["mine"].parts
+
+
+def stored_texts():
+    """What the cells of the notebook printed when it was stored."""
+    for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
+        for output in cell.get("outputs", []):
+            yield "".join(output.get("text", []))
+
+
+def test_code_that_fails_is_noticed(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("```python\na = 1\n```\n\n```sh\nls\n```\n\n```python\nassert a == 2\n```\n")
+    assert cells(page) == ["a = 1\n", "assert a == 2\n"]
+    with pytest.raises(AssertionError):
+        run(cells(page), "page.md")
+
+
+def test_the_notebook_is_small_has_its_output_and_no_magic():
+    data = NOTEBOOK.read_bytes()
+    assert len(data) < MOST_BYTES
+    stored = json.loads(data)
+    codes = [cell for cell in stored["cells"] if cell["cell_type"] == "code"]
+    assert sum(bool(cell["outputs"]) for cell in codes) >= len(codes) - 1  # all but the imports
+    assert not any(line.lstrip().startswith(("%", "!")) for cell in codes for line in cell["source"])
+    outputs = [output for cell in codes for output in cell["outputs"]]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) >= 4
+    assert not any(output["output_type"] == "error" for output in outputs)
+    assert "/tmp/" not in data.decode() and "/home/" not in data.decode()

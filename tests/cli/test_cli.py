@@ -1,0 +1,560 @@
+"""The command line: what it prints where, its exit codes, and what bad input gets.
+
+Bad input is tried inside this process, which is quick; signals, terminals and what is imported need programs of
+their own.
+"""
+
+import csv
+import io
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from helpers import COMPILED
+
+from spi import __version__, cli
+from spi.kinds.strong import study as strong
+
+EXPERIMENT = Path(__file__).parents[2] / "experiments" / "rigid_body_strong.yaml"
+SPI = Path(sys.executable).with_name("spi")
+
+#: A run that takes no time, with the kernels that the other tests of the study compile.
+TINY = ["--profile", "quick", "--samples", "9", "--set", "schemes=[euler_maruyama, splitting]"]
+TINY += [] if COMPILED else ["--set", "steps=2^-2 .. 2^-4", "--set", "reference_step=2^-5"]
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+@pytest.fixture
+def spi(tmp_path, monkeypatch, capfd):
+    """spi(argument, ...) -> (exit code, stdout, stderr), in an empty folder that has the experiment."""
+    (tmp_path / "experiments").mkdir()
+    (tmp_path / "experiments" / EXPERIMENT.name).write_bytes(EXPERIMENT.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    if not COMPILED:
+        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def call(*arguments):
+        capfd.readouterr()
+        monkeypatch.setattr(sys, "argv", ["spi", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return end.value.code, *capfd.readouterr()
+
+    yield call
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+SPEC = Path("experiments") / EXPERIMENT.name
+RESULTS = Path("results") / "rigid_body_strong.h5"
+
+
+def files():
+    """Everything in the folder, with its content."""
+    return {str(p): p.read_bytes() for p in sorted(Path().rglob("*")) if p.is_file()}
+
+
+def one_line(result):
+    """The message of a command that refused bad input."""
+    code, out, err = result
+    assert code == 2
+    assert out == ""
+    assert err.startswith("spi: ")
+    assert err.count("\n") == 1
+    assert err.endswith("\n")
+    assert "Traceback" not in err
+    return err
+
+
+# --- help ------------------------------------------------------------------------------------------------------------
+
+
+def test_help_is_quick_and_imports_nothing_heavy():
+    program = (
+        "import sys\nfrom spi.cli import main\nsys.argv = ['spi', '--help']\n"
+        "try:\n    main()\nfinally:\n    print(*sorted({n.partition('.')[0] for n in sys.modules}), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert not {"numba", "numpy", "scipy", "h5py", "matplotlib", "yaml", "pydantic"} & set(done.stderr.split())
+    times = []
+    for _ in range(3):  # the quickest of three: other programs may be running
+        began = time.perf_counter()
+        done = subprocess.run([SPI, "--help"], capture_output=True, text=True, timeout=60)
+        times.append(time.perf_counter() - began)
+    assert min(times) < 1.0
+    assert done.returncode == 0
+    assert done.stderr == ""
+    for command in ("run", "plot", "show", "list", "check", "schema"):
+        assert re.search(rf"^  {command} +\w", done.stdout, re.MULTILINE), command
+
+
+def test_every_command_has_help(spi):
+    for command in ("run", "plot", "show", "list", "check", "schema"):
+        code, out, err = spi(command, "--help")
+        assert (code, err) == (0, "")
+        assert out.startswith(f"Usage: spi {command}")
+        assert spi("help", command) == (0, out, "")
+    assert spi("help") == spi("--help")
+    assert spi("-V") == spi("-v") == spi("--version") == (0, f"spi {__version__}\n", "")
+
+
+# --- a run and what can be done with it ------------------------------------------------------------------------------
+
+
+def test_from_spec_to_figure(spi):
+    code, out, err = spi("run", SPEC, *TINY, "--set", "expect=null")
+    assert code == 0
+    first, *compiling, last = err.splitlines()  # no progress: stderr is no terminal
+    assert re.fullmatch("spi: rigid_body_strong: Strong errors, stochastic rigid body; about .* s once compiled", first)
+    assert last == f"results: {RESULTS}; `spi plot {RESULTS}` draws them"
+    assert all(
+        re.fullmatch(r"spi: rigid_body_strong: compiling \d kernels?, .* kept for later runs", c) for c in compiling
+    )
+    assert out.startswith("Strong errors, stochastic rigid body\n")
+    assert "Euler-Maruyama: order" in out
+    assert "splitting: order" in out
+    table = out
+
+    code, out, err = spi("show", RESULTS)
+    assert (code, out, err) == (0, table, "")
+
+    code, out, err = spi("show", RESULTS, "--format", "json")
+    assert (code, err) == (0, "")
+    records = json.loads(out)
+    assert len(records) == 2 * (4 if COMPILED else 3)
+    assert {r["scheme"] for r in records} == {"euler_maruyama", "splitting"}
+    for record in records:
+        assert list(record)[:5] == ["case", "scheme", "h", "error", "error_stderr"]
+        assert {"order", "casimir_drift", "nonfinite", "ns_per_step"} <= set(record)
+        assert record["error"] > 0
+        assert record["samples"] == 9
+
+    code, out, err = spi("show", RESULTS, "--format", "csv")
+    assert (code, err) == (0, "")
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert list(rows[0])[:5] == ["case", "scheme", "h", "error", "error_stderr"]
+    assert [float(r["error"]) for r in rows] == [r["error"] for r in records]
+
+    # Figures: all results, those of a file, those of a spec file, though it was run with overrides.
+    figures = [RESULTS.with_suffix(s) for s in (".pdf", ".png")]
+    for arguments in ((), (RESULTS,), (SPEC,)):
+        code, out, err = spi("plot", *arguments)
+        assert (code, out) == (0, "")
+        assert err == "".join(f"wrote {f}\n" for f in figures)
+        assert figures[0].read_bytes().startswith(b"%PDF")
+        assert figures[1].read_bytes().startswith(b"\x89PNG")
+        for figure in figures:
+            figure.unlink()
+
+
+def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
+    for name in ("a", "b"):
+        Path(f"{name}.yaml").write_bytes(SPEC.read_bytes())
+    assert spi("run", "a.yaml", "b.yaml", *TINY, "--samples", "2", "--out", "there")[0] == 0
+    Path("there/sums").mkdir(exist_ok=True)
+    Path("there/sums/a-0123.npz").write_bytes(b"whatever")
+    code, _, err = spi("plot", "--out", "there")
+    assert code == 0
+    assert err.splitlines() == [f"wrote there/{name}.{kind}" for name in ("a", "b") for kind in ("pdf", "png")]
+
+
+def test_figures_go_where_out_says(spi):
+    assert spi("run", SPEC, *TINY)[0] == 0
+    assert spi("plot", RESULTS, "--out", "figures")[0] == 0
+    assert sorted(p.name for p in Path("figures").iterdir()) == ["rigid_body_strong.pdf", "rigid_body_strong.png"]
+    assert [p.name for p in Path("results").glob("*.*")] == [RESULTS.name]
+
+
+def test_short_options_are_what_set_says(spi):
+    assert spi("run", SPEC, *TINY, "--seed", "2^40")[0] == 0
+    short = json.loads(spi("show", RESULTS, "--format", "json")[1])
+    assert spi("run", SPEC, *TINY, "--set", "seed=2^40", "--threads", "1", "--out", "other")[0] == 0
+    long = json.loads(spi("show", Path("other") / RESULTS.name, "--format", "json")[1])
+    assert [r["error"] for r in short] == [r["error"] for r in long]
+
+
+def test_list_check_and_schema(spi):
+    code, out, err = spi("list")
+    assert (code, err) == (0, "")
+    for name in ("rigid_body", "splitting", "euler_maruyama", "midpoint", str(SPEC), "1/2"):
+        assert name in out
+    code, out, err = spi("check", SPEC, "--samples", "10^6")
+    assert (code, err) == (0, "")
+    assert out.count("\n") == 1
+    assert out.startswith(f"{SPEC}: valid")
+    assert re.search(r"about \S+ s .* MB$", out)
+    code, out, err = spi("schema")
+    assert (code, err) == (0, "")
+    schema = json.loads(out)
+    assert "json-schema.org" in schema["$schema"]
+    assert "reference_step" in out
+    assert list(files()) == [str(SPEC)]
+
+
+def test_list_in_a_folder_without_experiments(spi):
+    code, out, err = spi("list", "--experiments", "nowhere")
+    assert (code, err) == (0, "")
+    assert "rigid_body" in out
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+#: what is wrong -> (text of the experiment, what stands there instead, key in the message, remedy in the message)
+BAD_SPECS = {
+    "misspelt key": ("samples: 500", "sampels: 500", "sampels", "did you mean 'samples'"),
+    "misspelt parameter": ("noise_inertia:", "noise_inertai:", "noise_inertai", "noise_inertia"),
+    "wrong type": ("samples: 500", "samples: many", "samples", "whole number"),
+    "list for a number": ("final_time: 1", "final_time: [1, 2]", "final_time", "number"),
+    "negative step": ("steps: 2^-5 .. 2^-13", "steps: [2^-5, -2^-6]", "steps", "must be"),
+    "zero step": ("reference_step: 2^-16", "reference_step: 0", "reference_step", "must be"),
+    "step that is not dyadic": ("steps: 2^-5 .. 2^-13", "steps: [0.03]", "steps", "nearest"),
+    "step below the reference": ("steps: 2^-5 .. 2^-13", "steps: [2^-17]", "steps", "2, 4, 8, ... times"),
+    "step that does not end at T": ("final_time: 1 ", "final_time: 1.01", "steps", "nearest multiples"),
+    "zero inertia": ("inertia: [2, 1, 2/3]", "inertia: [2, 0, 2/3]", "inertia", "must be"),
+    "negative inertia": ("noise_inertia: [1, 2, 3]", "noise_inertia: [1, 2, -3]", "noise_inertia", "must be"),
+    "negative noise": ("sigma: [1, 1, 1]", "sigma: [1, -1, 1]", "sigma", "must be"),
+    "too few components": ("initial: [cos(1.1), 0, sin(1.1)]", "initial: [1, 0]", "initial", "must have 3"),
+    "no schemes": ("[euler_maruyama, midpoint, splitting]", "[]", "schemes", "must"),
+    "unknown scheme": ("midpoint, splitting]", "midpoint, spliting]", "schemes", "did you mean 'splitting'"),
+    "unknown model": ("name: rigid_body", "name: rigid_bodi", "model.name", "rigid_body"),
+    "unknown kind": ("kind: strong", "kind: srong", "kind", "strong"),
+    "midpoint without bounds": ("truncate_noise: true", "truncate_noise: false", "schemes", "truncate_noise: true"),
+    "no samples": ("samples: 500", "samples: 0", "samples", "at least 1"),
+    "bad arithmetic": ("final_time: 1 ", "final_time: 1/0 ", "final_time", "division by zero"),
+    "syntax of YAML": ("sigma: [1, 1, 1]", "sigma: [1, 1, 1", "YAML", "check brackets"),
+}
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+@pytest.mark.parametrize("wrong", BAD_SPECS)
+def test_bad_specs_are_refused_in_one_line(spi, wrong, command):
+    there, instead, key, remedy = BAD_SPECS[wrong]
+    text = SPEC.read_text(encoding="utf-8") + "\n"
+    # "final_time: 1 " is for the end of a line as well
+    text = text.replace("final_time: 1\n", "final_time: 1 \n")
+    assert there in text
+    SPEC.write_text(text.replace(there, instead, 1), encoding="utf-8")
+    line = text[: text.index(there)].count("\n") + 1
+    before = files()
+    result = spi(command, SPEC)
+    if wrong == "step that does not end at T":  # nor do those of the profile
+        message, of_profile = result[2].splitlines()
+        assert result[:2] == (2, "") and of_profile.startswith(f"spi: {SPEC}:")
+    else:
+        message = one_line(result)
+    found = re.match(rf"spi: {SPEC}:(\d+): (\S+?):? ", message)
+    assert found, message
+    assert key in message
+    assert remedy in message
+    if wrong == "syntax of YAML":  # YAML tells where it noticed
+        assert line <= int(found[1]) <= line + 2
+    elif wrong not in ("step that does not end at T", "midpoint without bounds"):  # two keys disagree; either will do
+        assert int(found[1]) == line, message
+    assert files() == before
+
+
+def test_missing_and_unreadable_spec_files(spi):
+    assert "experiments/rigid_body_stron.yaml: no such file; did you mean" in one_line(
+        spi("run", "experiments/rigid_body_stron.yaml")
+    )
+    assert "no such file" in one_line(spi("run", "nowhere.yaml"))
+    assert "experiments: cannot be read" in one_line(spi("run", "experiments"))
+    Path("empty.yaml").write_text("")
+    assert re.search(r"empty\.yaml:1: .*empty.*kind", one_line(spi("check", "empty.yaml")))
+    Path("binary.yaml").write_bytes(bytes(range(256)))
+    assert "binary.yaml:" in one_line(spi("check", "binary.yaml"))
+    assert not Path("results").exists()
+
+
+def test_one_bad_spec_among_several_stops_all_before_anything_runs(spi):
+    assert "nowhere.yaml" in one_line(spi("run", SPEC, "nowhere.yaml", *TINY))
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        (("--set", "samples"), ("--set samples", "write --set key=value")),
+        (("--set", "sampels=3"), ("--set sampels", "did you mean 'samples'")),
+        (("--samples", "-3"), ("samples", "at least 1")),
+        (("--samples", "3.5"), ("samples", "whole number")),
+        (("--seed", "2^64"), ("seed", "at most")),
+        (("--set", "model.inertia=[0, 1, 1]"), ("model.inertia", "must be")),
+        (("--set", "schemes=[]"), ("schemes", "must")),
+        (("--set", "schemes=["), ("schemes", "check brackets")),
+        (("--profile", "papre"), ("--profile", "did you mean 'paper'")),
+    ],
+    ids=str,
+)
+def test_bad_overrides_are_refused_in_one_line(spi, arguments, needed):
+    message = one_line(spi("run", SPEC, *arguments))
+    for text in (str(SPEC), *needed):
+        assert text in message
+    assert not Path("results").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "needed"),
+    [
+        (("frobnicate",), "frobnicate"),
+        (("run",), "SPEC"),
+        (("run", SPEC, "--frobnicate"), "--frobnicate"),
+        (("run", SPEC, "--threads", "0"), "--threads"),
+        (("run", SPEC, "--threads", "many"), "--threads"),
+        (("run", SPEC, "--threads", "100000"), "--threads"),
+        (("show",), "argument"),
+        (("show", RESULTS, "--format", "xml"), "--format"),
+        (("plot", "--profile", "quick"), "--profile"),
+    ],
+    ids=str,
+)
+def test_usage_errors_are_told_in_one_line(spi, arguments, needed):
+    assert needed in one_line(spi(*arguments))
+    assert list(files()) == [str(SPEC)]
+
+
+def test_no_arguments_at_all_is_a_usage_error_that_shows_the_help(spi):
+    code, out, err = spi()
+    assert code == 2
+    assert "Usage: spi" in out + err
+
+
+def test_folders_that_cannot_be_written_are_refused(spi):
+    """For root every folder can be written, so a file stands in the place of the folder."""
+    Path("taken").write_text("mine")
+    before = files()
+    for out in ("taken", "taken/below"):
+        message = one_line(spi("run", SPEC, *TINY, "--out", out))
+        assert message.startswith(f"spi: cannot write {out}/")
+        assert "--out" in message
+    assert files() == before
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc here")
+def test_a_folder_of_the_system_is_refused(spi):
+    message = one_line(spi("run", SPEC, *TINY, "--out", "/proc/results"))
+    assert "cannot write /proc/results/rigid_body_strong.h5" in message
+    assert "--out" in message
+
+
+def test_results_of_another_spec_are_refused(spi):
+    assert spi("run", SPEC, *TINY)[0] == 0
+    before = files()
+    message = one_line(spi("run", SPEC, *TINY, "--seed", "77"))
+    assert f"{RESULTS}: holds results of another spec; use --fresh" in message
+    assert files() == before
+
+    SPEC.write_text(SPEC.read_text(encoding="utf-8").replace("seed: 1", "seed: 78"), encoding="utf-8")
+    before = files()
+    message = one_line(spi("plot", SPEC))
+    assert f"{RESULTS}: holds results of another spec than {SPEC}" in message
+    assert "run `spi run" in message or "; run" in message or "--fresh" in message
+    assert files() == before
+
+    assert spi("run", SPEC, *TINY, "--fresh")[0] == 0
+    assert spi("plot", SPEC)[0] == 0
+
+
+def test_files_that_are_no_results_are_refused(spi):
+    Path("notes.h5").write_text("no HDF5 at all")
+    before = files()
+    for command in ("show", "plot"):
+        assert "nowhere.h5: no such file" in one_line(spi(command, "nowhere.h5"))
+        assert "notes.h5: not a whole HDF5 file" in one_line(spi(command, "notes.h5"))
+        assert "experiments: " in one_line(spi(command, "experiments"))
+    assert "no results here" in one_line(spi("plot"))
+    assert "no results here" in one_line(spi("plot", "--out", "nowhere"))
+    assert f"{RESULTS}: no such file; `spi run` writes one" in one_line(spi("plot", SPEC))
+    assert files() == before
+
+
+@compiled_only
+def test_figures_that_cannot_be_written_are_refused(spi):
+    assert spi("run", SPEC, *TINY)[0] == 0
+    Path("taken").write_text("mine")
+    before = files()
+    code, out, err = spi("plot", SPEC, "--out", "taken")
+    assert (code, out) == (2, "")
+    assert "taken" in err
+    # the figure itself
+    RESULTS.with_suffix(".pdf").mkdir()
+    code, out, err = spi("plot")
+    assert code in (1, 2)
+    assert err.count("\n") == 1
+    assert "rigid_body_strong.pdf" in err
+    assert files() == before
+
+
+# --- terminals and signals -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def _ctrl_c():
+    """A program started where Ctrl-C is ignored, as in the background of a script, would ignore it as well."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+class OnTerminal:
+    """A program whose stderr is a terminal; stdout goes to a file."""
+
+    def __init__(self, arguments, stdout):
+        pty = pytest.importorskip("pty")  # not on Windows
+        self.fd, slave = pty.openpty()
+        environment = {**os.environ, "TERM": "xterm", "COLUMNS": "150"}
+        with open(stdout, "w") as out:
+            self.process = subprocess.Popen([SPI, *arguments], stdout=out, stderr=slave, env=environment)
+        os.close(slave)
+        self.seen = ""
+
+    def read(self):
+        """Read on; False at the end."""
+        try:
+            data = os.read(self.fd, 65536)
+        except OSError:  # Linux says this at the end
+            return False
+        self.seen += data.decode(errors="replace")
+        return bool(data)
+
+    def wait_for(self, text):
+        while text not in self.seen:
+            assert self.read(), f"ended without {text!r}: {self.seen}"
+
+    def wait(self):
+        while self.read():
+            pass
+        os.close(self.fd)
+        return self.process.wait(60)
+
+    def lines(self):
+        """What was seen, without control sequences."""
+        plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", self.seen)
+        return [line.strip() for line in re.split(r"[\r\n]+", plain) if line.strip()]
+
+
+@compiled_only
+@pytest.mark.usefixtures("_ctrl_c")
+def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
+    """The same command is stopped by Ctrl-C, goes on, is stopped by a batch system's signal, and finishes."""
+    out = tmp_path / "results"
+    arguments = ["run", str(EXPERIMENT), "--profile", "quick", "--set", "schemes=[euler_maruyama]"]
+    arguments += ["--samples", "600000", "--threads", "1", "--out", str(out)]
+    done = [0]
+    for stop in (signal.SIGINT, signal.SIGTERM):
+        program = OnTerminal(arguments, tmp_path / "stdout")
+        program.wait_for("paths/s")
+        program.process.send_signal(stop)
+        assert program.wait() == 3
+        assert program.lines()[-1].startswith("spi: stopped; what is done is kept in ")
+        told = "".join(program.lines()).replace(" ", "")  # a terminal may have broken the line
+        (checkpoint,) = (p for p in out.rglob("*") if p.suffix == ".npz")
+        assert str(checkpoint) in told
+        assert "Traceback" not in program.seen
+        assert (tmp_path / "stdout").read_text() == ""
+        counts = [int(n) for line in program.lines() for n in re.findall(r"(\d+)/600000", line)]
+        assert min(n for n in counts if n) >= done[-1]  # went on where the last one stopped
+        done.append(counts[-1])
+    assert done[1] > 0
+    parts = r"\d+/600000 \S+:\S\S .* rigid_body_strong 1/1 main euler_maruyama: \S+ paths/s, standard error \S+e-\d+$"
+    assert any(re.match(parts, line) for line in program.lines())
+
+    program = OnTerminal(arguments, tmp_path / "stdout")
+    assert program.wait() == 0
+    assert {p for p in out.rglob("*") if p.is_file()} == {out / "rigid_body_strong.h5", checkpoint}
+    assert "Euler-Maruyama: order" in (tmp_path / "stdout").read_text()
+    assert program.lines()[-1].startswith("results: ")
+
+
+@pytest.mark.parametrize("width", [40, 80, 100, 200])
+def test_the_count_and_the_time_left_are_shown_at_any_width(width, monkeypatch):
+    from rich.console import Console
+
+    from spi.cli.progress import ProgressLine
+    from spi.running.runs import Progress
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("COLUMNS", str(width))
+    with ProgressLine("a_long_name_of_an_experiment") as line:
+        line.report(Progress("main", "splitting_order2/multilevel", 12345, 100000, 3.0, 1e-3, 2, 8))
+        shown = Console(width=width, force_terminal=True)
+        with shown.capture() as caught:
+            shown.print(line.bar.make_tasks_table(line.bar.tasks))
+        line.report_compiling(2, 3, "splitting_order2")
+        with shown.capture() as compiling:
+            shown.print(line.bar.make_tasks_table(line.bar.tasks))
+    plain, compiling = (re.sub(r"\x1b\[[0-9;]*m", "", one.get()) for one in (caught, compiling))
+    assert plain.startswith(" 12345/100000 --:-- ") and len(plain.rstrip("\n")) <= width and plain.count("\n") == 1
+    assert "a_long_name" in plain or width == 40
+    assert ("standard error 1.0e-03" in plain) == (width >= 150)
+    assert compiling.startswith("1/3 --:--") and ("compiling splitting_order2" in compiling) == (width >= 80)
+
+
+@compiled_only
+@pytest.mark.usefixtures("_ctrl_c")
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
+    """Nothing shows how far such a run is, so it is stopped when its first checkpoint appears."""
+    arguments = ["run", EXPERIMENT, "--profile", "quick", "--set", "schemes=[euler_maruyama]"]
+    arguments += ["--samples", "10^9", "--threads", "1", "--out", "results"]
+    process = subprocess.Popen(
+        [SPI, *arguments, "--checkpoint", "0s"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    while not (kept := list(tmp_path.glob("results/sums/*.npz"))) and process.poll() is None:
+        time.sleep(0.05)
+    process.send_signal(stop)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 3
+    assert out == ""
+    checkpoint = kept[0].relative_to(tmp_path)
+    assert (
+        err.splitlines()[-1]
+        == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there"
+    )
+    left = {p.name for p in kept[0].parent.iterdir()}
+    assert left <= {checkpoint.name, checkpoint.name + ".previous"} and checkpoint.name in left
+
+
+def claiming(text):
+    """Options that replace the claims of the experiment by others."""
+    return ["--set", "expect=null", "--set", f"expect.splitting={{{text}}}"]
+
+
+@compiled_only
+def test_a_broken_claim_is_exit_code_4_and_is_shown(spi):
+    code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: 0, casimir_drift: 1e-12"))
+    assert code == 0 and out.count(" kept") == 2 and "claims: 2 kept" in err
+    before = RESULTS.read_bytes()
+    code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: at least 1, casimir_drift: 1e-12"))  # no --fresh
+    assert code == 4 and out.count(" kept") == 1 and out.count(" broken") == 1 and RESULTS.read_bytes() != before
+    assert "claims: 1 kept, 1 broken" in err and "splitting: nonfinite at least 1; what came out: 0" in err
+    code, shown, _ = spi("show", RESULTS)
+    assert code == 0 and " broken" in shown  # without the spec at hand
+    code, shown, _ = spi("show", RESULTS, "--format", "csv")
+    assert {row["claim[nonfinite]"] for row in csv.DictReader(io.StringIO(shown))} == {"", "broken"}
+    assert spi("plot", RESULTS)[0] == 0
+
+
+@compiled_only
+def test_a_claim_that_nothing_decides_is_a_warning(spi):
+    code, out, err = spi("run", SPEC, *TINY, "--set", "steps=[2^-4]", *claiming("order: 1/2"))
+    assert code == 0 and " not decided" in out and "claims: 1 not decided" in err
+    assert "not decided: case main: splitting: order 1/2; what came out: not resolved" in err
+
+
+@compiled_only
+def test_all_experiments_of_a_command_are_run_before_a_broken_claim_ends_it(spi):
+    other = SPEC.with_name("other.yaml")
+    other.write_bytes(SPEC.read_bytes())
+    code, _, err = spi("run", SPEC, other, *TINY, *claiming("nonfinite: at least 1"))
+    assert code == 4 and err.count("claims: 1 broken") == 2
+    assert RESULTS.exists() and RESULTS.with_name("other.h5").exists()

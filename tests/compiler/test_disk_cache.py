@@ -1,0 +1,193 @@
+"""Kernels are found in the disk cache, and never stale."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import COMPILED
+from own_models import OSCILLATOR
+
+import spi
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
+
+
+# --- the disk cache --------------------------------------------------------------------------------------------------
+
+
+#: A small kernel of the package: the Hamiltonian of states of a model.
+ENERGIES = """
+import numpy as np
+import spi.models
+from spi.kinds.trajectory.study import invariants as kernel
+from spi.ensemble.protocol import conserved, dimension
+model = {}
+states = np.empty(2)
+kernel(model, 1.0 + np.arange(2.0 * dimension(model)).reshape(2, -1), states, np.empty((2, conserved(model))))
+"""
+#: A smaller one, for what depends on the model and not on the kernel.
+ENERGY_KERNEL = """
+from spi.compiler.dispatch import kernel
+from spi.ensemble.protocol import hamiltonian
+
+@kernel
+def energy(model, y):
+    return hamiltonian(model, y)
+"""
+ENERGY = """
+import numpy as np
+import spi.models
+from energies import energy as kernel
+from spi.ensemble.protocol import dimension
+model = {}
+states = np.array(kernel(model, tuple(1.0 + np.arange(dimension(model)))))
+"""
+REPORT = """
+import json, sys
+import spi
+count = lambda counter: sum(counter.values())
+json.dump(
+    {
+        "package": spi.__file__,
+        "states": states.ravel().tolist(),
+        "hits": count(kernel.stats.cache_hits),
+        "misses": count(kernel.stats.cache_misses),
+    },
+    sys.stdout,
+)
+"""
+
+
+def run(folder, program):
+    """Run a program, and REPORT after it, in a new process with the package that lies in `folder`."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_CACHE")}
+    environment |= {"PYTHONPATH": str(folder), "SPI_CACHE_DIR": str(folder / "cache")}
+    answer = subprocess.run(
+        [sys.executable, "-c", program + REPORT],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+    assert answer.returncode == 0, answer.stderr
+    found = json.loads(answer.stdout)
+    assert Path(found["package"]).parent == folder / "spi"  # the copy, not the original
+    return found
+
+
+@compiled_only
+def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
+    """One story, since every first run costs a compilation: cold, warm, and after an edit of another file."""
+    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
+    program = ENERGIES.format("spi.models.RigidBody((2.0, 1.0, 0.5), (1.0, 2.0, 3.0))")
+    cold = run(tmp_path, program)
+    assert (cold["hits"], cold["misses"]) == (0, 1)
+    warm = run(tmp_path, program)
+    assert (warm["hits"], warm["misses"]) == (1, 0)
+    assert warm["states"] == cold["states"]
+
+    # Numba itself would not notice this: the kernel `invariants` lies in another file.
+    edited = tmp_path / "spi" / "models" / "rigid_body.py"
+    source, old, new = edited.read_text(), "return 0.5 * (y[0] * y[0] / i[0]", "return 1.5 * (y[0] * y[0] / i[0]"
+    assert source.count(old) == 1, "the model has changed: choose another constant to edit in this test"
+    edited.write_text(source.replace(old, new))
+    after = run(tmp_path, program)
+    assert (after["hits"], after["misses"]) == (0, 1)
+    assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
+    assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
+
+
+@compiled_only
+def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_need(tmp_path):
+    """An edit of their file is noticed, and a built-in model runs after the file is gone."""
+    (tmp_path / "spi").symlink_to(Path(spi.__file__).parent)
+    (tmp_path / "energies.py").write_text(ENERGY_KERNEL)
+    file, edited = tmp_path / "my_model.py", OSCILLATOR.replace("return 0.5 * (y[0]", "return 1.5 * (y[0]")
+    assert edited != OSCILLATOR
+    by_name = "import my_model as module"
+    reading = "from pathlib import Path; from spi.compiler.modules import stored; "
+    from_text = reading + "module = stored('it', Path('{}').read_text())"
+
+    def outcome(imported="", model="spi.models.MaxwellBloch((1.0, 1.0))"):
+        found = run(tmp_path, f"{imported}\n{ENERGY.format(model)}")
+        return (found["hits"], found["misses"]), found["states"]
+
+    file.write_text(OSCILLATOR)
+    mine = "module.Oscillator((1.0,))"
+    first, states = outcome(by_name, mine)
+    again, same_states = outcome(by_name, mine)
+    assert (first, again) == ((0, 1), (1, 0)) and same_states == states
+    file.write_text(edited)
+    after, edited_states = outcome(by_name, mine)
+    assert after == (0, 1) and np.abs(np.subtract(edited_states, states)).max() > 0.1
+
+    stored = [outcome(from_text.format(file.name), mine) for _ in range(2)]
+    assert stored == [((0, 1), edited_states), ((1, 0), edited_states)]
+    file.unlink()
+    shutil.rmtree(tmp_path / "cache" / "modules")
+    assert [outcome()[0] for _ in range(2)] == [(0, 1), (1, 0)]
+
+
+def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
+    """Its name changes with a byte of any module that computes, with the name of a module, and with nothing else."""
+    shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
+    program = "import os, spi; print(os.environ['NUMBA_CACHE_DIR'])"
+
+    def folder():
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "SPI_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, "-c", program]
+        answer = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+        return Path(answer.stdout.strip())
+
+    first = folder()
+    assert first.parent == tmp_path / "cache"
+    os.utime(tmp_path / "spi" / "rng.py", (0, 0))
+    (tmp_path / "spi" / "notes.txt").write_text("no source")
+    assert folder() == first
+    with open(tmp_path / "spi" / "schemes" / "midpoint.py", "a") as file:
+        file.write("\n")
+    second = folder()
+    (tmp_path / "spi" / "rng.py").rename(tmp_path / "spi" / "rng2.py")
+    assert len({first, second, folder()}) == 3
+
+
+#: Two models whose records are called alike, and a kernel that asks them.
+TWIN = """from typing import NamedTuple
+
+class Twin(NamedTuple):
+    weight: float
+
+    def hamiltonian(model, y):
+        return {}model.weight
+"""
+TWINS = f"""
+import sys
+from spi.compiler.dispatch import kernel
+from spi.compiler.modules import stored
+
+asking = "from spi.compiler.dispatch import kernel\\nfrom spi.ensemble.protocol import hamiltonian\\n"
+ask = stored("asking", asking + "@kernel\\ndef ask(record):\\n    return hamiltonian(record, 0.0)\\n").ask
+print(*(ask(stored("twin", {TWIN!r}.format(sign)).Twin(1.0)) for sign in sys.argv[1:]))
+"""
+
+
+@compiled_only
+def test_records_of_one_name_from_two_modules_are_not_taken_for_each_other(tmp_path):
+    """Neither if one process compiles for both, nor if it finds in the cache what two others have compiled."""
+
+    def answers(*signs, cache):
+        environment = {**os.environ, "SPI_CACHE_DIR": str(tmp_path / cache)}
+        command = [sys.executable, "-c", TWINS, *signs]
+        answer = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=300)
+        return [float(number) for number in answer.stdout.split()]
+
+    assert answers("+", "-", cache="one") == [1.0, -1.0]
+    assert [answers("+", cache="two"), answers("-", cache="two")] == [[1.0], [-1.0]]
+    assert answers("+", "-", cache="two") == [1.0, -1.0]

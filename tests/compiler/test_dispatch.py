@@ -1,0 +1,288 @@
+"""Functions chosen by record type: the same in Python and compiled."""
+
+from typing import NamedTuple
+
+import pytest
+from helpers import COMPILED, INITIAL, ONE_NOISE, RIGID_BODY
+from numba import TypingError, njit
+
+from spi.compiler.dispatch import (
+    INDICES,
+    OPTIONS,
+    answers,
+    capability,
+    class_of,
+    constant,
+    fact,
+    number,
+    tuplewise,
+    unrolled,
+    word,
+    word_with_default,
+)
+from spi.ensemble import fields
+from spi.ensemble.protocol import (
+    component_indices,
+    dimension,
+    drift_angle,
+    drift_flow,
+    hamiltonian,
+    noise_indices,
+    noises,
+    pieces,
+    strengths,
+)
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
+
+compiled = njit(**OPTIONS)
+
+
+@word
+def area(shape, scale):
+    """The area, scaled."""
+
+
+@word_with_default
+def corners(shape):
+    """The number of corners; most shapes have none."""
+    return 0
+
+
+@capability
+def diagonal(shape):
+    """The diagonal of a shape that has one."""
+
+
+@fact(bool, default=False)
+def straight(shape):
+    """Whether no side is curved."""
+
+
+class Circle(NamedTuple):
+    radius: float
+
+    def area(shape, scale):
+        return 3.0 * shape.radius * shape.radius * scale
+
+
+class Square(NamedTuple):
+    side: float
+
+    straight = True
+
+    def area(shape, scale):
+        return shape.side * shape.side * scale
+
+    def corners(shape):
+        return 4
+
+    def diagonal(shape):
+        return shape.side * 2.0**0.5
+
+
+class Line(NamedTuple):
+    length: float
+    area: float = 0.0  # a field, which is no answer to the word
+
+    def corners(shape):
+        return 2
+
+    def straight(shape):
+        return True
+
+
+@compiled
+def areas(a, b, scale):
+    return area(a, scale), area(b, scale), corners(a), corners(b)
+
+
+@compiled
+def straightness(a, b, c):
+    return straight(a), straight(b), straight(c)
+
+
+@compiled
+def area_of(shape, scale):
+    return area(shape, scale)
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+
+def test_words_mean_what_the_record_says():
+    expected = (24.0, 18.0, 0, 4)
+    a, b = Circle(2.0), Square(3.0)
+    assert (area(a, 2.0), area(b, 2.0), corners(a), corners(b)) == expected
+    assert areas(a, b, 2.0) == expected
+    assert areas(b, a, 2.0) == (18.0, 24.0, 4, 0)
+
+
+def test_a_missing_meaning_is_named():
+    with pytest.raises(TypeError, match=r"area has no meaning for Line"):
+        area(Line(1.0), 1.0)
+    with pytest.raises(TypeError, match=r"hamiltonian has no meaning for Circle"):
+        hamiltonian(Circle(1.0), (1.0, 2.0, 3.0))
+    with pytest.raises(TypeError, match=r"drift_flow has no meaning for float"):
+        drift_flow(1.0, 0, 0.1, (1.0,), None)
+
+
+@compiled_only
+def test_a_missing_meaning_is_an_error_while_compiling():
+    with pytest.raises(TypingError, match="area"):
+        area_of(Line(1.0), 1.0)
+    with pytest.raises(TypingError, match="area"):
+        area_of(1.0, 1.0)
+
+
+def test_defaults():
+    assert corners(Circle(1.0)) == 0 and corners(Square(1.0)) == 4
+    assert drift_angle(Circle(1.0), 0, 1.0, (1.0,)) == 0.0
+    assert drift_angle(RIGID_BODY, 0, 3.0, (-2.0, 0.0, 0.0)) == 3.0
+
+
+def test_capabilities():
+    assert answers(diagonal, Square(1.0)) and answers(diagonal, Square)
+    assert not answers(diagonal, Circle(1.0)) and not answers(diagonal, Circle)
+    assert not answers(area, Line)
+    with pytest.raises(TypeError, match="diagonal has no meaning for Circle"):
+        diagonal(Circle(1.0))
+
+
+def test_facts():
+    """Of a record, of its class and in compiled code; with a default; and found by a method."""
+    expected = (False, True, True)
+    assert tuple(map(straight, (Circle, Square, Line))) == expected
+    shapes = Circle(1.0), Square(1.0), Line(1.0)
+    assert tuple(map(straight, shapes)) == straightness(*shapes) == expected
+    with pytest.raises(TypeError, match="dimension has no meaning for Circle"):
+        dimension(Circle(1.0))
+
+
+def test_a_method_is_named_in_a_traceback():
+    with pytest.raises(TypeError) as caught:
+        drift_flow(RIGID_BODY, 0, "long", INITIAL, None)
+    assert any(entry.frame.code.raw.co_qualname == "RigidBody.drift_flow" for entry in caught.traceback)
+
+
+def test_words_keep_their_documentation():
+    assert area.__name__ == "area" and area.__doc__ == "The area, scaled."
+    assert "exact flow" in drift_flow.__doc__
+
+
+# --- constants -------------------------------------------------------------------------------------------------------
+
+
+@constant
+def fields_of(record):
+    """How many fields a record has."""
+    return len(class_of(record)._fields)
+
+
+@compiled
+def sizes(model):
+    return fields_of(model), dimension(model), pieces(model), noises(model), component_indices(model)
+
+
+@compiled
+def numbers():
+    return number(INDICES[0]()), number(INDICES[3]()), number(INDICES[15]())
+
+
+@compiled
+def strengths_of(model):
+    return strengths(model)
+
+
+def test_constants():
+    assert sizes(RIGID_BODY) == sizes(ONE_NOISE) == (3, 3, 3, 3, (0, 1, 2))
+    assert (fields_of(RIGID_BODY), dimension(RIGID_BODY), component_indices(RIGID_BODY)) == (3, 3, (0, 1, 2))
+    for k, index in enumerate(INDICES):
+        assert number(index()) == k
+
+
+@pytest.mark.parametrize("sigma", [(1.0, 2.0, 3.0), (None, 2.0, None), (0.5, None, None), (None, None, None)])
+def test_strengths_of_noises_on_and_off(sigma):
+    model = RIGID_BODY._replace(sigma=sigma)
+    expected = tuple(0.0 if s is None else s for s in sigma)
+    assert strengths(model) == strengths_of(model) == expected
+    assert noise_indices(model) == tuple(k for k in range(3) if sigma[k] is not None)
+
+
+# --- unrolled and tuplewise ------------------------------------------------------------------------------------------
+
+
+@unrolled(noise_indices)
+def digits(index, model, value, base, shift):
+    """Not commutative, so that the order of the indices is seen."""
+    return value * base + (number(index) + 1) * strengths(model)[number(index)] + shift
+
+
+@compiled
+def digits_compiled(model, value, base, shift):
+    return digits(model, value, base, shift)
+
+
+@pytest.mark.parametrize(
+    ("model", "expected"),
+    [
+        (RIGID_BODY, 7123.0),
+        (ONE_NOISE, 71.0),
+        (RIGID_BODY._replace(sigma=(1.0, None, 2.0)), 716.0),
+        (RIGID_BODY._replace(sigma=(None, None, None)), 7.0),
+    ],
+)
+def test_unrolled_is_a_fold_in_order(model, expected):
+    assert digits(model, 7.0, 10.0, 0.0) == expected
+    assert digits_compiled(model, 7.0, 10.0, 0.0) == expected
+
+
+@tuplewise("a[i] - c * b[i]")
+def difference(a, c, b):
+    """a - c b."""
+
+
+@tuplewise("c - a[i] * a[i]", total=True)
+def total(c, a):
+    """sum_i (c - a_i^2); the tuple is not the first argument."""
+
+
+@compiled
+def tuplewise_compiled(a, c, b):
+    return difference(a, c, b), total(c, a)
+
+
+@compiled
+def fields_compiled(a, c, b):
+    return (
+        fields.add_scaled(a, c, b),
+        fields.scaled(a, c),
+        fields.dot(a, b),
+        fields.squared_distance(a, b),
+        fields.unit((0, 1, 2), 1),
+    )
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 8])
+def test_tuplewise(n):
+    # Small integers, so that fused operations round as separate ones do: not at all.
+    a, b = tuple(float(i + 1) for i in range(n)), tuple(float(i * i - 3) for i in range(n))
+    expected = tuple(x - 2.0 * y for x, y in zip(a, b, strict=True)), sum(2.0 - x * x for x in a)
+    assert (difference(a, 2.0, b), total(2.0, a)) == expected
+    assert tuplewise_compiled(a, 2.0, b) == expected
+
+
+def test_arithmetic_of_tuples():
+    a, b, c = (1.0, -2.0, 4.0), (3.0, 0.5, -1.0), 0.5
+    expected = (2.5, -1.75, 3.5), (0.5, -1.0, 2.0), -2.0, 4.0 + 6.25 + 25.0, (0.0, 1.0, 0.0)
+    assert fields_compiled(a, c, b) == expected
+    assert fields.add_scaled(a, c, b) == expected[0]
+    assert fields.scaled(a, c) == expected[1]
+    assert fields.dot(a, b) == expected[2]
+    assert fields.squared_distance(a, b) == expected[3]
+    assert fields.unit((0, 1, 2), 1) == expected[4]
+
+
+@compiled_only
+def test_all_indices_can_be_compiled():
+    assert numbers() == (0, 3, 15)

@@ -1,0 +1,115 @@
+"""What of the functions of the program becomes machine code, and what is only copied into others."""
+
+import numba
+import numpy as np
+import pytest
+
+from spi.compiler.dispatch import inlined, kernel, linked, parallel_kernel
+from spi.compiler.inlining import InlinedLibrary, LinkedLibrary, has_loop
+
+compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
+
+
+# --- functions that are only inlined ---------------------------------------------------------------------------------
+
+
+@inlined
+def _square(x):
+    if x < 0.0:
+        raise ValueError("negative")
+    return x * x
+
+
+@inlined
+def _sum_of_squares(x):
+    total = 0.0
+    for i in range(x.size):
+        total += _square(x[i])
+    return total
+
+
+@kernel
+def sum_of_squares(x):
+    return _sum_of_squares(x)
+
+
+@compiled_only
+def test_only_kernels_become_machine_code(monkeypatch):
+    """Fails if Numba no longer asks our libraries, which would only be noticed by how long compiling takes."""
+    made: dict = {InlinedLibrary: [], LinkedLibrary: [], "machine code": []}
+    for library in (InlinedLibrary, LinkedLibrary):
+
+        def finalize(self, library=library, original=library._finalize_final_module):
+            made[library].append(self.name)
+            original(self)
+
+        monkeypatch.setattr(library, "_finalize_final_module", finalize)
+    codegen = numba.core.registry.cpu_target.target_context.codegen()
+    add_module = codegen._engine.add_module
+    monkeypatch.setattr(
+        codegen._engine, "add_module", lambda module: made["machine code"].append(module.name) or add_module(module)
+    )
+
+    @inlined
+    def cube(x):
+        return x * x * x
+
+    @inlined
+    def sum_of_cubes(x):
+        total = 0.0
+        for i in range(x.size):
+            total += cube(x[i])
+        return total
+
+    @linked
+    def add_up(x, total, row):
+        total[row] = sum_of_cubes(x[row])
+
+    @kernel
+    def one_row(x, total):
+        add_up(x, total, 0)
+
+    @parallel_kernel
+    def all_rows(x, total):
+        for row in numba.prange(len(x)):
+            add_up(x, total, row)
+
+    x, total = np.array([[1.0, 2.0], [1.0, 3.0]]), np.zeros(2)
+    one_row(x, total)
+    assert total.tolist() == [9.0, 0.0]
+    all_rows(x, total)
+    assert total.tolist() == [9.0, 28.0]
+    last = {what: [name.rpartition(".")[2] for name in names] for what, names in made.items()}
+    assert {"cube", "sum_of_cubes", "add_up"} <= set(last[InlinedLibrary])
+    assert last[LinkedLibrary]  # the wrappers of the parallel loop
+    # "nrt" is Numba's own, made once in a process
+    assert set(last["machine code"]) - {"nrt"} == {"one_row", "all_rows"}
+
+
+@pytest.mark.parametrize("x", [[1.0, 2.0], [3.0, -1.0]])
+def test_an_error_inside_of_an_inlined_function_is_raised(x):
+    x = np.array(x)
+    if x.min() >= 0:
+        assert sum_of_squares(x) == _sum_of_squares(x) == 5.0
+    else:
+        for function in (sum_of_squares, _sum_of_squares):
+            with pytest.raises(ValueError, match="negative"):
+                function(x)
+
+
+def test_inlined_functions_can_be_called_from_python():
+    assert _square.__name__ == "_square" and _square(1.5) == 2.25
+    assert _square.__wrapped__(np.float32(1.5)).dtype == np.float32
+
+
+def test_loops_are_seen():
+    def with_while(n):
+        while n > 0:
+            n -= 1
+        return n
+
+    def without(n):
+        return n if n > 0 else -n if n < -1 else 0
+
+    assert has_loop(_sum_of_squares.__wrapped__) and has_loop(with_while)
+    assert not has_loop(_square.__wrapped__) and not has_loop(without)

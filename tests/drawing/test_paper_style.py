@@ -1,0 +1,162 @@
+"""Figures for papers: their width, their letters, that no text lies on another, and that they need no colours."""
+
+import itertools
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage import call
+from figure_checks import alike_without_colours, collisions, lightness
+from long_time_results import long_time, long_time_group
+from matplotlib import colormaps
+from stability_results import stability, stability_group
+from strong_results import LABELS, H, strong, strong_group
+from trajectory_results import trajectories, trajectory_group
+from weak_results import at_eps, weak, weak_group
+from work_results import work_results
+
+from spi import storage
+from spi.drawing import page, style
+from spi.kinds.trajectory.figure import fields
+from spi.report import views
+from spi.schemes import SCHEMES
+
+
+@pytest.fixture(autouse=True)
+def no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def errors(cases):
+    names = ("one", "two", "three", "four")[:cases]
+    told = {"order": 0.5, "order_ci": (0.49, 0.53)}
+    groups = [
+        strong_group(scheme, case, 0.1 * (1 + i) * H**0.5, 0.01 * H**0.5, H > 0, H, case_title=f"case {case}", **told)
+        for case in names
+        for i, scheme in enumerate(LABELS)
+    ]
+    return strong(*groups)
+
+
+def paths():
+    """Paths on a sphere, with their Casimir and Hamiltonian."""
+    t = np.linspace(0.0, 10.0, 101)
+    y = 0.8 * np.column_stack([np.cos(t), np.sin(t) * np.cos(t), np.sin(t) ** 2])
+    panels = ("casimirs", "hamiltonian", "sphere", "components")
+    return trajectories(*(trajectory_group(s, t, y, np.ones((101, 1)), panels=panels) for s in LABELS))
+
+
+def weak_errors():
+    estimators = ("plain", "multilevel", "kolmogorov")
+    return weak(*(weak_group("splitting", e, functions=1, prefixes=e == "plain") for e in estimators))
+
+
+RESULTS = {
+    "strong": lambda: errors(1),
+    "strong, four cases": lambda: errors(4),
+    "stability": lambda: stability(stability_group("splitting"), stability_group("euler_maruyama")),
+    "trajectory": paths,
+    "weak": weak_errors,
+    "weak, several eps": lambda: weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1, 0.01))),
+    "work_precision": work_results,
+    "long_time": lambda: long_time(long_time_group("splitting"), long_time_group("midpoint")),
+}
+PAPERS = [(what, *page) for what in RESULTS for page in (("one", "serif"), ("two", "sans"))]
+
+
+@pytest.mark.parametrize(("what", "width", "font"), [*PAPERS, ("strong, four cases", "130mm", "serif")])
+def test_no_text_lies_on_another(what, width, font):
+    fig = views.figure(RESULTS[what](), style="paper", width=width, font=font)
+    assert fig.get_figwidth() == pytest.approx(page.inches(width))
+    with page.applied(page.of(fig)):
+        assert collisions(fig) == []
+    assert alike_without_colours(fig) == []
+
+
+def test_overlapping_texts_are_noticed():
+    fig = views.figure(errors(1), style="paper")
+    fig.text(0.5, 0.5, "one")
+    fig.text(0.51, 0.5, "two")
+    fig.text(0.99, 0.5, "too far to the right")
+    found = collisions(fig)
+    assert "'one' lies on 'two'" in found and "'one' lies on panel 0" in found
+    assert "'too far to the right' is cut off" in found
+
+
+def test_title_and_parameters_are_the_caption():
+    fig = views.figure(errors(1), style="paper")
+    assert not fig.texts
+    assert "T=1" in views.caption(fig) and "500 samples" in views.caption(fig)
+
+
+@pytest.mark.parametrize(
+    ("style", "width", "font", "message"),
+    [
+        ("paper", "three", None, "width: is 'three'; must be one or two"),
+        ("paper", "1in", None, "2.5 to 20 inches"),
+        ("paper", None, "DejaVu Serf", "did you mean 'DejaVu Serif'"),
+        ("screen", "one", None, "width: is for figures in the style paper only"),
+        ("print", None, None, "style: is 'print'; must be screen or paper"),
+    ],
+)
+def test_what_is_no_style(style, width, font, message):
+    with pytest.raises(ValueError, match=message):
+        views.check_style(style, width, font)
+
+
+def test_curves_that_differ_by_their_colours_only_are_noticed():
+    fig = views.figure(errors(1), style="paper")
+    fig.axes[0].plot(H, H, "o-", color="tab:red", label="one")
+    fig.axes[0].plot(H, 2 * H, "o-", color="tab:purple", label="two")  # as light as the red
+    assert alike_without_colours(fig) == ["'one' and 'two'"]
+
+
+def test_schemes_and_their_variants_need_no_colours():
+    markers = [row.look[0] for row in SCHEMES.values()]
+    assert len(set(markers)) == len(markers)
+    assert all(len(set(sequence)) == len(sequence) for sequence in style.SEQUENCES)
+    assert not any(set(a) & set(b) for a, b in itertools.combinations(style.SEQUENCES, 2))
+
+
+def test_scales_of_colours_are_scales_of_lightness():
+    """Of a value from low to high, or of its modulus where it has a sign."""
+    for name in (*style.RAMPS, fields.TIMES):
+        assert (np.diff(lightness(colormaps[name](np.linspace(0, 1, 65)))) > 0).all()
+    both = lightness(colormaps[fields.COLOURS](np.linspace(0, 1, 65)))
+    assert (np.diff(both)[:32] > 0).all() and (np.diff(both)[32:] < 0).all()
+
+
+def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    storage.write("r.h5", errors(1))
+    code, out, err = call("plot", "r.h5", "--style", "paper", "--width", "two")
+    assert (code, out) == (0, "") and "caption: " in err
+    assert sorted(path.name for path in Path().iterdir()) == ["r.h5", "r_paper.pdf", "r_paper.png"]
+    written = Path("r_paper.pdf").read_bytes()
+    assert b"/FontFile2" in written and b"/Type3" not in written
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--width", "one"], "--width: is for figures in the style paper only; ask for that style as well"),
+        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is no installed TrueType family"),
+        (["--style", "paper", "--width", "three"], "--width: is 'three'; must be one or two"),
+    ],
+)
+def test_a_wrong_option_is_refused_in_one_line(options, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    storage.write("r.h5", errors(1))
+    code, out, err = call("plot", "r.h5", *options)
+    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith(f"spi: {message}")
+    assert [path.name for path in Path().iterdir()] == ["r.h5"]
+
+
+def test_a_figure_that_is_higher_than_a_page_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    storage.write("r.h5", errors(4))
+    code, _, err = call("plot", "r.h5", "--style", "paper")
+    assert code == 0 and "inches high, more than a page has; take --width two" in err

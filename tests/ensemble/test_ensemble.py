@@ -1,0 +1,197 @@
+"""The loop over time: on what its results may not depend, its slow twin, its memory and its reports."""
+
+import sys
+
+import numba
+import numpy as np
+import pytest
+from ensemble_cases import TWO_NOISES, areas_of, coins_of, increments_of
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    RIGID_BODY,
+    Coins,
+    Increments,
+    simulate,
+    take_steps,
+    without_the_compiler,
+)
+from helpers import WITHOUT_SUBSTEPS as SCHEMES
+
+from spi.ensemble.loop import add_reports, report_columns
+from spi.ensemble.protocol import REPORT, needs_areas
+
+IMPLICIT = ("midpoint", "isospectral_midpoint")
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+# --- what results do not depend on -----------------------------------------------------------------------------------
+
+
+SMALL = {"h": 2.0**-6, "steps": 64 if COMPILED else 8, "truncate": True}
+DOUBLINGS = (0, 1, 3)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_states_follow_from_the_increments(name):
+    """The ensemble adds nothing: each level is the scheme, applied to the increments of that level."""
+    scheme = SCHEMES[name].record
+    states, report = simulate(scheme, doublings=DOUBLINGS, **SMALL)
+    initial = np.repeat(np.reshape(INITIAL, (3, 1)), LANES, axis=1)
+    coins = coins_of(doublings=DOUBLINGS, **SMALL)
+    given = increments_of(doublings=DOUBLINGS, **SMALL)
+    if needs_areas(scheme):
+        pairs = zip(given, areas_of(doublings=DOUBLINGS, **SMALL), strict=True)
+        given = [np.concatenate(both, axis=1) for both in pairs]
+    for level, dW in enumerate(given):
+        h = SMALL["h"] * 2 ** DOUBLINGS[level]
+        expected, expected_report = take_steps(scheme, RIGID_BODY, h, dW, initial, coins[level])
+        np.testing.assert_allclose(states[level, 0], expected, rtol=0, atol=1e-14)
+        assert report[0, level, 0] == expected_report[0] == (len(dW) * LANES if name in IMPLICIT else 0)
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_reference_alone_gives_the_same_bits(name):
+    together, _ = simulate(SCHEMES[name].record, doublings=DOUBLINGS, **SMALL)
+    alone, _ = simulate(SCHEMES[name].record, **SMALL)
+    assert np.array_equal(alone[0], together[0])
+    some, _ = simulate(SCHEMES[name].record, doublings=DOUBLINGS[::2], **SMALL)
+    assert np.array_equal(some, together[::2])
+
+
+@compiled_only
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+@pytest.mark.parametrize("name", SCHEMES)
+def test_threads_do_not_matter(name):
+    before = numba.get_num_threads()
+    results = []
+    try:
+        for threads in (1, 2):
+            numba.set_num_threads(threads)
+            results.append(simulate(SCHEMES[name].record, doublings=DOUBLINGS, blocks=7, **SMALL))
+    finally:
+        numba.set_num_threads(before)
+    (one, one_report), (two, two_report) = results
+    assert np.array_equal(one, two)
+    assert np.array_equal(one_report, two_report)
+    assert len(np.unique(one[0, 0, 0])) == 7 * LANES
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_grouping_of_blocks_does_not_matter(name):
+    whole, report = simulate(SCHEMES[name].record, doublings=DOUBLINGS, blocks=3, **SMALL)
+    parts = [
+        simulate(SCHEMES[name].record, doublings=DOUBLINGS, first_block=a, blocks=n, **SMALL)
+        for a, n in ((0, 1), (1, 2))
+    ]
+    assert np.array_equal(np.concatenate([states for states, _ in parts], axis=-1), whole)
+    assert np.array_equal(np.concatenate([part for _, part in parts]), report)
+
+
+def test_paths_far_away_are_reached():
+    """Path numbers beyond 32 bits: the first 10^6 samples of 10^11 are the same, the last are others."""
+    scheme, far = SCHEMES["euler_maruyama"].record, 2**32
+    near, _ = simulate(scheme, **SMALL)
+    states, _ = simulate(scheme, first_block=far // LANES, **SMALL)
+    assert np.all(np.isfinite(states)) and not np.any(np.isin(states, near))
+
+
+@pytest.mark.parametrize("samples", [1, 64, 65, 127, 128])
+def test_paths_do_not_depend_on_the_number_of_samples(samples):
+    scheme = SCHEMES["splitting"].record
+    everything, _ = simulate(scheme, blocks=2, samples=2 * LANES, **SMALL)
+    states, _ = simulate(scheme, blocks=-(-samples // LANES), samples=samples, **SMALL)
+    assert np.array_equal(states[..., :samples], everything[..., :samples])
+    assert np.all(np.isnan(states[..., samples:]))  # an observer is told which lanes count
+
+
+# --- the slow twin ---------------------------------------------------------------------------------------------------
+
+
+TWIN = {"h": 2.0**-5, "steps": 8, "doublings": (0, 2), "truncate": True, "first_block": 2}
+TWIN |= {"initial": (1.2, -0.6, 1.5)}  # so that angles at h = 1/8 exceed pi/4
+WATCHED_TWIN = TWIN | {
+    "snapshots": 2,
+    "samples": 3 * LANES,
+}  # by the observer that other tests of increments and coins use
+REVERSED_TWIN = TWIN | {"doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1)}
+PROGRAM = """
+import json, sys
+import helpers
+import test_ensemble as t
+assert not helpers.COMPILED
+results = {}
+for name in t.SCHEMES:
+    states, report = helpers.simulate(t.SCHEMES[name].record, **t.TWIN)
+    results[name] = states.tolist(), report.tolist()
+results["two_noises"] = [helpers.simulate(t.Increments(), t.TWO_NOISES, **t.WATCHED_TWIN)[0].tolist(), None]
+results["coins"] = [helpers.simulate(t.Coins(), **t.WATCHED_TWIN)[0].tolist(), None]
+results["reversed"] = [helpers.simulate(t.SCHEMES["splitting_order2"].record, **t.REVERSED_TWIN)[0].tolist(), None]
+json.dump(results, sys.stdout)
+"""
+
+
+@compiled_only
+def test_compiled_equals_uncompiled():
+    """The same Python code without the compiler is the oracle of the kernels; fused operations round differently."""
+    slow = without_the_compiler(PROGRAM)
+    for name, row in SCHEMES.items():
+        fast, report = simulate(row.record, **TWIN)
+        slow_states, slow_report = (np.array(part) for part in slow[name])
+        lengths = np.linalg.norm(slow_states, axis=2)
+        assert np.all(np.linalg.norm(fast - slow_states, axis=2) <= 1e-13 * lengths)
+        np.testing.assert_allclose(report[..., 4], slow_report[..., 4], rtol=1e-12)
+        assert report[..., 4].any() == (row.composition is not None or name.startswith("munthe_kaas"))
+        if name in IMPLICIT:
+            assert np.array_equal(report[..., :3], slow_report[..., :3])
+            assert np.all(np.abs(report[..., 3] - slow_report[..., 3]) < 1e-14)
+    fast, _ = simulate(Increments(), TWO_NOISES, **WATCHED_TWIN)
+    np.testing.assert_allclose(fast, slow["two_noises"][0], rtol=1e-14, atol=1e-16)
+    assert np.array_equal(simulate(Coins(), **WATCHED_TWIN)[0][:, :, 0], np.array(slow["coins"][0])[:, :, 0])
+    fast, _ = simulate(SCHEMES["splitting_order2"].record, **REVERSED_TWIN)
+    np.testing.assert_allclose(fast, slow["reversed"][0], rtol=0, atol=1e-13)
+
+
+# --- memory ----------------------------------------------------------------------------------------------------------
+
+
+@compiled_only
+def test_memory_does_not_grow_with_steps():
+    """10^6 steps of 64 paths would need 1.5 GB for their increments or states alone."""
+    resource = pytest.importorskip("resource")  # not on every system
+
+    def peak():
+        unit = 1 if sys.platform == "darwin" else 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+    simulate(SCHEMES["euler_maruyama"].record, h=2.0**-20, steps=8, doublings=(0, 1))
+    before = peak()
+    simulate(SCHEMES["euler_maruyama"].record, h=2.0**-20, steps=2**20, doublings=(0, 1))
+    assert peak() - before < 20e6
+
+
+def test_reports_have_one_row_per_block_and_level():
+    _, report = simulate(SCHEMES["midpoint"].record, doublings=DOUBLINGS, blocks=2, **SMALL)
+    assert report.shape == (2, len(DOUBLINGS), len(REPORT))
+    solves = [(SMALL["steps"] >> s) * LANES for s in DOUBLINGS]
+    assert np.array_equal(report[..., 0], [solves, solves])
+    assert np.all(report[..., 2] == 0)
+    assert np.all((report[..., 3] > 0) & (report[..., 3] < 1e-13))
+    _, report = simulate(SCHEMES["splitting"].record, doublings=DOUBLINGS, blocks=2, **SMALL)
+    assert not np.any(report[..., :4])  # nothing to solve
+
+
+def test_reports_are_added_up():
+    """Numbers are summed, largest values are not; and what there is of them has names."""
+    total, one, two = (np.random.default_rng(n).uniform(1.0, 2.0, (2, len(REPORT))) for n in range(3))
+    added = add_reports(total, np.array([one, two]))
+    np.testing.assert_allclose(added[:, :3], (total + one + two)[:, :3], rtol=1e-15)
+    assert np.array_equal(added[:, 3:], np.max([total, one, two], axis=0)[:, 3:])
+    assert np.array_equal(add_reports(total, np.empty((0, 2, len(REPORT)))), total)
+    columns = report_columns(added)
+    assert tuple(columns) == REPORT
+    assert all(np.array_equal(columns[name], added[:, i]) for i, name in enumerate(REPORT))
+    assert tuple(report_columns(added * [0, 0, 0, 0, 1])) == ("largest_angle",)
+    assert tuple(report_columns(added * [1, 1, 1, 1, 0])) == REPORT[:4]
+    assert report_columns(0 * added) == {}

@@ -1,0 +1,303 @@
+"""Test functions of weak errors: the grammar, and values in kernels against Python, NumPy and mpmath."""
+
+import math
+import re
+
+import mpmath
+import numpy as np
+import pytest
+from helpers import COMPILED, RIGID_BODY
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numba import njit
+
+from spi.compiler.dispatch import OPTIONS
+from spi.expressions import (
+    Constant,
+    as_numpy,
+    canonical,
+    evaluate,
+    evaluate_lanes,
+    is_constant,
+    parse_expression,
+    trees,
+    value_and_angle,
+)
+from spi.expressions.arithmetic import NumberError
+from spi.numerics.angles import ANY_ANGLES, REDUCED_ANGLES
+from spi.numerics.rng import LANES
+
+PAPER = "sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)"
+
+
+def on_lanes(texts, y):
+    """Values [function, lane] of expressions at the states y [component, lane]."""
+    functions = tuple(parse_expression(text, 3) for text in texts)
+    values = np.full((len(functions), LANES), np.nan)
+    evaluate_lanes(functions, RIGID_BODY, np.ascontiguousarray(y, float).ravel(), values)
+    return values
+
+
+def states(seed=0, scale=1.0):
+    return scale * np.random.default_rng(seed).standard_normal((3, LANES))
+
+
+def close(a, b, tolerance=1e-14):
+    """Equal, both NaN, or equal up to an error relative to max(1, |b|)."""
+    with np.errstate(all="ignore"):
+        same = (a == b) | (np.isnan(a) & np.isnan(b))
+        return np.all(same | (np.abs(a - b) <= tolerance * np.maximum(1.0, np.abs(b))))
+
+
+# --- the grammar -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2*pi*y1", "6.283185307179586*y1"),
+        ("-y1^2", "-y1^2"),
+        ("(-y1)^2", "(-y1)^2"),
+        ("- -y1", "y1"),
+        ("y1-(y2-y3)", "y1 - (y2 - y3)"),
+        ("(y1-y2)-y3", "y1 - y2 - y3"),
+        ("y1/(y2*y3)", "y1/(y2*y3)"),
+        ("y1**2**3", "y1^8"),
+        ("(y1^2)^3", "(y1^2)^3"),
+        ("y1^y2^y3", "y1^y2^y3"),
+        ("y1^(1/2)", "sqrt(y1)"),
+        ("y1^-2", "1/y1^2"),
+        ("y1^1.5", "y1^1.5"),
+        ("y1^16", "y1^16"),
+        ("y1^-20", "y1^-20"),
+        ("2^y1", "2^y1"),
+        ("(-2)^y1", "(-2)^y1"),
+        ("-2*y1", "-2*y1"),
+        ("y1*-0.0", "y1*-0.0"),
+        ("y1^1", "y1"),
+        ("abs(3+4i)*y1", "5*y1"),
+        ("tanh(1)+tanh(y1)", f"{math.tanh(1.0)!r} + tanh(y1)"),
+    ],
+)
+def test_canonical_text(text, expected):
+    expression = parse_expression(text, 3)
+    assert canonical(expression) == expected
+    assert parse_expression(expected, 3) == expression
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "reason"),
+    [
+        ("y4", 3, "unknown word 'y4', the state has y1 .. y3"),
+        ("y0", 3, "unknown word 'y0', the state has y1 .. y3"),
+        ("y2", 1, "unknown word 'y2', the state has only y1"),
+        ("Y1", 3, "unknown word 'Y1', the state has y1 .. y3"),
+        ("sine(y1)", 3, "unknown word 'sine', did you mean 'sin'?"),
+        ("__import__", 3, "unknown word '__import__'"),
+        ("sin y1", 3, "'sin' without parentheses"),
+        ("2y1", 3, "unexpected 'y1'"),
+        ("y1(2)", 3, "unexpected '('"),
+        ("sin(y1", 3, "a parenthesis is not closed"),
+        ("y1+", 3, "it ends too early"),
+        ("y1/0", 3, "division by zero"),
+        ("y1*log(0)", 3, "log(0) has no value"),
+        ("y1*10^10^10", 3, "too large"),
+        ("y1+2i", 3, "complex"),
+        ("y1^(2*i^2)", 3, "complex"),
+        ("+".join(["y1"] * 134), 3, "longer than 400 characters"),
+        ("(" * 199 + "y1" + ")" * 199, 3, "too deeply nested"),
+    ],
+)
+def test_bad_expressions(text, dimension, reason):
+    with pytest.raises(NumberError) as caught:
+        parse_expression(text, dimension)
+    assert str(caught.value) == reason
+
+
+@given(st.text("0123456789.e+-*/^() sincoqrtplgabxy", max_size=30) | st.text(max_size=10))
+@settings(deadline=None)
+def test_parsing_never_fails_otherwise(text):
+    try:
+        expression = parse_expression(text, 3)
+    except NumberError as error:
+        assert str(error)
+    else:
+        assert parse_expression(canonical(expression), 3) == expression
+
+
+def test_constants():
+    assert is_constant(parse_expression("2*pi + sin(1)^0.3", 3))
+    assert parse_expression("y1^0", 3) == Constant(1.0)
+    assert not is_constant(parse_expression("0*y1", 3))
+    assert as_numpy(Constant(2.0))(np.zeros((3, 5))).tolist() == [2.0] * 5
+
+
+# --- values ----------------------------------------------------------------------------------------------------------
+
+
+def grown(inner):
+    """(text, function of y in mpmath) made from such pairs."""
+    two = st.tuples(inner, inner)
+
+    def binary(sign, function):
+        return two.map(lambda t: (f"({t[0][0]}){sign}({t[1][0]})", lambda y: function(t[0][1](y), t[1][1](y))))
+
+    def unary(name, function):
+        return inner.map(lambda t: (f"{name}({t[0]})", lambda y: function(t[1](y))))
+
+    return st.one_of(
+        binary("+", lambda a, b: a + b),
+        binary(" - ", lambda a, b: a - b),
+        binary("*", lambda a, b: a * b),
+        binary("/ ", lambda a, b: a / b),
+        unary("-", lambda a: -a),
+        unary("abs", abs),
+        *(unary(name, bounded(getattr(mpmath, name))) for name in ("sin", "cos", "tan", "tanh", "exp", "log", "sqrt")),
+        st.tuples(inner, st.integers(2, 20)).map(lambda t: (f"({t[0][0]})^{t[1]}", lambda y: t[0][1](y) ** t[1])),
+    )
+
+
+def bounded(function):
+    """The function of numbers below 1e9: the sine of exp(1e20) would need pi to as many digits, for hours."""
+
+    def f(x):
+        if abs(x) > 1e9:
+            raise OverflowError
+        return function(x)
+
+    return f
+
+
+LEAVES = st.integers(0, 2).map(lambda k: (f"y{k + 1}", lambda y: y[k])) | st.floats(0.1, 9.0).map(
+    lambda x: (repr(x), lambda y: mpmath.mpf(x))
+)
+
+
+@given(st.recursive(LEAVES, grown, max_leaves=6), st.tuples(*[st.floats(-3.0, 3.0, allow_subnormal=False)] * 3))
+@settings(deadline=None, max_examples=300)
+def test_values_are_those_of_mpmath(pair, y):
+    text, function = pair
+    try:
+        expression = parse_expression(text, 3)
+        exact, *coarse = (in_mpmath(function, y, bits) for bits in (200, 39, 40, 41))
+    except (ArithmeticError, ValueError):
+        assume(False)
+    assert parse_expression(canonical(expression), 3) == expression
+    assume(all(isinstance(value, mpmath.mpf) and abs(value) < 1e50 for value in (exact, *coarse)))
+    # How much rounding matters is seen where it is 2^13 times as large; elsewhere functions have errors of a few ulp.
+    # Where it decides everything, as in sin(exp(49)), it may look small by chance, and there is nothing to compare.
+    size, rounding = max(1.0, abs(exact)), max(abs(value - exact) for value in coarse)
+    assume(rounding < 1e-3 * size)
+    tolerance = 1e-13 * size + rounding
+    for value in evaluate(expression, y, ANY_ANGLES), float(as_numpy(expression)(np.array(y).reshape(3, 1))[0]):
+        assume(math.isfinite(value))  # overflow within, or a logarithm of 0 or so by rounding
+        assert abs(value - exact) <= tolerance
+
+
+def in_mpmath(function, y, bits):
+    with mpmath.workprec(bits):
+        return function([mpmath.mpf(component) for component in y])
+
+
+EACH = [
+    PAPER,
+    "exp(-y1^2)*cos(y2) - 3",
+    "log(abs(y1)) + sqrt(abs(y2))/y3",
+    "-y1^15 + y2^7*y3^-3",
+    "abs(y1)^1.5 + y2^20 + 2^y3",
+    "tan(y1) + tanh(y2)",
+    "sin(cos(y1*y2) + exp(sin(y3)))",
+]
+
+
+def test_every_record_occurs_here():
+    text = str([parse_expression(text, 3) for text in EACH])
+    assert all(cls.__name__ + "(" in text for cls in vars(trees).values() if hasattr(cls, "meaning"))
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
+def test_lanes_are_arrays(scale):
+    y = states(scale=scale)
+    values = on_lanes(EACH, y)
+    for text, row in zip(EACH, values, strict=True):
+        assert close(row, as_numpy(parse_expression(text, 3))(y)), text
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs both")
+def test_compiled_is_uncompiled():
+    y = states()
+    for text, row in zip(EACH, on_lanes(EACH, y), strict=True):
+        expression = parse_expression(text, 3)
+        twin = [evaluate(expression, tuple(map(float, state)), REDUCED_ANGLES) for state in y.T]
+        assert close(row, np.array(twin)), text
+
+
+def test_large_arguments():
+    """Sines are right wherever the paths are; a block with one large angle is treated as a whole."""
+    y = states()
+    y[0, :4] = 1.0, 123.456, 1e5, 1e300
+    texts = ["sin(1e7*y1)", "cos(1e7*y1)", "sin(sin(1e7*y1) + cos(1e9*y2))", PAPER]
+    values = on_lanes(texts, y)
+    for lane in range(LANES):
+        argument = 1e7 * y[0, lane]
+        assert close(values[0, lane], float(mpmath.sin(mpmath.mpf(argument))), 1e-15)
+        assert close(values[1, lane], float(mpmath.cos(mpmath.mpf(argument))), 1e-15)
+    for text, row in zip(texts, values, strict=True):
+        assert close(row, as_numpy(parse_expression(text, 3))(y))
+
+
+def test_largest_angle():
+    expression = parse_expression("sin(2*y1)*cos(y2) + exp(sin(3*y3))", 3)
+    for y in [(1.0, 0.5, 0.25), (0.1, -5.0, 0.25), (0.1, 0.2, -1.0)]:
+        largest = max(2 * abs(y[0]), abs(y[1]), 3 * abs(y[2]))
+        assert value_and_angle(expression, y, REDUCED_ANGLES)[1] == np.float64(largest).view(np.int64)
+    assert value_and_angle(parse_expression("exp(y1)", 3), (1.0, 0.0, 0.0), REDUCED_ANGLES)[1] == 0
+    assert value_and_angle(expression, (math.nan, 0.0, 0.0), REDUCED_ANGLES)[1] > np.float64(np.inf).view(np.int64)
+
+
+def test_what_has_no_value_is_nan_or_infinite():
+    y = states()
+    y[:, :6] = [math.nan, math.inf, -math.inf, 0.0, 1e300, -0.0]
+    texts = ["exp(1000*y1)", "1/y1", "y1^2.5", "y1^-3", "log(y1)", "sqrt(y1)", "y1^y2", "cos(y1*y1)", "2^(1e4*y1)"]
+    texts += ["sin(y1)", "tan(y1)", "tanh(y1)", "y1 - y1", "y1^15", "y1^0.5/0.1"]
+    for text, row in zip(texts, on_lanes(texts, y), strict=True):
+        assert np.isnan(row[0]), text
+        assert close(row, as_numpy(parse_expression(text, 3))(y)), text
+    assert on_lanes(["y1^2.5"], -1.0 - np.abs(y))[0, 10:].tolist() != [0.0]
+    assert np.isnan(on_lanes(["y1^2.5"], -1.0 - np.abs(y))[0, 10:]).all()
+    assert (on_lanes(["exp(1000*y1)"], 1.0 + np.abs(y))[0, 10:] == math.inf).all()
+
+
+def test_long_expressions():
+    """No depth of a tree is too much for the compiler."""
+    y = states()
+    texts = ["+".join(["y1"] * 100), "sin(" * 10 + "y1" + ")" * 10, "2-(" * 20 + "y1" + ")" * 20]
+    for text, row in zip(texts, on_lanes(texts, y), strict=True):
+        assert close(row, as_numpy(parse_expression(text, 3))(y))
+    many = [f"y{k % 3 + 1}^{k % 14 + 2}" for k in range(12)]
+    assert on_lanes(many, y).shape == (12, LANES)
+
+
+# --- compiled code ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs the compiler")
+def test_another_constant_compiles_nothing():
+    on_lanes(["sin(2*y1) + 3"], states())
+    before = len(evaluate_lanes.signatures)
+    on_lanes(["sin(7.5*y1) + 4"], states())
+    assert len(evaluate_lanes.signatures) == before
+
+
+@pytest.mark.skipif(not COMPILED, reason="needs the compiler")
+@pytest.mark.parametrize("text", EACH[:4])
+def test_lanes_are_vectors(text):
+    """Of the library only the sine of large angles is called, and the polynomials are in vector registers."""
+    fresh = njit(**OPTIONS)(evaluate_lanes.py_func)  # code from the cache cannot be inspected
+    fresh((parse_expression(text, 3),), RIGID_BODY, states().ravel(), np.empty((1, LANES)))
+    (assembly,) = fresh.inspect_asm().values()
+    body = assembly[: assembly.index("_ZN7cpython")]  # without the wrapper for Python
+    vectors = len(re.findall(r"\bv(?:f\w+|mul|add|sub|div)[a-z0-9]*pd\b.*%[yz]mm", body))
+    scalars = len(re.findall(r"\bv(?:f\w+|mul|add|sub|div)[a-z0-9]*sd\b", body))
+    assert vectors >= max(scalars, 20)  # the scalars are for arrays that overlap
+    assert not {"exp", "log", "pow", "sqrt", "cos"} & set(re.findall(r"movabsq\s+\$(\w+),", body))

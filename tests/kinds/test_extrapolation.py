@@ -1,0 +1,250 @@
+"""Richardson extrapolation of weak errors: weights, exponents, and the three estimators."""
+
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from extrapolation_cases import COARSE, group_of, symmetric
+from helpers import INITIAL, ONE_NOISE, RIGID_BODY, SCHEMES
+from scipy.linalg import expm
+from weak_cases import SPEC, case_of, has_order
+
+from spi import printing
+from spi.exact.kolmogorov import expectations
+from spi.kinds.weak import claims, reading
+from spi.kinds.weak import study as weak
+from spi.models import RigidBodySharedNoise
+from spi.report import views
+from spi.running.runs import load
+from spi.schemes import SCHEMES as ALL_SCHEMES
+from spi.schemes import composed, weak_exponents
+from spi.schemes.rows import compositions, flows, is_own_reverse
+from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
+from spi.specs import SpecError
+from spi.statistics.claims import KEPT, judge
+from spi.statistics.richardson import Extrapolation, places, weights
+from spi.storage.records import Results
+
+CROOKED = (*SYMMETRIC.rows[:2], flows("drift", fraction=1 / 2))
+
+
+# --- weights and steps -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("exponents", [(), (2,), (2, 4), (2, 4, 6), (1, 2, 3), (2, 3, 4), (0.5,)])
+def test_weights_solve_the_vandermonde_system(exponents):
+    """They add up to 1, and leave none of the powers."""
+    n = len(exponents) + 1
+    system = np.array([[2.0 ** (i * q) for i in range(n)] for q in (0, *exponents)])
+    found = weights(exponents)
+    np.testing.assert_allclose(found, np.linalg.solve(system, np.eye(n)[0]), rtol=1e-12, atol=1e-15)
+    if exponents == (2,):
+        np.testing.assert_allclose(found, [4 / 3, -1 / 3], rtol=1e-15)
+
+
+def test_steps_that_can_be_extrapolated():
+    steps = [1.0, 0.5, 0.25, 0.0625]
+    assert places(steps, 0).tolist() == [[0], [1], [2], [3]]
+    assert places(steps, 1).tolist() == [[1, 0], [2, 1]]
+    assert places(steps, 2).tolist() == [[2, 1, 0]]
+    assert places(steps, 3).shape == (0, 4)
+    h = np.array(steps)
+    values = 7.0 + 3 * h**2 - h**4
+    once, twice = (Extrapolation.of(steps, exponents) for exponents in ((2.0,), (2.0, 4.0)))
+    assert h[once.chosen].tolist() == [0.5, 0.25]
+    np.testing.assert_allclose(once.combined(values), 7 + 4 * h[1:3] ** 4, rtol=1e-14)
+    np.testing.assert_allclose(twice.combined(values), 7, rtol=1e-14)
+    np.testing.assert_allclose(once.combined_bounds(np.ones(4)), 5 / 3)
+    assert np.array_equal(Extrapolation.of(steps, ()).combined(values), values)
+
+
+# --- exponents -------------------------------------------------------------------------------------------------------
+
+
+def test_exponents_follow_from_the_rows():
+    def exponents(row, model=RIGID_BODY):
+        return weak_exponents(row, model, 3)
+
+    assert exponents(SCHEMES["splitting_symmetric"]) == exponents(composed("own", SYMMETRIC.rows, 2.0)) == (2, 4, 6)
+    assert exponents(SCHEMES["splitting_order2"]) == (2, 3, 4)
+    assert exponents(SCHEMES["splitting_order2"], ONE_NOISE) == (2, 4, 6)  # one noise is in the same order reversed
+    assert exponents(SCHEMES["splitting"]) == exponents(SCHEMES["euler_maruyama"]) == (1, 2, 3)
+    assert exponents(composed("crooked", CROOKED, 1.0)) == (1, 2, 3)
+    shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
+    assert exponents(SCHEMES["splitting_symmetric"], shared) is None  # its flows are not exact
+    assert exponents(ALL_SCHEMES["ap_splitting"]) is exponents(composed("own", SYMMETRIC.rows, float("nan"))) is None
+
+
+@pytest.mark.parametrize("rows", [SYMMETRIC.rows, ORDER_2.rows, LIE_TROTTER.rows, CROOKED])
+@pytest.mark.parametrize("model", [RIGID_BODY, ONE_NOISE], ids=["three noises", "one noise"])
+def test_what_equals_itself_reversed_is_undone_by_the_step_backwards(rows, model):
+    """P(-h) P(h) = 1 with matrices in place of the generators of the flows, and only then."""
+    generator = np.random.default_rng(3)
+    matrices = {(part, k): generator.standard_normal((4, 4)) for part in ("drift", "noise") for k in range(3)}
+
+    def step(h):
+        found = np.zeros((4, 4))
+        for probability, word in compositions(rows, model):
+            product = np.eye(4)
+            for part, k, share in word:
+                product = product @ expm(share * h * matrices[part, k])
+            found += probability * product
+        return found
+
+    undone = np.abs(step(-0.3) @ step(0.3) - np.eye(4)).max() < 1e-12
+    assert undone == is_own_reverse(rows, model)
+
+
+def test_halves_with_the_same_increment_would_not_do():
+    """dy = A_0 y dt + sum_k A_k y o dW_k, of which the step has a mean in closed form or by quadrature."""
+    matrices = np.random.default_rng(1).standard_normal((4, 3, 3))
+    A = 0.5 * (matrices - matrices.transpose(0, 2, 1))
+    exact = expm(A[0] + 0.5 * sum(a @ a for a in A[1:]))
+    nodes, mass = np.polynomial.hermite_e.hermegauss(20)
+    mass = mass / mass.sum()
+
+    def turns(a, t):
+        return np.array([expm(x * np.sqrt(t) * a) for x in nodes])
+
+    def independent(h):
+        half = expm(h / 2 * A[0])
+        first, second = (expm(h / 4 * a @ a) for a in A[1:3])
+        return half @ first @ second @ expm(h / 2 * A[3] @ A[3]) @ second @ first @ half
+
+    def common(h):
+        """E exp(a/2 A_1) exp(b/2 A_2) exp(c A_3) exp(b/2 A_2) exp(a/2 A_1) with whole increments a, b, c."""
+        half, inner = expm(h / 2 * A[0]), expm(h / 2 * A[3] @ A[3])
+        for a in (A[2], A[1]):
+            inner = sum(m * r @ inner @ r for m, r in zip(mass, turns(a / 2, h), strict=True))
+        return half @ inner @ half
+
+    def orders(step, exponents):
+        steps = [2.0**-k for k in range(2, 7)]
+        values = np.array([np.linalg.matrix_power(step(h), round(1 / h)) - exact for h in steps])
+        found = np.abs(Extrapolation.of(steps, exponents).combined(values.transpose(1, 2, 0))).max(axis=(0, 1))
+        return np.log2(found[:-1] / found[1:])
+
+    assert orders(independent, ())[-1] == pytest.approx(2, abs=0.05)
+    assert orders(independent, (2, 4))[-1] == pytest.approx(6, abs=0.1)
+    assert orders(independent, (2,))[-1] == pytest.approx(4, abs=0.05)
+    assert orders(common, (2,))[-1] == pytest.approx(1, abs=0.1)
+
+
+# --- without sampling ------------------------------------------------------------------------------------------------
+
+#: The errors that the issue of this key gives, from a program of its own: levels -> step size -> error.
+TABLE = {
+    0: {2**-1: 2.3e-2, 2**-2: 6.1e-3, 2**-3: 1.6e-3, 2**-4: 3.9e-4, 2**-5: 9.8e-5},
+    1: {2**-2: 5.5e-4, 2**-3: 3.6e-5, 2**-4: 2.3e-6, 2**-5: 1.5e-7},
+    2: {2**-3: 2.2e-6, 2**-4: 3.6e-8, 2**-5: 5.7e-10},
+    3: {2**-4: 1.2e-9, 2**-5: 4.5e-12},
+}
+
+
+def test_orders_4_6_and_8_without_sampling():
+    case = symmetric("functions=sin(2*pi*y1)", "steps=2^0 .. 2^-5", "reference_step=2^-6", "extrapolate=[0, 1, 2, 3]",
+                     "estimators=[kolmogorov]", "accuracy=1e-9")  # fmt: skip
+    parts = weak.parts(case)
+    assert [part.extrapolate for part in parts] == [0, 1, 2, 3]
+    assert [part.variant for part in parts] == ["splitting_symmetric"] + [
+        f"splitting_symmetric_extrapolated_{levels}" for levels in (1, 2, 3)
+    ]
+    plain, *_ = groups = [group_of(case, "kolmogorov", levels) for levels in range(4)]
+    for levels, group in enumerate(groups):
+        found, h, order = group.arrays, group.coordinates["h"].tolist(), 2 * (levels + 1)
+        assert h == list(case.steps[levels:]) and found["resolved"].all()
+        assert group.attributes["expected_order"] == order
+        assert abs(found["order"][0] - order) < 0.05
+        assert found["order_high"][0] - found["order_low"][0] < 0.15
+        assert has_order(found, order) or levels == 3  # whose interval from three points is too narrow by 0.02
+        for step, error in TABLE[levels].items():
+            assert found["error"][0, h.index(step)] == pytest.approx(error, rel=0.05)
+        largest = np.abs(weights((2, 4, 6)[:levels])).sum() * plain.arrays["error_bound"].max()
+        assert np.all(found["error_bound"] <= largest * 1.000001)
+    tell = [reading.read(group) for group in groups]
+    assert [one.about.label.partition(", ext")[2] for one in tell] == [
+        "",
+        "rapolated",
+        "rapolated twice",
+        "rapolated 3 times",
+    ]
+    records = views.rows(Results({"kind": "weak"}, tuple(groups)))
+    assert [record.get("extrapolate") for record in records] == [None] * 6 + [1] * 5 + [2] * 4 + [3] * 3
+    assert json.loads(printing.as_json(records))[-1]["scheme"] == "splitting_symmetric"
+    expect = "expect={splitting_symmetric: {extrapolate 0: {order: 2 +- 0.05}, extrapolate 1: {order: 4 +- 0.05}}}"
+    claimed = symmetric("functions=sin(2*pi*y1)", *COARSE, "extrapolate=[0, 1]", "estimators=[kolmogorov]", expect)
+    verdicts = judge(claimed.claims, claims.quantities(tell))
+    assert [one.verdict for one in verdicts] == [KEPT, KEPT] and verdicts[1].found.about.extrapolate == 1
+    swapped = [one._replace(scopes=other.scopes) for one, other in pairwise([*claimed.claims, claimed.claims[0]])]
+    assert KEPT not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
+
+
+def test_a_scheme_that_is_not_symmetric_gains_one_order_at_a_time():
+    """The scheme of order 2 feels its coins where the noise is strong; weights of even powers do not help it."""
+    model, steps = RIGID_BODY._replace(noise_inertia=(2.0, 4.0, 6.0)), [2.0**-k for k in range(2, 7)]
+    word = compositions(ORDER_2.rows, model)
+    found = expectations(model, word, INITIAL, 1.0, steps, [lambda y: y[0] ** 2], accuracy=1e-9)
+
+    def order(exponents):
+        error = np.abs(Extrapolation.of(steps, exponents).combined(found.weak_error[0]))
+        return np.log2(error[-2] / error[-1])
+
+    known = weak_exponents(SCHEMES["splitting_order2"], model, 2)
+    assert order(known) == pytest.approx(4, abs=0.1)
+    assert order((2, 4)) == pytest.approx(3, abs=0.1)  # negative control
+
+
+def test_means_of_casimirs_stay_exact():
+    """The weights add up to 1."""
+    case = symmetric("functions=y1^2 + y2^2 + y3^2", "steps=2^0 .. 2^-3", "extrapolate=3", "estimators=[kolmogorov]")
+    found = group_of(case, "kolmogorov", 3).arrays
+    np.testing.assert_allclose(found["expectation"], sum(x * x for x in case.initial), rtol=1e-13)
+
+
+# --- keys ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (["extrapolate=4"], "extrapolate: is '4'; must be at most 3"),
+        (["extrapolate=[1, 1]"], "extrapolate: has '1' twice; remove one"),
+        (["extrapolate=once"], "extrapolate: is 'once'"),
+        (["extrapolate=1", "steps=[2^-1]"], "extrapolate: has 1, which combines the steps h, 2h; add them to steps"),
+        (["extrapolate=3"], "extrapolate: has 3, which combines the steps h, 2h, 4h, 8h; add them to steps"),
+        (
+            ["extrapolate=1", "schemes=[euler_maruyama, own]", "compositions={own: [noise 1, drift 1]}",
+             "model.sigma=[0, 0, 0]"],
+            "extrapolate: has 1, but theory knows no powers of h in the weak error of 'own'; "
+            "leave out the scheme or extrapolate",
+        ),
+        (
+            ["extrapolate=1", "estimators=[plain]", "truncate_noise=true"],
+            "extrapolate: has 1, which needs powers of h; leave out truncate_noise",
+        ),
+        (
+            ["extrapolate=1", "estimators=[plain]", "reference_scheme=splitting"],
+            "extrapolate: has 1, which measures each scheme with itself; leave out reference_scheme",
+        ),
+    ],
+)  # fmt: skip
+def test_bad_values_are_told_in_one_line(keys, message):
+    with pytest.raises(SpecError) as error:
+        case_of(*keys)
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_without_the_key_a_spec_is_what_it_was():
+    plain, zero, twice = (load(SPEC, overrides=keys) for keys in ([], ["extrapolate=0"], ["extrapolate=2"]))
+    assert plain.hash == zero.hash != twice.hash
+    assert "extrapolate" not in plain.effective["cases"]["main"]
+
+
+def test_a_layer_with_fewer_levels_drops_the_claims_about_the_others():
+    keys = ["extrapolate=[0, 1]", "schemes=[splitting_order2]"]
+    expect = "expect={splitting_order2: {extrapolate 0: {order: 2}, extrapolate 1: {order: 3}}}"
+    assert [claim.scopes for claim in case_of(*keys, expect).claims] == [("extrapolate 0",), ("extrapolate 1",)]
+    assert [claim.scopes for claim in case_of(*keys, expect, "extrapolate=1").claims] == [("extrapolate 1",)]
+    with pytest.raises(SpecError, match="extrapolate 2: is nothing that can be expected here"):
+        case_of(*keys, "expect={splitting_order2: {extrapolate 2: {order: 4}}}")

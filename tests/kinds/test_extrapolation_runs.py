@@ -1,0 +1,119 @@
+"""Extrapolated weak errors by sampling, and the times of extrapolated paths."""
+
+import re
+
+import numpy as np
+import pytest
+from extrapolation_cases import COARSE, SYMMETRIC_CASE, group_of, symmetric
+from helpers import COMPILED, INITIAL, final_states
+from weak_cases import SPEC
+
+from spi.exact.kolmogorov import expectations
+from spi.kinds.state import State
+from spi.kinds.weak import study as weak
+from spi.kinds.weak.study.extrapolated import errors_at_steps, shares, shares_above
+from spi.kinds.work_precision import study as work_precision
+from spi.running.runs import load
+from spi.schemes.rows import compositions
+from spi.schemes.splitting import SYMMETRIC
+from spi.specs import SpecError
+from spi.statistics.richardson import Extrapolation, weights
+from spi.storage.records import Part
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+# --- sampled ---------------------------------------------------------------------------------------------------------
+
+
+def test_plain_combines_the_values_of_each_path():
+    """By hand: values of all steps on the same paths, combined, and standard errors of the combined values."""
+    blocks = 8 if COMPILED else 2
+    keys = "steps=2^-1 .. 2^-3", "extrapolate=1", "estimators=[plain]", f"samples={64 * blocks}"
+    case = symmetric(*COARSE, *keys)
+    found, w = group_of(case, "plain", 1), weights((2,))
+    doublings = [0, 1, 2, 3, 4]  # of 2^-5: the reference and its double, and the steps
+    y = final_states(SYMMETRIC, case.model, h=case.reference_step, steps=32, doublings=doublings, blocks=blocks,
+                     seed=case.seed, initial=case.initial)  # fmt: skip
+    phi = y[:, 0] ** 2
+    reference, *at_steps = (w[0] * phi[i] + w[1] * phi[i + 1] for i in (0, 3, 2))
+    extension = 1 - (case.reference_step / np.array([0.25, 0.125])) ** 4
+    errors = [(values - reference) / e for values, e in zip(at_steps, extension, strict=True)]
+    assert found.coordinates["h"].tolist() == [0.25, 0.125]
+    np.testing.assert_allclose(found.arrays["error"][0], [e.mean() for e in errors], rtol=1e-9)
+    np.testing.assert_allclose(found.arrays["expectation"][0], [v.mean() for v in at_steps], rtol=1e-12)
+    np.testing.assert_allclose(found.arrays["reference"][0], reference.mean(), rtol=1e-12)
+    ratio = found.arrays["error_stderr"][0] / [e.std() / np.sqrt(e.size) for e in errors]
+    assert np.all(np.abs(ratio - 1) < 0.5)
+    lengths = np.linalg.norm(y, axis=1)
+    np.testing.assert_allclose(w[0] * lengths[:-1] + w[1] * lengths[1:], np.linalg.norm(case.initial), rtol=1e-13)
+
+
+def test_shares_of_the_levels():
+    """Sums over levels, their shares, and the extrapolated values of a polynomial."""
+    for levels in (0, 1, 2):
+        case = symmetric(*COARSE, f"extrapolate={levels}")
+        p = weak.plan(case, Part("splitting_symmetric", "multilevel", extrapolate=levels))
+        differences = np.random.default_rng(5).standard_normal((2, len(p.levels) - 1, 1))
+        found = errors_at_steps(p, differences)
+        np.testing.assert_allclose(found[:, 0], differences[..., 0] @ shares(p).T, rtol=1e-12)
+        h = case.reference_step * 2.0 ** np.arange(len(p.levels))
+        values = 5 + 2 * h**2 - h**4 + 0.5 * h**6
+        reached = Extrapolation.of(list(h[::-1]), (2, 4, 6)[:levels]).combined(values[::-1])
+        expected = reached[: len(shares(p))] - reached[-1]  # those of the steps of the case, less that of h_ref
+        np.testing.assert_allclose(errors_at_steps(p, np.diff(values)[:, None])[0], expected, rtol=1e-9)
+        to_reference, to_steps = shares_above(p)
+        np.testing.assert_allclose(values[-1] - to_reference @ np.diff(values), reached[-1], rtol=1e-12)
+        np.testing.assert_allclose(values[-1] - to_steps @ np.diff(values), reached[: len(to_steps)], rtol=1e-12)
+        assert levels == 0 or np.abs(shares(p)).max() > 1
+
+
+@compiled_only
+def test_sampling_agrees_with_expectations_without_sampling():
+    """Order 4 against values found without sampling, all measured against the reference, which is extrapolated, too."""
+    case = symmetric(*COARSE, "model.noise_inertia=[2, 4, 6]", "extrapolate=[0, 1]", "samples=131072", "seconds=0.5")
+    every = [*case.steps, 2**-4, 2**-5]
+    exact = expectations(case.model, compositions(SYMMETRIC.rows, case.model), INITIAL, 1.0, every,
+                         [lambda y: y[0] ** 2], accuracy=1e-8)  # fmt: skip
+    right, wrong = (Extrapolation.of(every, exponents).combined(exact.value)[0] for exponents in ((2,), (3,)))
+    lacks = 1 - (case.reference_step / np.array(case.steps[1:])) ** 4
+    for estimator in ("plain", "multilevel"):
+        found = group_of(case, estimator, 1).arrays
+        off, other = (
+            np.abs(found["error"][0] * lacks - (value[:3] - value[-1])) / (found["error_stderr"][0] * lacks)
+            for value in (right, wrong)
+        )
+        assert off.max() < 4
+        assert estimator == "plain" or other.max() > 10  # negative control
+        of_expectation = np.abs(found["expectation"][0] - right[:3]) / found["expectation_stderr"][0]
+        assert of_expectation.max() < 4
+        assert abs(found["reference"][0] - right[-1]) < 4 * found["expectation_stderr"][0].max()
+
+
+# --- work and precision ----------------------------------------------------------------------------------------------
+
+
+def test_an_extrapolated_path_is_timed_at_all_its_steps():
+    text = re.sub(r"functions:\n( .*\n)*", "functions: y1^2\n", SPEC.read_text()).replace("weak", "work_precision")
+    keys = [*SYMMETRIC_CASE, *COARSE, "estimators=[kolmogorov]", "accuracy=1e-6", "repeats=3"]
+    case = load(SPEC, overrides=[*keys, "extrapolate=[0, 2]"], text=text).cases[0]
+    strong = re.sub("(functions|estimators).*", "", text)
+    with pytest.raises(SpecError, match="extrapolate: is for weak errors; leave it out, or give functions"):
+        load(SPEC, overrides=["extrapolate=1"], text=strong)
+    assert [part.extrapolate for part in work_precision.parts(case)] == [0, 2]
+    for levels, steps in ((0, case.steps), (2, case.steps[2:])):
+        p = work_precision.plan(case, Part("splitting_symmetric", "kolmogorov", extrapolate=levels))
+        state = State(p)
+        for chunk in state.missing():
+            for added in p.advance([chunk], None):
+                state.put(*added[0])
+        times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
+        assert state.more.times.shape == times.shape
+        state.more = state.more._replace(times=times)
+        found = p.group(state)
+        assert found.coordinates["h"].tolist() == list(steps)
+        np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])
+        counts = [sum(1 / h / 2**i for i in range(levels + 1)) for h in steps]
+        np.testing.assert_allclose(found.arrays["ns_per_step"], 1e9 * times[1] / counts)
+        _, _, _, timed, _, last, *_ = p.kernel_calls()[-1].arguments
+        assert timed.doublings.tolist() == list(range(levels + 1)) and last.steps.tolist() == [4, 2, 1][-levels - 1 :]

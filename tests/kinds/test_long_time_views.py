@@ -1,0 +1,173 @@
+"""Tables and figures of long times, from results made by hand."""
+
+import numpy as np
+import pytest
+from helpers import printed
+from long_time_results import long_time, long_time_group
+from matplotlib.colors import to_hex
+from matplotlib.markers import CARETDOWN, CARETUP
+from view_helpers import GREEN, SCHEMES, edge, inches_of_panels, legends, lines_of, texts
+
+from spi.drawing import layout
+from spi.kinds.long_time import figure
+from spi.kinds.long_time.figure import growth, laws
+from spi.kinds.long_time.keys import PANELS
+from spi.kinds.long_time.table import chance
+from spi.report import views
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def test_rows_of_long_times():
+    one, two = long_time_group("splitting"), long_time_group("midpoint", casimirs=2, law=False)
+    records = views.rows(long_time(one, two))
+    assert len(records) == 2 * 3 * 27
+    assert list(records[0])[3:] == ["h", "n", "casimir_mean", "casimir_rms", "casimir_worst", "casimir_one"]
+    last = records[26]
+    assert (last["n"], last["nonfinite"], last["growth"], last["bias_stderr"]) == (2**26, 0, 0.5, 1e-18)
+    assert last["law_distance[H]"] == one.variables["law_distance"][1][0, 3] and last["mean_exact[y1^2]"] == 0.5
+    assert "casimir_rms_2" in records[-1] and "mean[y1]" not in records[-1] and "growth_low_1" in records[-1]
+    assert all(type(value) in (str, float, int) for record in records for value in record.values())
+
+
+def test_printed_long_times():
+    results = long_time(*(long_time_group(scheme) for scheme in SCHEMES))
+    text = printed(results)
+    casimirs, law = text.split("stationary law")
+    explicit = lines_of(casimirs, "Euler-Maruyama")
+    assert explicit[0] == ["2^-2", "512", "inf", "inf", "not", "fitted", "2.0e-17", "20.0"]
+    rms = results.groups[2].variables["casimir_rms"][1][0, -1, 0]
+    found = lines_of(casimirs, "splitting")[0]
+    assert found == ["2^-2", "0", f"{rms:.1e}", f"{3.5 * rms:.1e}", "0.50", "[0.47,", "0.53]", "1.5e-18", "1.5"]
+    v = {name: values for name, (_, values) in results.groups[1].variables.items()}
+    z = np.abs(v["mean"][0] - v["mean_exact"]) / v["mean_stderr"][0]
+    assert lines_of(law, "midpoint")[0][-2:] == [f"{z.max():.1f}", results.groups[1].coordinates["moment"][z.argmax()]]
+    assert lines_of(law, "midpoint")[0][:7] == ["2^-2", "3.3e-3", "±", "1.2e-3", "5.8e-3", "±", "1.2e-3"]
+    assert lines_of(law, "Euler-Maruyama")[0][-2:] == ["not", "finite"]
+    assert "512 paths of 2^26 = 6.7e+07 steps each, 4096 snapshots of each path" in text
+    assert chance(1) == pytest.approx(1.96, abs=1e-3) and chance(9) == pytest.approx(2.766, abs=1e-3)
+
+
+def test_printed_long_times_of_two_casimirs_and_none():
+    text = printed(long_time(long_time_group("splitting", casimirs=2, law=False)))
+    assert text.count("C1") == text.count("C2") == 3 and "stationary law" not in text
+    assert (
+        lines_of(printed(long_time(long_time_group("splitting", casimirs=0))), "splitting")[0][1:] == ["0"] + ["-"] * 5
+    )
+
+
+# --- figures of long times -------------------------------------------------------------------------------------------
+
+
+def test_long_times():
+    groups = [long_time_group(scheme) for scheme in SCHEMES]
+    fig = views.figure(long_time(*groups))
+    assert len(fig.axes) == 2 + 4 + 4
+    assert "512 paths of $2^{26}$ steps" in fig.texts[1].get_text() and "T=" not in fig.texts[1].get_text()
+    walk, means = fig.axes[:2]
+    assert [ax.get_title() for ax in fig.axes[2:]] == ["$y_{1}$", "$y_{2}$", "$y_{3}$", "$H$"] * 2
+    entries = texts(walk.get_legend())
+    assert len(entries) == 9 and entries[6] == r"splitting, $h=2^{-2}$: $n^{0.50}$ [0.47, 0.53]"
+    assert entries[0] == "Euler-Maruyama, $h=2^{-2}$"  # nothing could be fitted
+    assert [x for x, _ in edge(walk, CARETUP)] == [2**9, 2**14, 2**15]
+    assert texts(means.get_legend())[:2] == ["95 % if the law is exact", "Euler-Maruyama, $h=2^{-6}$"]
+    law = next(legend for legend in legends(fig) if "exact" in legend)
+    assert law == ["Euler-Maruyama, $h=2^{-6}$", "midpoint, $h=2^{-2}$", "splitting, $h=2^{-2}$", "exact"]
+
+
+def test_reference_slopes_and_path_0():
+    group = long_time_group("splitting", panels=("growth",), law=False)
+    (ax,) = views.figure(long_time(group, long_time_group("midpoint", panels=("growth",), law=False))).axes
+    for line, slope in (("--", 0.5), (":", 1.0)):
+        (drawn,) = (one for one in ax.lines if one.get_linestyle() == line and one.get_color() == growth.SLOPE)
+        x, y = drawn.get_data()
+        assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(slope)
+        if slope == 0.5:  # above the best of the scheme's curves
+            best = group.variables["casimir_rms"][1][:, :, 0]
+            best, n = best[best[:, -1].argmin(), 2:], group.coordinates["n"][2:]
+            assert (y[0] * np.sqrt(n / x[0]) / best).min() == pytest.approx(1.7)
+    levels = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "-."]
+    assert levels == [1e-11]
+    thin = [line for line in ax.lines if line.get_linewidth() == 0.5 and to_hex(line.get_color()) == GREEN]
+    one = np.abs(group.variables["casimir_one"][1][0, :, 0])
+    np.testing.assert_array_equal(thin[0].get_ydata(), np.where(one > 0, one, np.nan))
+
+
+def test_law_against_the_exact_one():
+    groups = [long_time_group(scheme, panels=("law", "distance")) for scheme in ("midpoint", "splitting")]
+    fig = views.figure(long_time(*groups))
+    ax, distances = fig.axes[2], fig.axes[6]  # of y3
+    (bars,) = (c for c in ax.containers if to_hex(c[0].get_color()) == GREEN)
+    np.testing.assert_allclose(bars[0].get_ydata(), 20 * groups[1].variables["fraction"][1][0, 2])
+    half = np.diff(np.array(bars[2][0].get_segments())[:, :, 1])[:, 0] / 2
+    np.testing.assert_allclose(half, 1.96 * 20 * 6e-4)
+    hollow = [c for c in distances.containers if c[0].get_markerfacecolor() == "none"]
+    assert {to_hex(c[0].get_color()): len(c[0].get_xdata()) for c in hollow} == {"#0072b2": 1, GREEN: 3}
+    assert distances.get_ylim()[0] <= 6e-4 and {ax.get_ylim() for ax in fig.axes[:4]} == {ax.get_ylim()}
+
+
+def test_far_densities_do_not_hide_the_others():
+    far, near = long_time_group("midpoint"), long_time_group("splitting")
+    far.variables["fraction"][1][0, :, 5:] = 0.0
+    far.variables["fraction"][1][0, :, 0] = 1.0
+    low, high = laws.law_limits(views.readings(long_time(far, near)), ["y1", "H"])
+    assert 0.3 < low < 0.95 and 1.05 < high < 1.7
+    ax = views.figure(long_time(far, near)).axes[2]
+    assert len(edge(ax, CARETDOWN)) == 15 and len(edge(ax, CARETUP)) == 1
+
+
+def test_lost_everywhere():
+    group = long_time_group("splitting", casimirs=2)
+    group.variables["nonfinite"][1][:] = 3
+    group.variables["casimir_rms"][1][:] = np.inf
+    group.variables["mean"][1][:] = np.nan
+    for name in ("fraction", "law_distance", "law_distance_stderr"):
+        group.variables[name][1][:] = np.nan
+    fig = views.figure(long_time(group))
+    assert len(fig.axes) == 3 + 4 + 4
+    assert any("paths lost at all" in text for legend in legends(fig) for text in legend)
+    assert "nan" in printed(long_time(group))
+
+
+def test_growth_of_cases_side_by_side():
+    two = [long_time_group("splitting", case, panels=("growth",), law=False) for case in ("one", "two")]
+    fig = views.figure(long_time(*two))
+    assert [ax.get_title() for ax in fig.axes] == [r"case one, \$5", r"case two, \$5"]
+    assert views.figure(long_time(long_time_group("splitting", casimirs=0, panels=("growth",)))).axes[0].texts
+
+
+def test_legend_rows_fit():
+    entry = layout.mark("o", "eight and twenty characters ")
+    for width, shape in ((30.0, (2, 5)), (8.3, (3, 3)), (3.0, (7, 1))):
+        rows = layout._rows([[entry] * 5, [entry] * 2], width)
+        assert (len(rows), len(rows[0])) == shape and len({len(row) for row in rows}) == 1
+
+
+def test_statistics_of_a_reading():
+    explicit, implicit = views.readings(long_time(long_time_group("euler_maruyama"), long_time_group("midpoint")))
+    assert (explicit.largest_finite, implicit.largest_finite, explicit.casimir_count) == (2, 0, 1)
+    assert explicit._replace(nonfinite=np.array([3, 1, 2])).largest_finite is None
+    assert implicit._replace(h=implicit.h[::-1]).largest_finite == 2  # the largest, not the first
+    exact = 1 / (1 + np.arange(9))
+    np.testing.assert_allclose(implicit.law.z, (implicit.law.mean - exact) / 1e-3)
+    assert implicit.law.variables == ("y1", "y2", "y3", "H") and implicit.law.fraction.shape == (3, 4, 20)
+    (bare,) = views.readings(long_time(long_time_group("splitting", law=False)))
+    assert bare.law is None and bare.solver is None and bare.about.final_time is None
+
+
+def test_the_figure_knows_the_panels_of_a_spec():
+    assert figure.WORDS == PANELS
+
+
+def test_what_is_asked_must_be_known():
+    with pytest.raises(ValueError, match="no panel 'regimes'; known panels: growth, law"):
+        views.figure(long_time(long_time_group("splitting", panels=("regimes",))))
+    with pytest.raises(ValueError, match="no panel that could be drawn"):
+        views.figure(long_time(long_time_group("splitting", panels=("law",), law=False)))
+
+
+def test_drawn_to_the_end():
+    """Layouts raise no warning either; nor do they leave the panels without room."""
+    groups = [long_time_group(scheme, panels=("growth", "moments"), last=10) for scheme in SCHEMES]
+    inches = inches_of_panels(views.figure(long_time(*groups)))
+    assert all(width > 1.5 and height > 1.3 for width, height in inches)

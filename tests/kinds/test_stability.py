@@ -1,0 +1,211 @@
+"""The stability study against a plain NumPy computation from the same increments; all seeds are fixed."""
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+import stability_cases
+from helpers import COMPILED, INITIAL, printed
+from stability_cases import EPS, PHI, PREDATORS, RIGID, paths_by_hand, study, summary_by_hand
+from states import check_going_on, finished, same_numbers, taken
+
+from spi import storage
+from spi.ensemble import loop
+from spi.kinds.stability import study as stability
+from spi.numerics.rng import LANES
+from spi.running import runs as runner
+from spi.running.runs import load
+from spi.storage.records import Part
+
+# fixtures
+case_of = stability_cases.case_of
+
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+# --- the oracle ------------------------------------------------------------------------------------------------------
+
+
+def check_against_numpy(case, scheme, eps=lambda point: None):
+    """Every stored quantity of a study of the rigid body."""
+    found, group = study(case, scheme)
+    names = {"finite", "largest_norm", "error", "error_stderr", "casimir_worst", "casimir_median"}
+    names |= {"expectation", "expectation_stderr", "truth", "truth_bound", "law_distance", "law_distance_stderr"}
+    solver = {"solves", "iterations", "failures", "largest_residual"}
+    assert set(found) - {"largest_angle"} == names | (solver if scheme == "midpoint" else set())
+    assert found["error"].shape == (len(case.sweep.values), len(case.steps))
+    for i, point in enumerate(case.sweep.cases):
+        expected = summary_by_hand(point, paths_by_hand(point, scheme, eps(point)), PHI)
+        drifts = scheme == "euler_maruyama"
+        for name in ("error", "error_stderr", "largest_norm", "expectation", "expectation_stderr"):
+            np.testing.assert_allclose(found[name][i], expected[name], rtol=1e-9, atol=1e-14, err_msg=name)
+        for name in ("casimir_worst", "casimir_median"):
+            absolute = 0 if drifts else 1e-14
+            np.testing.assert_allclose(found[name][i, :, 0], expected[name], rtol=1e-9, atol=absolute, err_msg=name)
+            assert drifts == (found[name][i].min() > 1e-4)
+        assert np.array_equal(found["finite"][i], expected["finite"])
+        if "splitting" in scheme:
+            np.testing.assert_allclose(found["largest_angle"][i], expected["largest_angle"], rtol=1e-12)
+        away = np.abs(expected["expectation"] - found["truth"][i])
+        farthest = away.argmax(axis=1)[:, None]
+        np.testing.assert_allclose(found["law_distance"][i], away.max(axis=1), rtol=1e-9)
+        stderr = np.take_along_axis(expected["expectation_stderr"], farthest, 1)[:, 0]
+        doubt = np.hypot(stderr, found["truth_bound"][i][farthest[:, 0]])
+        np.testing.assert_allclose(found["law_distance_stderr"][i], doubt, rtol=1e-9)
+    return found, group
+
+
+# --- everything that is stored, against the oracle -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", pytest.param("midpoint", marks=compiled_only)])
+def test_whole_study_is_what_plain_numpy_finds(case_of, scheme):
+    """Two values, three step sizes, and a second block of which only six lanes count."""
+    case = case_of(RIGID)
+    found, group = check_against_numpy(case, scheme)
+    if scheme == "splitting":
+        assert (found["largest_angle"] == 0).any() and found["largest_angle"].max() > math.pi / 4
+    if scheme == "midpoint":  # blocks are computed whole
+        assert found["solves"].tolist() == [[2 * LANES * round(1 / h) for h in case.steps]] * 2
+        assert (found["iterations"] >= found["solves"]).all()
+        assert not found["failures"].any()
+        assert 0 < found["largest_residual"].max() < 1e-13
+    assert group.coordinates["value"].tolist() == [0.5, 2.0]
+    assert group.coordinates["function"].tolist() == ["a", "b", "c"]
+    facts = group.attributes
+    assert (facts["sweep"], facts["samples"], facts["accurate"], facts["seed"]) == ("s", 70, 0.1, 5)
+    assert facts["functions"] == ("y1", "y2^2", "y1*y3")
+    assert facts["initial"] == INITIAL
+    assert "model_sigma" not in facts  # it differs from value to value
+    assert facts["model_inertia"] == (2.0, 1.0, 2 / 3)
+
+
+def check_eps(folder):
+    """The multiscale scheme and its reference have the eps of each value; the truth is that of the limit eps = 0."""
+    path = Path(folder) / "eps.yaml"
+    path.write_text(EPS, encoding="utf-8")
+    case = load(path).cases[0]
+    cases = [case, load(path, overrides=["reference_scheme=ap_splitting"]).cases[0]]
+    for case in cases:
+        found, group = study(case, "ap_splitting")
+        for i, (point, eps) in enumerate(zip(case.sweep.cases, case.sweep.values, strict=True)):
+            assert point.eps == (eps,)
+            expected = summary_by_hand(point, paths_by_hand(point, "splitting", eps), PHI)
+            for name in ("error", "error_stderr", "expectation", "largest_angle"):
+                np.testing.assert_allclose(found[name][i], expected[name], rtol=1e-9, atol=1e-14, err_msg=name)
+        assert np.abs(found["error"][1] / found["error"][0] - 1).max() > 0.1  # eps matters
+        assert np.isfinite(found["truth"]).all() and np.array_equal(found["truth"][0], found["truth"][1])
+        assert group.attributes["scheme_label"] == "AP splitting"
+
+
+def test_swept_eps_is_what_plain_numpy_finds(tmp_path):
+    """Without the compiler, which would take longer than the few steps."""
+    program = f"import test_stability; test_stability.check_eps({str(tmp_path)!r})"
+    tests = Path(__file__).parents[1]
+    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+
+
+def test_one_path_has_no_standard_errors(case_of):
+    found, _ = study(case_of(RIGID, "samples=1"), "splitting")
+    assert (found["error"] > 0).all() and np.isfinite(found["law_distance"]).all()
+    for name in ("error_stderr", "expectation_stderr", "law_distance_stderr"):
+        assert np.isnan(found[name]).all()
+
+
+# --- on what the results may not depend ------------------------------------------------------------------------------
+
+
+@compiled_only
+@pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama"])
+def test_batches_do_not_matter(case_of, scheme):
+    plan = stability.plan(case_of(RIGID, "samples=330"), Part(scheme))
+    whole = finished(plan, plan.first.blocks)
+    assert same_numbers(whole, whole)
+    for blocks in (1, 2, None):
+        assert same_numbers(finished(plan, blocks), whole)
+    other = stability.plan(case_of(RIGID, "samples=330", "seed=6"), Part(scheme))
+    assert not same_numbers(finished(other), whole)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+@compiled_only
+@pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", "midpoint"])
+def test_threads_do_not_matter(case_of, scheme):
+    plan = stability.plan(case_of(RIGID, "samples=330"), Part(scheme))
+    states = []
+    for threads in (1, 2):
+        with loop.limited_threads(threads):
+            states.append(finished(plan))
+    assert same_numbers(*states)
+
+
+def test_going_on_from_the_middle_gives_the_same_bits(case_of):
+    plan = stability.plan(case_of(RIGID, "samples=200" if COMPILED else "samples=130"), Part("splitting"))
+    found = check_going_on(plan)
+    assert len(found) == 1 + 2 * plan.first.blocks + 2  # before the first block, after each, and after each truth
+    progress = [plan.progress(taken(plan, plain)) for plain in found]
+    done = [one.done for one in progress]
+    assert (np.diff(done[:-2]) > 0).all() and done[0] == 0
+    assert done[-3:] == [progress[-1].total] * 3  # only the true expectations are still missing
+
+
+def test_values_and_step_sizes_do_not_influence_one_another(case_of):
+    whole, _ = study(case_of(RIGID), "splitting")
+    part, _ = study(case_of(RIGID, "sweep={s: [2]}", "steps=[2^-1, 2^-3]"), "splitting")
+    for name in set(part) - {"truth", "truth_bound"}:
+        assert np.array_equal(part[name][0], whole[name][1][[0, 2]])
+
+
+class Reports(list):
+    """Keeps what is reported, and interrupts after so many reports of a part that has begun."""
+
+    def __init__(self, case=None, scheme=None, after=None):
+        self.place, self.left = (case, scheme), after
+
+    def __call__(self, progress):
+        self.append(progress)
+        if (progress.case, progress.part) == self.place and progress.done:
+            self.left -= 1
+            if self.left == 0:
+                raise KeyboardInterrupt
+
+
+def numbers(path):
+    """Everything in a results file that must repeat."""
+    groups = {}
+    for group in storage.read(path).groups:
+        attributes = {k: v for k, v in group.attributes.items() if k not in ("wall_seconds", "threads")}
+        arrays = {k: (axes, v.shape, v.tolist()) for k, (axes, v) in group.variables.items()}
+        groups[group.case, group.variant] = repr((arrays, attributes))
+    return groups
+
+
+@compiled_only
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    """Also where a model has no Casimir functions, so that some arrays are empty."""
+    monkeypatch.setattr(loop, "BATCH_SECONDS", 0.0)  # as few blocks to a batch as there are threads
+    spec = tmp_path / "s.yaml"
+    spec.write_text(PREDATORS, encoding="utf-8")
+    wanted = load(spec, overrides=["samples=130"])
+    whole = numbers(runner.run(wanted, tmp_path / "whole"))
+    assert list(whole) == [("main", "splitting"), ("main", "euler_maruyama")]
+    out = tmp_path / "stopped"
+    for scheme in wanted.cases[0].schemes:
+        with pytest.raises(runner.Stopped):
+            runner.run(wanted, out, watch=runner.Watch(Reports("main", scheme, 1)))
+    reports = Reports()
+    path = runner.run(wanted, out, watch=runner.Watch(reports))
+    first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
+    assert first["splitting"] == 260 and 0 < first["euler_maruyama"] < 260  # nothing is computed twice
+    assert numbers(path) == whole
+    text = printed(storage.read(path))
+    assert "positive" in text and "Casimir" not in text

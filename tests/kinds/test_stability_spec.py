@@ -1,0 +1,127 @@
+"""The word that a stability study sweeps: specs, what describes their results, and mistakes in them."""
+
+import math
+import re
+
+import pytest
+from stability_cases import EPS, RIGID
+
+from spi.kinds.stability import study as stability
+from spi.specs import SpecError
+from spi.storage.records import Part
+
+# --- what describes the results --------------------------------------------------------------------------------------
+
+
+def test_what_differs_from_value_to_value_is_not_described(spec):
+    """A swept eps is no eps of the scheme; one that is the same for all values is."""
+    swept = stability.plan(spec(EPS).cases[0], Part("ap_splitting"))
+    assert "eps" not in swept.description() and swept.description()["model_sigma"] == (1.0, 1.0, 0.5)
+    assert [point.scheme.eps for point in swept.points] == [0.0, 0.6]
+    fixed = spec(RIGID, overrides=["schemes=[ap_splitting, splitting]", "eps=0.6"]).cases[0]
+    told = [stability.plan(fixed, part).description() for part in stability.parts(fixed)]
+    assert [one["eps"] for one in told] == [0.6, None] and not any("model_sigma" in one for one in told)
+    assert [one["scheme_label"] for one in told] == ["AP splitting", "splitting"]
+
+
+# --- the swept word --------------------------------------------------------------------------------------------------
+
+
+WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
+
+
+@pytest.mark.parametrize(
+    ("replaced", "message"),
+    [
+        (["sweep: " + WORD + "\n", ""], r"1: sweep: missing key 'sweep'; add sweep: .*"),
+        (
+            [SIGMA, "[1, 1, 1]"],
+            r"11: sweep: the word 's' stands nowhere; use it in .* model, damping, initial, eps",
+        ),
+        ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 words; must have one word .*"),
+        ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
+        ([WORD, "{pi: [0.5]}", SIGMA, "[pi, 1, 1]"], r"11: sweep: 'pi' cannot be swept; must be .*"),
+        ([WORD, "{'a b': [0.5]}", SIGMA, "['a b', 1, 1]"], r"11: sweep: 'a b' cannot be swept; must be .*"),
+        (
+            [WORD, "{s: [0.5, -1]}"],
+            r"3: model\.sigma: entry 1 is '\(-1\)'; must be at least 0(\n.*entry.*){2}",
+        ),
+        ([WORD, "{s: []}"], r"11: sweep\.s: is an empty list; .*"),
+        ([WORD, "{s: 1}"], r"11: sweep\.s: is '1'; must be a list in square brackets"),
+        ([START, "[0, 0, 0]"], r"4: initial: is 0; must not be, because errors are relative to its length"),
+        ([WORD, "{s: [0.5, x]}"], r"11: sweep\.s: entry 2 is 'x'.*; must be .*"),
+        ([WORD, "s"], r"11: sweep: is 's'; must be a mapping, lines of key: value"),
+        ([SIGMA, "[s, t, 1]"], r"3: model\.sigma: entry 2 is 't' \(unknown word 't'\); must be .*"),
+        (["samples: 70", "samples: s"], r"9: samples: is 's' \(unknown word 's'\); must be .*"),
+        (["final_time: 1", "final_time: s"], r"5: final_time: is 's' \(unknown word 's'\); must be .*"),
+        ([START, "[1, s]"], r"4: initial: has 2 entries; must have 3, the dimension of rigid_body"),
+    ],
+)
+def test_each_mistake_gets_one_line(spec, replaced, message):
+    with pytest.raises(SpecError) as caught:
+        spec(RIGID, *replaced)
+    assert re.fullmatch(rf"s\.yaml:{message}", str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("replaced", "message"),
+    [
+        (["eps: s", "eps: [s, 3]"], r"9: eps: has 2 values; must be one number, or the swept word"),
+        (["eps: s", "eps: s-1"], r"9: eps: is '\(0\)-1'; must be at least 0"),
+        (["[ap_splitting]", "[multiscale_euler]"], r"9: eps: has 0, which 'multiscale_euler' cannot have; .*"),
+    ],
+)
+def test_each_mistake_in_eps_gets_one_line(spec, replaced, message):
+    with pytest.raises(SpecError) as caught:
+        spec(EPS, *replaced)
+    assert re.fullmatch(rf"s\.yaml:{message}", str(caught.value))
+
+
+def test_overrides_and_profiles_replace_the_word_or_its_values(spec):
+    assert spec(RIGID, overrides=["sweep.s=[3]"]).cases[0].sweep[:2] == ("s", (3.0,))
+    case = spec(RIGID, overrides=["sweep={t: [3]}", "model.sigma=[t, 1, 2*t]"]).cases[0]
+    assert (case.sweep.word, case.sweep.cases[0].model.sigma) == ("t", (3.0, 1.0, 6.0))
+    quick = spec(RIGID + "profiles:\n  quick: {sweep: {s: [7]}}\n", profile="quick").cases[0]
+    assert [c.model.sigma[0] for c in quick.sweep.cases] == [7.0]
+    with pytest.raises(SpecError, match=r"^s\.yaml: --set sweep: the word 't' stands nowhere; .*"):
+        spec(RIGID, overrides=["sweep={t: [3]}", "model.sigma=[1, 1, 1]"])
+
+
+def test_the_word_stands_for_its_values(spec):
+    case = spec(RIGID, WORD, "{s: [-1, 0.25]}", SIGMA, "[2*s^2, abs(s), 0]", START, "[s, -s, s^2]").cases[0]
+    first, second = case.sweep.cases
+    assert (first.model.sigma, first.initial) == ((2.0, 1.0, None), (-1.0, 1.0, 1.0))
+    assert (second.model.sigma, second.initial) == ((0.125, 0.25, None), (0.25, -0.25, 0.0625))
+    assert first.model.inertia == second.model.inertia == (2.0, 1.0, 2 / 3)
+    assert [c.eps for c in spec(EPS).cases[0].sweep.cases] == [(0.0,), (0.6,)]
+    assert [c.eps for c in spec(EPS, "eps: s", "eps: [2*s+1]").cases[0].sweep.cases] == [(1.0,), (2.2,)]
+
+
+def test_the_word_is_no_part_of_other_words_or_numbers(spec):
+    """`e` is neither the e of 1e-3 nor that of exp."""
+    case = spec(RIGID, WORD, "{e: [0.5]}", SIGMA, "[2*e, 1e-3*exp(e), 1.e-3]").cases[0]
+    assert case.sweep.cases[0].model.sigma == (1.0, 1e-3 * math.exp(0.5), 1e-3)
+    case = spec(RIGID, WORD, "{s_1: [0.5]}", SIGMA, "[s_1, sin(s_1), 1]", START, "[s_1*s_1, 0, 1]").cases[0]
+    assert case.sweep.cases[0].model.sigma == (0.5, math.sin(0.5), 1.0)
+    assert case.sweep.cases[0].initial == (0.25, 0.0, 1.0)
+
+
+def test_the_hash_is_that_of_what_decides_results(spec):
+    base = spec(RIGID).hash
+    assert spec(RIGID, "A title", "Another title").hash == base
+    assert spec(RIGID, WORD, "{s: [1/2, 2e0]}").hash == base
+    others = [
+        spec(RIGID, WORD, "{s: [0.5, 3]}").hash,
+        spec(RIGID, WORD, "{s: [2, 0.5]}").hash,
+        spec(RIGID, WORD, "{s: [0.5]}").hash,
+        spec(RIGID, SIGMA, "[s, s, s]").hash,
+        spec(RIGID, START, "[cos(1.1), s, sin(1.1)]").hash,
+        spec(EPS).hash,
+        spec(EPS, "[0, 0.6]", "[0, 0.5]").hash,
+    ]
+    assert len({base, *others}) == 1 + len(others)
+
+
+def test_an_empty_sweep_gets_one_line(spec):
+    with pytest.raises(SpecError, match=r"^s\.yaml:11: sweep: has 0 words; must .*"):
+        spec(RIGID, WORD, "{}")

@@ -1,0 +1,157 @@
+"""Regimes and tables of stability, from results made by hand."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from helpers import printed
+from stability_results import H, predators, stability, stability_group
+from view_helpers import SCHEMES, lines_of
+
+from spi.kinds.stability.reading import REGIMES, largest_step, read
+from spi.kinds.stability.table import COLUMNS
+from spi.printing import as_csv, as_json
+from spi.report import views
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def cell(group, value, h):
+    where = np.flatnonzero(group.coordinates["value"] == value)[0], np.flatnonzero(group.coordinates["h"] == h)[0]
+    return REGIMES[read(group).regimes[where]]
+
+
+# --- regimes ---------------------------------------------------------------------------------------------------------
+
+
+def test_regime_of_each_cell():
+    explicit, implicit, splitting = (stability_group(scheme) for scheme in SCHEMES)
+    assert cell(explicit, 30.0, 1.0) == "paths lost"
+    assert cell(explicit, 3.0, 0.5) == "not bounded"
+    assert cell(explicit, 1.0, 1.0) == "Casimir lost"
+    assert cell(explicit, 0.3, 1.0) == "bounded, not accurate"
+    assert cell(explicit, 0.1, 2**-7) == "accurate"
+    assert cell(implicit, 30.0, 1.0) == "solver fails" and cell(implicit, 1.0, 1.0) == "bounded, not accurate"
+    assert cell(implicit, 0.1, 1.0) == "accurate"
+    assert set(read(splitting).regimes.ravel()) == {0, 1}
+    np.testing.assert_array_equal(read(splitting).regimes == 0, splitting.variables["error"][1] <= 0.1)
+
+
+@pytest.mark.parametrize(
+    "name, value, regime",
+    [
+        ("finite", 511 / 512, "paths lost"),
+        ("finite", math.nan, "paths lost"),
+        ("failures", 11, "solver fails"),
+        ("failures", 10, "accurate"),
+        ("largest_norm", 2.01, "not bounded"),
+        ("largest_norm", math.nan, "not bounded"),
+        ("casimir_worst", 0.0101, "Casimir lost"),
+        ("casimir_worst", math.inf, "Casimir lost"),
+        ("casimir_worst", 0.0099, "accurate"),
+        ("error", 0.1, "accurate"),
+        ("error", 0.1001, "bounded, not accurate"),
+        ("error", math.nan, "bounded, not accurate"),
+    ],
+)
+def test_thresholds(name, value, regime):
+    group = stability_group("midpoint", casimirs=2)
+    array = group.variables[name][1].astype(float)
+    array[0, 3] = (0.0, value) if name == "casimir_worst" else value
+    group.variables[name] = group.variables[name][0], array
+    assert cell(group, 0.1, 2**-3) == regime and cell(group, 0.1, 2**-4) == "accurate"
+
+
+def test_worse_regimes_come_first():
+    """What is lost in every way is taken from bad to good; a worse one always hides a better one."""
+    group = predators("midpoint")
+    group.coordinates["casimir"] = np.arange(1)
+    group.variables["casimir_worst"] = ("value", "h", "casimir"), np.full((6, 8, 1), 0.5)
+    bad = {"finite": 0.5, "failures": 5000, "largest_norm": 3.0, "casimir_worst": 0.5, "positive": 0.5, "error": 1.0}
+    good = {"finite": 1.0, "failures": 0, "largest_norm": 1.0, "casimir_worst": 0.0, "positive": 1.0, "error": 0.0}
+    found = []
+    for healed in range(len(bad) + 1):
+        for i, name in enumerate(bad):
+            group.variables[name][1][0, 0] = (good if i < healed else bad)[name]
+        found.append(REGIMES[read(group).regimes[0, 0]])
+    assert found == list(REGIMES[::-1])
+
+
+def test_growth_is_that_beyond_the_true_one():
+    """Where the solution itself grows, so do all step sizes, and only what goes further is lost."""
+    group = stability_group("splitting", casimirs=0)
+    norm = group.variables["largest_norm"][1]
+    norm[:] = 50.0
+    assert set(read(group).regimes.ravel()) == {0, 1}
+    norm[0, 0] = 101.0
+    assert cell(group, 0.1, 1.0) == "not bounded"
+
+
+def test_populations_that_turn_negative():
+    group = predators("euler_maruyama")
+    assert cell(group, 1.0, 1.0) == "not positive" and cell(group, 0.1, 2**-7) == "accurate"
+
+
+@pytest.mark.parametrize(
+    "good, found",
+    [
+        ([0, 0, 1, 1], (0.25, False)),
+        ([1, 0, 1, 1], (0.25, False)),
+        ([1, 1, 1, 1], (1.0, True)),
+        ([1, 1, 1, 0], (None, False)),
+    ],
+)
+def test_largest_step_with_all_smaller_ones(good, found):
+    h, expected = np.array([1.0, 0.5, 0.25, 0.125]), (math.nan if found[0] is None else found[0], found[1])
+    for order in (slice(None), slice(None, None, -1)):
+        assert largest_step(h[order], np.array(good)[order]) == pytest.approx(expected, nan_ok=True)
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+def test_rows_of_stability():
+    results = stability(stability_group("splitting", casimirs=2, law=True), predators("midpoint"))
+    records = views.rows(results)
+    assert len(records) == 2 * 6 * 8
+    first, other = records[11], records[6 * 8]
+    solver = ("solves", "iterations", "failures", "largest_residual")
+    assert tuple(first) == tuple(key for key in COLUMNS if key not in ("eps", "positive", *solver))
+    missing = ("eps", "casimir_worst", "casimir_median", "law_distance", "law_distance_stderr")
+    assert tuple(other) == tuple(key for key in COLUMNS if key not in missing)
+    assert (first["sweep"], first["value"], first["h"], first["regime"]) == ("sigma", 0.3, 2**-3, "accurate")
+    assert first["casimir_worst"] == results.groups[0].variables["casimir_worst"][1][1, 3].max()
+    assert all(type(value) in (str, float, int) for record in records for value in record.values())
+    assert json.loads(as_json(records))[40]["law_distance"] is None  # at 30 the law is not known
+    assert float(list(csv.DictReader(io.StringIO(as_csv(records))))[5]["h"]) == H[5]
+
+
+def test_printed_stability():
+    results = stability(*(stability_group(scheme) for scheme in SCHEMES))
+    text = printed(results)
+    assert all(len(line) <= 100 for line in text.splitlines() if " 2^-" in line and "paths" not in line)
+    explicit, implicit, splitting = (lines_of(text, name) for name in ("Euler-Maruyama", "midpoint", "splitting"))
+    assert explicit[2] == ["1", ">=", "2^0", "none", "none", "5.2e-1", "1"]
+    assert explicit[3] == ["3", "2^-1", "none", "none", "inf", "3"]
+    assert implicit[0] == ["0.1", ">=", "2^0", ">=", "2^0", ">=", "2^0", "1.0e-14", "0", "%", "3.0", "<", "pi/4"]
+    assert implicit[3] == ["3", ">=", "2^0", "2^-3", "2^-7", "1.2e-5", "13", "%", "3.3-20.0", "3"]
+    assert splitting[4][:6] == ["10", ">=", "2^0", ">=", "2^0", "none"]
+    assert "512 paths each; errors against the scheme at 2^-14; 37.5 s on 4 threads" in text
+    assert "case free, $5" in text and "relative error < 1e-8" in text
+
+
+def test_printed_without_casimir():
+    groups = predators("euler_maruyama"), predators("splitting", scheme_label="splitting [expected]")
+    text = printed(stability(*groups))
+    assert lines_of(text, "Euler-Maruyama")[2] == ["1", ">=", "2^0", "none", "72", "%", "1"]
+    assert lines_of(text, "splitting [expected]")[0][3:] == [">=", "2^0", "100", "%", "<", "pi/4"]
+    assert "Casimir" not in text
+
+
+def test_nearly_all_is_not_all():
+    group = predators("splitting")
+    group.variables["positive"][1][0, 0] = 1 - 1e-6
+    assert "99.9999 %" in printed(stability(group))

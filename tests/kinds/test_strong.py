@@ -1,0 +1,158 @@
+"""The strong study against plain NumPy, and on what its results may not depend; all seeds are fixed."""
+
+import math
+
+import numba
+import numpy as np
+import pytest
+from helpers import COMPILED
+from states import begun, check_going_on, finished, same_numbers
+from strong_cases import BY_HAND, case_of, clipped, fine_increments, paths_by_hand, study
+
+from spi.ensemble import loop
+from spi.kinds.strong import study as strong
+from spi.kinds.strong.study.errors import errors
+from spi.statistics.estimators import GROUPS, group_counts
+from spi.storage.records import Part
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+@pytest.fixture(autouse=True)
+def _no_stopwatch_without_the_compiler(monkeypatch):
+    if not COMPILED:
+        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+
+
+# --- the oracle ------------------------------------------------------------------------------------------------------
+
+
+def group_of_paths(samples):
+    return np.array([np.argmax(group_counts(p + 1) - group_counts(p)) for p in range(samples)])
+
+
+def stderr_by_hand(squares):
+    """Of the root mean square, by leaving out one group at a time and averaging anew."""
+    groups = group_of_paths(len(squares))
+    n, value, terms = len(squares), math.sqrt(squares.mean()), []
+    sizes = [(groups == g).sum() for g in range(GROUPS) if (groups == g).any()]
+    without = [math.sqrt(squares[groups != g].mean()) for g in range(GROUPS) if (groups == g).any()]
+    pseudo = [n / m * value - (n / m - 1) * w for m, w in zip(sizes, without, strict=True)]
+    mean = sum(m / n * p for m, p in zip(sizes, pseudo, strict=True))
+    terms = [(p - mean) ** 2 / (n / m - 1) for m, p in zip(sizes, pseudo, strict=True)]
+    return math.sqrt(np.mean(terms))
+
+
+# --- the whole study against the oracle ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("truncate", ["true", "false"])
+@pytest.mark.parametrize("scheme", BY_HAND)
+def test_whole_study_is_what_plain_numpy_finds(scheme, truncate):
+    case = case_of("schemes=[euler_maruyama, splitting]", f"truncate_noise={truncate}", "samples=200", "seed=11")
+    found, attributes = study(case, scheme)
+    paths = paths_by_hand(case, scheme)
+    reference, expected = paths[case.reference_step], []
+    for i, h in enumerate(case.steps):
+        y = paths[h]
+        squares = ((y - reference[round(h / case.reference_step) - 1 :: round(h / case.reference_step)]) ** 2).sum(1)
+        curve = np.sqrt(squares.mean(axis=1))
+        expected.append(curve.max())
+        assert math.isclose(found["error"][i], curve.max(), rel_tol=1e-10)
+        assert found["error_time"][i] == (curve.argmax() + 1) * h
+        assert math.isclose(found["error_stderr"][i], stderr_by_hand(squares[curve.argmax()]), rel_tol=1e-8)
+        assert math.isclose(found["error_final"][i], curve[-1], rel_tol=1e-10)
+        assert math.isclose(found["error_final_stderr"][i], stderr_by_hand(squares[-1]), rel_tol=1e-8)
+        drift = np.abs((y**2).sum(axis=1) - 1).max()
+        assert math.isclose(found["casimir_drift"][i, 0], drift, rel_tol=1e-10, abs_tol=2e-14)
+    assert found["nonfinite"].tolist() == [0] * len(case.steps)
+    assert found["resolved"].all()
+    slope = np.polyfit(np.log(np.array(case.steps) - case.reference_step), np.log(expected), 1)[0]
+    assert abs(attributes["order"] - slope) < 0.01  # how the fit allows for the reference is tested elsewhere
+    assert attributes["order_ci"][0] < slope < attributes["order_ci"][1]
+    assert attributes["note"] == ""
+    # Negative control: what is compared depends on the bound of the increments.
+    fine = fine_increments(case)
+    coarse = fine.reshape(len(fine) // 2, 2, 3, -1).sum(axis=1)
+    if COMPILED:
+        assert (clipped(coarse, 2 * case.reference_step) != coarse).sum() > 0
+
+
+@pytest.mark.parametrize("samples", [1, 63, 64, 65, 70, 128, 200, 511, 512, 513, 700])
+def test_a_path_is_counted_in_the_group_that_it_is_added_to(samples):
+    """Else standard errors are wrong, by a factor of 2 and more for few blocks."""
+    if not COMPILED and samples > 70:
+        pytest.skip("too many steps without the compiler")
+    before, after = (
+        finished(strong.plan(case_of("schemes=[euler_maruyama]", f"samples={n}"), Part("euler_maruyama"))).total()
+        for n in (samples, samples + 1)
+    )
+    changed = np.flatnonzero((before.squares != after.squares).any(axis=1))
+    assert changed.tolist() == np.flatnonzero(group_counts(samples + 1) - group_counts(samples)).tolist()
+
+
+@pytest.mark.parametrize("samples", [64, 128, 500])
+def test_standard_errors_are_those_of_a_root_of_a_mean(samples):
+    """sd(|d|^2) / (2 rms sqrt(n)), with what the number of groups leaves to chance."""
+    case = case_of("schemes=[euler_maruyama]", f"samples={samples if COMPILED else 64}", "seed=3")
+    found, _ = study(case, "euler_maruyama")
+    paths = paths_by_hand(case, "euler_maruyama")
+    distance = ((paths[case.steps[0]][-1] - paths[case.reference_step][-1]) ** 2).sum(axis=0)
+    delta = distance.std(ddof=1) / (2 * math.sqrt(distance.mean() * case.samples))
+    groups = np.count_nonzero(group_counts(case.samples))
+    assert abs(found["error_final_stderr"][0] / delta - 1) < 3 / math.sqrt(2 * (groups - 1)) + 0.1
+
+
+# --- on what the results may not depend ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scheme", BY_HAND)
+def test_batches_do_not_matter(scheme):
+    plan = strong.plan(case_of("samples=330" if COMPILED else "samples=150"), Part(scheme))
+    whole = finished(plan, plan.blocks)
+    for blocks in (1, 2, 5, None):
+        assert same_numbers(finished(plan, blocks), whole)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+@compiled_only
+@pytest.mark.parametrize("scheme", BY_HAND)
+def test_threads_do_not_matter(scheme):
+    plan = strong.plan(case_of("samples=330"), Part(scheme))
+    states = []
+    for threads in (1, 2):
+        with loop.limited_threads(threads):
+            states.append(finished(plan))
+    assert same_numbers(*states)
+
+
+def test_going_on_from_every_state_gives_the_same_bits():
+    plan = strong.plan(case_of("samples=330" if COMPILED else "samples=200"), Part("splitting"))
+    found = check_going_on(plan)
+    # before the first block, after each, and after each time of a step
+    assert len(found) == 1 + plan.blocks + len(plan.case.steps)
+
+
+def test_the_first_samples_of_many_are_the_samples_of_few():
+    many, few = (strong.plan(case_of(f"samples={n}"), Part("splitting")) for n in (256, 128))
+    first, all_of_few = begun(many, 2).so_far(), finished(few).total()
+    assert same_numbers(first, all_of_few)
+    for a, b in zip(errors(many, first), errors(few, all_of_few), strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_seeds_matter_and_orders_of_schemes_do_not():
+    case = case_of("schemes=[euler_maruyama, splitting]")
+    turned_round = case_of("schemes=[splitting, euler_maruyama]")
+    first = finished(strong.plan(case, Part("splitting")))
+    assert same_numbers(first, finished(strong.plan(turned_round, Part("splitting"))))
+    assert not same_numbers(first, finished(strong.plan(case.model_copy(update={"seed": 2}), Part("splitting"))))
+
+
+def test_steps_of_the_same_grid_do_not_influence_one_another():
+    """A step size that is left out, also between two others, changes nothing else."""
+    steps = ["2^-4", "2^-5", "2^-6", "2^-7"] if COMPILED else ["2^-2", "2^-3", "2^-4"]
+    whole, _ = study(case_of("schemes=[splitting]"), "splitting")
+    part, _ = study(case_of("schemes=[splitting]", f"steps=[{steps[0]}, {steps[2]}]"), "splitting")
+    for name in ("error", "error_stderr", "error_final", "casimir_drift"):
+        assert np.array_equal(part[name], whole[name][[0, 2]])

@@ -1,0 +1,212 @@
+"""Records and printed tables of weak errors."""
+
+import csv
+import io
+import json
+import math
+
+import pytest
+from helpers import printed
+from weak_results import LIMIT, H, by_differences, weak, weak_group
+
+from spi.kinds.weak.table import COLUMNS
+from spi.printing import as_csv, as_json
+from spi.report import views
+
+
+@pytest.fixture
+def results():
+    return weak(
+        weak_group("splitting", "plain", prefixes=True),
+        weak_group("splitting", "multilevel", stderr=1e-5),
+        weak_group("splitting", "kolmogorov"),
+        weak_group("splitting_order2", "multilevel", case="other", functions=1),
+    )
+
+
+def test_rows(results):
+    records = views.rows(results)
+    assert len(records) == (12 + 24) + 12 + 12 + 6
+    first = records[0]
+    assert [first[key] for key in ("case", "scheme", "estimator", "function", "h")] == [
+        *("main", "splitting", "plain", "phi", 2**-3)
+    ]
+    assert first["error"] == 0.5 / 8 + 1e-4 and first["error_stderr"] == 1e-4 and first["nonfinite"] == 3
+    assert (first["order"], first["order_low"], first["order_high"], first["expected_order"]) == (1, 0.98, 1.02, 1)
+    assert first["samples"] == 10**6 and first["cpu_seconds"] == 4 and first["reference"] == LIMIT[0]
+    exact = next(record for record in records if record["estimator"] == "kolmogorov" and record["function"] == "square")
+    assert exact["error"] == -0.1 / 8 and exact["error_bound"] == 1e-10 and exact["limit"] == LIMIT[1]
+    assert exact["expectation_bound"] == 2e-10 and "error_stderr" not in exact and "samples" not in exact
+    assert all([key for key in COLUMNS if key in record] == list(record) for record in records)
+    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
+
+
+def test_rows_of_the_first_so_many_paths(results):
+    fewer = [record for record in views.rows(results) if record.get("samples", 10**6) < 10**6]
+    assert len(fewer) == 24 and {record["samples"] for record in fewer} == {10**4, 10**5}
+    assert fewer[0]["error"] == 0.5 / 8 + 1e-3 and fewer[0]["cpu_seconds"] == 0.04 and fewer[0]["resolved"] is True
+    assert fewer[5]["resolved"] is False and "order" not in fewer[0] and "expectation" not in fewer[0]
+
+
+def test_json_and_csv(results):
+    results.groups[0].variables["error"][1][0, 0] = math.inf
+    records = views.rows(results)
+    back = json.loads(as_json(records))
+    assert back[0]["error"] is None and back[1] == records[1]
+    lines = list(csv.DictReader(io.StringIO(as_csv(records))))
+    assert float(lines[0]["error"]) == math.inf and lines[-1]["error_bound"] == ""
+
+
+def test_printed_errors(results):
+    text = printed(results)
+    assert "…" not in text and all(len(line) <= 100 for line in text.splitlines() if "±" in line)
+    assert text.count("case main, $5") == 1 and text.count("case other, $5") == 1
+    assert "6.26e-2 ± 0.02e-2" in text and "6.250000e-2 ± 1e-10" in text and "-1.250000e-2 ± 1e-10" in text
+    poor = [line.rstrip() for line in text.splitlines() if "(0e-4 ± 2e-4)" in line]
+    assert len(poor) == 1 and "2^-6 " in poor[0] and poor[0].endswith("not resolved")
+    assert "weak error (95 % or bound)" in text and "weak error (95 %)" in text
+    assert "phi = sin(2*pi*y1) + y2" in text and "square = y1^2" in text
+
+
+def test_printed_summary(results):
+    text = printed(results)
+    assert "splitting, plain, square: order 1.000 [0.980, 1.020] (expected 1), through 5 of 6 step sizes" in text
+    assert "splitting, weak order 2, multilevel: order 2.000 [1.980, 2.020] (expected 2)" in text
+    # 1.5 / 10^4.5 = 4.74e-5, and 4 s (1e-4 / 4.74e-5)^2 = 17.8 s; multilevel is better than that already
+    told = "standard error 1.0e-4 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5"
+    assert f"{told}, which would take about 18 s here\n" in text
+    assert (
+        "standard error 1.0e-5 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5\n" in text
+    )
+    assert text.count("lacks h_ref/h = 25 % of the finest error (order 1); corrected") == 1
+    assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2); corrected" in text
+    assert "E square(y(T)) = 1.610000e-1 ± 1e-10 (bound)" in text and "    degree 40\n" in text
+
+
+def test_printed_levels(results):
+    text = printed(results)
+    assert "splitting, multilevel, phi: levels" in text and "splitting, weak order 2, multilevel: levels" in text
+    assert "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95\n" in text
+    assert text.count("; with reversed twins") == 1 and "kurtosis 5" not in text and "disagree" not in text
+    rows = [line.split() for line in text.splitlines() if line.startswith("2^-3, 2^-4")]
+    assert rows[0] == ["2^-3,", "2^-4", "3.125e-2", "±", "0.014e-2", "5.00e-3", "5", "0.25", "1.00e6", "0.08"]
+
+
+def test_levels_not_to_be_trusted(results):
+    v = results.groups[1].variables
+    v["level_kurtosis"][1][0, 2], v["level_consistency"][1][1, 6], v["level_nonfinite"][1][3] = 345.6, 1.3, 7
+    v["level_kurtosis"][1][0, 0], v["level_consistency"][1][0, 0] = math.nan, math.nan
+    text = printed(results)
+    assert text.count("kurtosis 346 at 2^-7: the variance estimate is poor") == 1
+    assert text.count("consistency 1.30 at 2^-3: the means of neighbouring levels disagree") == 1
+    assert any(line.startswith("2^-6, 2^-7") and line.rstrip().endswith(" 7") for line in text.splitlines())
+
+
+def test_without_what_may_be_missing(results):
+    """No sd, no expected order, no rates, no notes that can be read."""
+    plain, multilevel, exact = results.groups[:3]
+    for group in (plain, multilevel, exact):
+        group.attributes.pop("expected_order")
+        for name in ("sd", "level_mean_rate", "level_variance_rate"):
+            group.variables.pop(name, None)
+    exact.attributes["notes"] = "{"
+    multilevel.attributes["level_cost_rate"] = math.nan
+    text = printed(weak(plain, multilevel, exact))
+    assert "standard error 1.0e-4 at 2^-3 in 4 s of processor time\n" in text and "expected" not in text
+    assert "levels: " not in text and "errors are not corrected for what it lacks, as theory states no order" in text
+
+
+def test_nothing_finite():
+    groups = [weak_group("splitting", name, prefixes=name == "plain") for name in ("plain", "multilevel", "kolmogorov")]
+    for value in (math.nan, math.inf):
+        for group in groups:
+            for name, (_, values) in group.variables.items():
+                if values.dtype == float:
+                    values[...] = value
+                elif name == "resolved":
+                    values[...] = False
+        text = printed(weak(*groups))
+        assert f"({value})" in text and "order not resolved" in text and "not finite" in text
+        as_json(views.rows(weak(*groups)))
+
+
+def test_nonfinite_paths(results):
+    lines = [line for line in printed(results).splitlines() if line.startswith("splitting ") and "2^-3" in line]
+    assert lines[0].split()[-1] == "3" and "3" not in lines[1].split()[-1]
+
+
+def test_lost_references(results):
+    assert "reference paths" not in printed(results)
+    results.groups[0].attributes["reference_nonfinite"] = 3
+    assert printed(results).count("    3 reference paths left the finite numbers") == 1
+
+
+def test_one_point_per_estimator():
+    group = weak_group("splitting", "multilevel", functions=1)
+    for name, (axes, values) in group.variables.items():
+        if axes == ("function", "h"):
+            group.variables[name] = (axes, values[:, :1])
+    one = group._replace(coordinates={**group.coordinates, "h": H[:1]})
+    assert "multilevel" in printed(weak(one)).split("order")[0]
+
+
+def test_agreement(results):
+    """Sampled errors are off by one standard error, (error - exact) / stderr = 1, -1, ..."""
+    records = views.rows(results)
+    compared = [record for record in records if "agreement" in record]
+    assert {(r["case"], r["estimator"]) for r in compared} == {("main", "plain"), ("main", "multilevel")}
+    assert len(compared) == 24 and all(record.get("samples", 10**6) == 10**6 for record in compared)
+    assert [round(record["agreement"], 4) for record in compared] == [1, -1] * 12
+    text = printed(results)
+    told = "sampled minus deterministic, in standard errors: 2^-3: 1.0, 2^-4: -1.0, "
+    assert text.count(told) == 4 and "DISAGREE" not in text
+    line = next(line for line in text.splitlines() if line.startswith(f"splitting, multilevel, phi: {told}"))
+    assert line.endswith(
+        "; standard error / weak error: " + "2^-3: 0.00016, 2^-4: 0.00032, 2^-5: 0.00064, "
+        "2^-6: 0.0013, 2^-7: 0.0026, 2^-8: 0.0051"
+    )
+
+
+def test_disagreement(results):
+    results.groups[0].variables["error"][1][1, 2] += 4e-4
+    results.groups[1].variables["error"][1][0, :] = math.nan
+    for group in results.groups[:3]:
+        group.variables["error"][1][1, 3] = 0.0
+    text = printed(results)
+    (line,) = (line for line in text.splitlines() if "DISAGREE" in line)
+    assert line.startswith("splitting, plain, square: ") and line.endswith("; DISAGREE at 2^-5")
+    assert "splitting, multilevel, phi: sampled" not in text and "2^-6: inf" not in text
+    assert math.isnan(next(r["agreement"] for r in views.rows(results) if r["estimator"] == "multilevel"))
+
+
+def test_agreement_of_other_steps(results):
+    results.groups[2].coordinates["h"] = H * 4
+    records = [record for record in views.rows(results) if record["estimator"] == "multilevel"]
+    assert [math.isnan(record["agreement"]) for record in records[:6]] == [False] * 4 + [True] * 2
+
+
+def test_long_labels_with_eps(results):
+    """eps has a line of its own, and its number is not torn from it."""
+    results.groups[0].attributes.update(scheme_label="semi-implicit Euler-Maruyama", eps=0.001)
+    lines = [line.split("  ")[0].rstrip() for line in printed(results).splitlines()]
+    assert lines[lines.index("eps = 0.001") + 1] == "plain"
+
+
+def test_differences():
+    group = by_differences()
+    text = printed(weak(group))
+    lines = text.splitlines()
+    assert lines.count("    differences to splitting_order2: variance h^1.00 [0.90, 1.10]") == 2
+    levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with reversed twins"
+    assert text.count(levels) == 2
+    assert "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2); corrected" in text
+    for function in ("phi", "square"):
+        name = f"splitting, multilevel, {function}"
+        assert f"{name}: differences to splitting_order2" in text and f"{name} of splitting_order2: levels" in text
+    group.variables["difference_kurtosis"][1][0, 2] = 150.0
+    group.variables["difference_consistency"][1][1, 0] = 1.5
+    group.variables["difference_nonfinite"][1][1] = 7
+    text = printed(weak(group))
+    assert text.count("kurtosis 150 at 2^-5: the variance estimate is poor") == 1
+    assert text.count("consistency 1.50 at 2^-3: the expectation is not that of its levels") == 1
+    assert any(line.split()[:1] == ["2^-4"] and line.split()[-1] == "7" for line in text.splitlines())

@@ -1,0 +1,132 @@
+"""Trajectories: the path and its invariants, what is stored of them, and their tables."""
+
+import json
+
+import numpy as np
+import pytest
+from helpers import INITIAL, LANES, RIGID_BODY, printed, simulate
+from states import check_going_on, finished
+from trajectory_results import trajectories, trajectory_group
+
+from spi.ensemble.protocol import casimirs, hamiltonian
+from spi.kinds.state import State
+from spi.kinds.trajectory import study
+from spi.printing import as_json
+from spi.report import views
+from spi.schemes import SCHEMES
+
+SPEC = """\
+kind: trajectory
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 2
+step: 1/8
+schemes: [splitting]
+panels: [casimirs, sphere]
+path: 70
+seed: 3
+"""
+
+
+# --- the study -------------------------------------------------------------------------------------------------------
+
+
+def test_a_path_is_that_of_the_ensemble_with_its_invariants(spec):
+    (case,) = spec(SPEC).cases
+    (part,) = study.parts(case)
+    plan = study.plan(case, part)
+    start, state = State(plan), finished(plan)
+    assert len(start.missing()) == 1 and state.missing() == []  # there is nothing left to do
+    assert len(check_going_on(plan)) == 2
+    assert [plan.progress(one)[:2] for one in (start, state)] == [(0, 1), (1, 1)]
+    assert plan.cost().path_steps == 16 * LANES and plan.cost().bytes >= state.total().y.nbytes
+    reading = views.readings(trajectories(plan.group(state)))[0]
+    found, _ = simulate(SCHEMES["splitting"].record, h=1 / 8, steps=16, snapshots=0, blocks=2, seed=3)
+    np.testing.assert_array_equal(reading.y[1:], found[0][:, :, 70])
+    assert not np.array_equal(reading.y[1:], found[0][:, :, 6])  # the same lane of another block
+    np.testing.assert_array_equal(reading.y[0], INITIAL)
+    np.testing.assert_array_equal(reading.t, np.arange(17) / 8)
+    y = tuple(reading.y.T)
+    np.testing.assert_allclose(reading.hamiltonian, hamiltonian(RIGID_BODY, y), rtol=1e-14)
+    np.testing.assert_allclose(reading.casimirs[:, 0], casimirs(RIGID_BODY, y)[0], rtol=1e-14)
+    assert reading.casimir_drift[0] == np.abs(reading.casimirs - reading.casimirs[0]).max() < 1e-14
+    assert (reading.panels, reading.path, reading.step) == (("casimirs", "sphere"), 70, 1 / 8)
+    assert (reading.nonfinite_from, reading.solver, reading.largest_angle < np.pi) == (None, None, True)
+
+
+# --- readings --------------------------------------------------------------------------------------------------------
+
+T = np.arange(5) * 0.25
+
+
+def group(scheme, casimirs=2, **attributes):
+    y = np.column_stack([1.0 + T, -T])
+    if scheme == "euler_maruyama":
+        y[3:] = np.nan
+    kept = np.outer(1 + 1e-15 * T, 1.0 + np.arange(casimirs))
+    drift = tuple(1e-15 * 2**c for c in range(casimirs))
+    hamiltonian = np.where(np.isnan(y[:, 0]), np.nan, 2.0 - T / 3)
+    told = {"scheme_label": SCHEMES[scheme].label, "case_title": "one [path]", "casimir_drift": drift}
+    return trajectory_group(scheme, T, y, kept, hamiltonian=hamiltonian, **told, **attributes)
+
+
+SOLVER = {"solver_failures": 2, "solver_iterations_mean": 3.25, "solver_largest_residual": 1e-15}
+
+
+@pytest.fixture
+def results():
+    groups = [group("euler_maruyama", case="one"), group("midpoint", case="one", **SOLVER)]
+    return trajectories(*groups, group("splitting", 0, case="two"), title="Trajectories")
+
+
+def test_a_reading_says_what_its_scheme_preserves():
+    told = {
+        scheme: (reading.preserves_nothing, reading.preserves_casimirs)
+        for scheme in SCHEMES
+        for reading in views.readings(trajectories(group(scheme)))
+    }
+    assert {scheme for scheme, (nothing, _) in told.items() if nothing} == {
+        *("euler_maruyama", "multiscale_euler", "multiscale_euler_semi_implicit"),
+    }
+    assert {scheme for scheme, (_, kept) in told.items() if kept} == {
+        *("splitting", "splitting_drift_first", "splitting_areas", "splitting_order2", "splitting_symmetric"),
+        *("isospectral_midpoint", "ap_splitting", "ap_splitting_midpoint"),
+    }
+
+
+def test_what_is_optional(results):
+    lost, implicit, bare = views.readings(results)
+    assert (lost.nonfinite_from, implicit.nonfinite_from) == (0.75, None)
+    assert lost.lowest.tolist() == [1.0, -0.5] and implicit.lowest.tolist() == [1.0, -1.0]
+    assert implicit.solver == (2, 3.25, 1e-15) and lost.solver is None
+    assert bare.casimir_drift == () and bare.casimirs.shape == (5, 0)
+
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+def test_rows(results):
+    records = views.rows(results)
+    assert len(records) == 15
+    columns = ["case", "scheme", "t", "y_1", "y_2", "hamiltonian", "casimir_1", "casimir_2"]
+    assert list(records[0]) == columns and list(records[-1]) == columns[:-2]
+    assert records[7] == dict(
+        zip(columns, ("one", "midpoint", 0.5, 1.5, -0.5, 2 - 0.5 / 3, 1 + 5e-16, 2 + 1e-15), strict=True)
+    )
+    assert json.loads(as_json(records))[3]["y_1"] is None
+    assert all(type(value) in (str, float) for record in records for value in record.values())
+
+
+def test_rows_name_scheme_and_eps_apart():
+    (first, *_) = views.rows(trajectories(group("ap_splitting", eps=0.01)))
+    assert (first["scheme"], first["eps"]) == ("ap_splitting", 0.01)
+
+
+def test_printed(results):
+    text = printed(results)
+    assert "Trajectories" in text and "one [path]" in text and all(len(line) <= 100 for line in text.splitlines())
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if " 2^-2 " in line}
+    assert rows["Euler-Maruyama"] == ["2^-2", "4", "nan", "1.0e-15", "2.0e-15", "-0.5", "0.75"]
+    assert rows["midpoint"] == ["2^-2", "4", "1.66667", "1.0e-15", "2.0e-15", "-1", "2", "3.2"]
+    assert rows["splitting"] == ["2^-2", "4", "1.66667", "-1"]
+    assert text.count("of C1") == 1 and text.count("failures") == 1

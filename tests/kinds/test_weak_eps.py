@@ -1,0 +1,196 @@
+"""Weak errors at several eps: the largest over eps, what tables say of it, and figures."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from helpers import printed
+from matplotlib.colors import to_hex
+from view_helpers import rendered
+from weak_results import H, at_eps, weak, weak_group
+
+from spi.drawing import style
+from spi.report import views
+from spi.schemes import SCHEMES
+from spi.statistics.estimators import GROUPS, largest_over
+from spi.storage.records import Description, by_case
+
+EPS = (1e-2, 1e-3, 1e-4)
+WORST = 1 + np.array([0.0, 0.1, -0.2])  # errors of the three eps, relative to one another
+
+
+@pytest.fixture(autouse=True)
+def no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **attributes):
+    return [at_eps(scheme, e, functions, factor, **attributes) for e, factor in zip(eps, factors, strict=True)]
+
+
+def looks_of(results):
+    return style.looks(by_case(views.readings(results)))
+
+
+def legend_texts(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_largest():
+    h, exact = H[:4], np.array([[1.0, 0.4, 0.25, 0.1], [-0.9, -0.5, -0.2, -0.125]])
+    noise = 1e-3 * np.linspace(-1, 1, GROUPS)
+    top = largest_over(h, exact, exact[:, None] * (1 + noise[:, None] / (GROUPS - 1)))
+    assert top.which.tolist() == [0, 1, 0, 1] and top.value.tolist() == [1.0, 0.5, 0.25, 0.125]
+    # of a mean over equal groups with these deviations
+    np.testing.assert_allclose(top.stderr, top.value * noise.std(ddof=1) / math.sqrt(GROUPS), rtol=1e-9)
+    assert top.resolved.all() and 0.9 < top.order.low < 1 < top.order.high < 1.1 and top.order.points == 4
+
+
+def test_largest_of_what_is_not_finite():
+    errors = np.array([[np.nan, np.inf, 0.25], [0.5, 0.4, 0.1]])
+    top = largest_over(H[:3], errors, np.repeat(errors[:, None], 4, axis=1))
+    assert top.which.tolist() == [0, 0, 0] and math.isnan(top.value[0]) and top.value[1] == np.inf
+    assert top.resolved.tolist() == [False, False, True] and math.isnan(top.order.order)
+
+
+def test_table_of_the_largest():
+    text = printed(weak(*several_eps(functions=2), weak_group("splitting", "multilevel")))
+    for name in ("phi", "square"):
+        (line,) = (line for line in text.splitlines() if f"AP splitting, multilevel, {name}, largest over eps:" in line)
+        order, low, high = (float(x) for x in line.replace("[", "").replace("]", "").replace(",", "").split()[-5:-2])
+        assert low < order < high and abs(order - 1) < 0.01 and line.endswith("(expected 1)")
+    assert (
+        text.count("(eps = 0.001), 2^-") == 2 * 5
+        and "e-2 ± 0.02e-2 (eps = 0.001), 2^-4: 3.44e-2 ± 0.02e-2 (eps" in text
+    )
+    edge = "eps < sqrt(h_ref) = 0.031 (eps = 0.01, 0.001, 0.0001): the reference shows the scheme's own limit"
+    assert text.count(edge) == 1 and text.count("largest over eps") == 2
+
+
+def test_table_where_eps_is_resolved_or_the_reference_another():
+    text = printed(weak(*several_eps(eps=(1.0, 0.5, 0.0), reference_scheme="ap_splitting")))
+    assert "sqrt(h_ref)" not in text and "(eps = 0.5)" in text
+    assert "the reference at h_ref = 2^-10 is ap_splitting: errors are not corrected for what it lacks" in text
+    text = printed(weak(*several_eps(eps=(1.0, 0.5, 1e-3), reference_scheme="ap_splitting")))
+    assert "= 0.031 (eps = 0.001): the reference shows the limit of ap_splitting" in text
+
+
+@pytest.mark.parametrize("lacking", ["one eps", "no values left out"])
+def test_no_largest(lacking):
+    groups = several_eps()[: 1 if lacking == "one eps" else None]
+    if lacking != "one eps":
+        groups[1].variables.pop("error_without")
+    assert "largest" not in printed(weak(*groups))
+    assert "largest" not in " ".join(legend_texts(views.figure(weak(*groups)).axes[0]))
+
+
+def test_errors_at_several_eps():
+    groups = [*several_eps(), weak_group("splitting", "multilevel", functions=1)]
+    (ax,) = rendered(views.figure(weak(*groups))).axes
+    labels = legend_texts(ax)
+    assert labels[:4] == [
+        *(rf"AP splitting, $\varepsilon=10^{{-{n}}}$: order 1.00 [0.98, 1.02]" for n in (2, 3, 4)),
+        "splitting: order 1.00 [0.98, 1.02]",
+    ]
+    assert labels[4].startswith(r"largest over $\varepsilon$: order 1.00 [") and labels[5] == "slope 1"
+    assert labels[-1] == r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit"
+    found = [container[0] for container in ax.containers]
+    assert [line.get_markersize() for line in found] == [13.0, 9.25, 5.5, 3.5]
+    assert [line.get_marker() for line in found] == ["o", "o", "o", "D"]
+    assert len({to_hex(line.get_color()) for line in found}) == 4
+    (top,) = (line for line in ax.lines if line.get_label().startswith("largest"))
+    np.testing.assert_allclose(np.sort(top.get_ydata()), np.sort(groups[1].variables["error"][1][0]))
+
+
+def test_one_eps_looks_like_its_scheme():
+    looks = looks_of(weak(*several_eps()[:1], *several_eps(scheme="new", eps=(1.0, 0.1, 0.01))))
+    assert looks["ap_splitting_eps_0.01"] == looks["ap_splitting"] == SCHEMES["ap_splitting"].look
+    assert looks["new"] == style.OTHERS[0] and len({looks[f"new_eps_{e}"] for e in ("1", "0.1", "0.01")}) == 3
+    reverse = looks_of(weak(*several_eps()[::-1]))
+    assert reverse == looks_of(weak(*several_eps())) and reverse["ap_splitting_eps_0.01"][0] == style.SEQUENCES[0][0]
+
+
+def test_labels():
+    group = several_eps()[0]
+    for eps, text in ((1.0, "1"), (0.1, "10^{-1}"), (0.3, "0.3"), (0.0, "0"), (1e-5, "10^{-5}")):
+        one = group._replace(attributes=group.attributes | {"eps": eps, "scheme_label": "a $"})
+        about = Description.of(one)
+        assert style.label(about) == rf"a \$, $\varepsilon={text}$" and style.label(about, with_eps=False) == r"a \$"
+
+
+def failing(functions=1, eps=(1.0, 0.1, 1e-3), **attributes):
+    """A scheme that stays accurate, one that explodes, one with a wrong limit, and one that knows no eps."""
+    groups = several_eps(functions, eps=eps, panels=("eps",), **attributes)
+    groups += several_eps(functions, "multiscale_euler", eps, (1, 4, np.nan), panels=("eps",))
+    groups += several_eps(functions, "multiscale_euler_semi_implicit", eps, (1, 8, 16), panels=("eps",))
+    return [*groups, weak_group("splitting", "multilevel", functions=functions, panels=("eps",))]
+
+
+def test_against_eps():
+    results = weak(*(at_one_step(group) for group in failing()))
+    (ax,) = rendered(views.figure(results)).axes
+    assert (ax.get_xscale(), ax.get_yscale(), ax.get_xlabel()) == ("log", "log", r"$\varepsilon$")
+    assert ax.get_title() == "$h=2^{-3}$" and ax.get_ylabel().startswith("weak error")
+    assert legend_texts(ax) == [
+        *("AP splitting", "explicit Euler-Maruyama", "semi-implicit Euler-Maruyama", "splitting"),
+        *("paths left the finite numbers", r"$h=2\,\varepsilon^2$"),
+        r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit",
+    ]
+    for container, group in zip(ax.containers, (results.groups[i] for i in (0, 3, 6)), strict=True):
+        line = container[0]
+        assert line.get_marker(), line.get_color() == SCHEMES[group.attributes["scheme"].look]
+        assert line.get_ydata()[0] == abs(group.variables["error"][1][0, 0])
+        np.testing.assert_allclose(line.get_xdata(), [1.0, 0.1, 1e-3][: len(line.get_xdata())], rtol=0.3)
+    (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0])
+    assert edge.get_color() == SCHEMES["multiscale_euler"].look[1]
+    (stable,) = (line for line in ax.lines if line.get_label().startswith("$h=2"))
+    assert stable.get_xdata() == [0.25, 0.25]
+    (level,) = (line for line in ax.lines if line.get_label() == "splitting")
+    assert set(level.get_ydata()) == {results.groups[-1].variables["error"][1][0, 0]}
+    low, high = ax.get_xlim()
+    assert low < 1e-3 and high > 1.0
+
+
+def at_one_step(group):
+    """The same at the largest step only."""
+    of_steps = {name: values for name, values in group.variables.items() if values[0][-1:] == ("h",)}
+    shorter = {name: (axes, values[..., :1]) for name, (axes, values) in of_steps.items()}
+    coordinates = {**group.coordinates, "h": H[:1]}
+    return group._replace(coordinates=coordinates, variables=group.variables | shorter)
+
+
+def test_against_eps_at_several_steps():
+    fig = views.figure(weak(*failing(functions=2)))
+    titles = [ax.get_title().splitlines() for ax in fig.axes]
+    assert [lines[-1] for lines in titles] == [f"$h=2^{{-{n}}}$" for n in range(3, 9)] * 2
+    assert [len(lines) for lines in titles] == [2, 1, 1, 1, 1, 1] * 2 and titles[6][0].startswith("square")
+    spots = [ax.get_subplotspec() for ax in fig.axes]
+    assert max(s.colspan.start for s in spots) == 2 and max(s.rowspan.start for s in spots) == 3
+
+
+def test_hollow_against_eps():
+    groups = [at_one_step(group) for group in several_eps(panels=("eps",), reference_scheme="ap_splitting")]
+    groups[1].variables["resolved"][1][...] = False
+    (ax,) = views.figure(weak(*groups)).axes
+    filled, hollow = (container[0] for container in ax.containers)
+    assert len(filled.get_xdata()) == 2 and len(hollow.get_xdata()) == 1 and hollow.get_markerfacecolor() == "none"
+    assert legend_texts(ax)[1] == "hollow: not resolved" and legend_texts(ax)[-1].endswith("the limit of AP splitting")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
+def test_nothing_to_see_against_eps(value):
+    groups = [at_one_step(group) for group in failing(eps=(1.0, 0.1, 0.0))]
+    for group in groups:
+        group.variables["error"][1][...] = value
+        group.variables["resolved"][1][...] = False
+    rendered(views.figure(weak(*groups)))
+    printed(weak(*groups))
+
+
+def test_no_eps():
+    for groups in ([weak_group("splitting", "plain", panels=("eps",))], several_eps(eps=(0.0,) * 3, panels=("eps",))):
+        with pytest.raises(ValueError, match="'eps' needs a scheme with eps > 0"):
+            views.figure(weak(*groups))

@@ -1,0 +1,90 @@
+"""Plain sampling of weak errors against sums written out in NumPy."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers import COMPILED
+from states import check_going_on, finished, same_numbers
+from weak_cases import (
+    FUNCTIONS,
+    case_of,
+    extended,
+    has_order,
+    plan_of,
+    results_of,
+    stderr_by_hand,
+    values_by_hand,
+)
+
+from spi.schemes import SCHEMES
+from spi.statistics.estimators import is_resolved
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+# --- plain -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("samples", [200, 511] if COMPILED else [70])
+@pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
+def test_plain_is_what_plain_numpy_finds(scheme, samples):
+    case = case_of(f"samples={samples}", "seed=11")
+    found, attributes = results_of(case, scheme, "plain")
+    values = values_by_hand(case, scheme)
+    reference = values[case.reference_step]
+    np.testing.assert_allclose(found["reference"], reference.mean(axis=1), rtol=1e-12)
+    for i, h in enumerate(case.steps):
+        errors = (values[h] - reference) / extended(case, scheme, h)
+        for f in range(len(FUNCTIONS)):
+            assert math.isclose(found["error"][f, i], errors[f].mean(), rel_tol=1e-10)
+            assert math.isclose(found["error_stderr"][f, i], stderr_by_hand(errors[f]), rel_tol=1e-8)
+            assert math.isclose(found["expectation"][f, i], values[h][f].mean(), rel_tol=1e-10)
+            assert math.isclose(found["expectation_stderr"][f, i], stderr_by_hand(values[h][f]), rel_tol=1e-8)
+            # with what the number of groups leaves to chance
+            textbook = errors[f].std(ddof=1) / math.sqrt(samples)
+            assert abs(found["error_stderr"][f, i] / textbook - 1) < 0.5
+    assert np.array_equal(found["resolved"], np.abs(found["error"]) >= 4 * found["error_stderr"])
+    assert not found["nonfinite"].any() and attributes["reference_nonfinite"] == 0
+    assert attributes["samples"] == samples
+    assert attributes["functions"][1] == "y1^2"
+    assert attributes["expected_order"] == SCHEMES[scheme].weak_order
+
+
+@pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
+def test_plain_does_not_depend_on_batches_or_interruptions(scheme):
+    """Prefixes within, at the beginning and at the end of blocks and of calls."""
+    samples, prefixes = (600, "[1, 64, 100, 128, 300, 600]") if COMPILED else (130, "[1, 64, 100, 128]")
+    p = plan_of(case_of(f"samples={samples}", f"prefixes={prefixes}"), scheme, "plain")
+    whole = finished(p, p.blocks)
+    for blocks in (1, 2, 4, None):
+        assert same_numbers(finished(p, blocks), whole)
+    assert len(check_going_on(p)) == 1 + p.blocks
+
+
+def test_results_for_the_first_samples_are_those_of_a_shorter_run():
+    samples, prefixes = (600, (64, 100, 512, 600)) if COMPILED else (130, (64, 100))
+    case = case_of(f"samples={samples}", f"prefixes={list(prefixes)}")
+    found, _ = results_of(case, "splitting_order2", "plain")
+    for i, n in enumerate(prefixes):
+        few, _ = results_of(case.model_copy(update={"samples": n, "prefixes": None}), "splitting_order2", "plain")
+        assert np.array_equal(found["prefix_error"][i], few["error"])
+        assert np.array_equal(found["prefix_error_stderr"][i], few["error_stderr"])
+    assert np.all(np.diff(found["prefix_cpu_seconds"]) >= 0)
+
+
+@compiled_only
+def test_common_paths_resolve_errors_that_independent_paths_do_not():
+    """Negative control for the coupling: the same number of samples, the reference with random numbers of its own."""
+    case = case_of("steps=2^-5 .. 2^-7", "reference_step=2^-9", "samples=16384")
+    common, _ = results_of(case, "splitting", "plain")
+    other, _ = results_of(case.model_copy(update={"seed": 2}), "splitting", "plain")
+    assert common["resolved"].all()
+    assert has_order(common, 1)
+    independent = common["expectation"] - other["reference"][:, np.newaxis]
+    values = values_by_hand(case, "splitting", seed=2)[case.reference_step]
+    stderr = np.hypot(common["expectation_stderr"], values.std(axis=1, keepdims=True) / math.sqrt(case.samples))
+    assert not is_resolved(np.abs(independent), stderr).any()
+    assert np.all(np.abs(independent - common["error"]) < 4 * stderr + 0.2 * np.abs(common["error"]))
+    gain = stderr / common["error_stderr"]
+    assert np.all(np.diff(gain, axis=1) > 0) and gain.min() > 4  # the smaller h, the more

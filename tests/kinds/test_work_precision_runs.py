@@ -1,0 +1,147 @@
+"""The study of work and precision stopped and resumed, from a spec to a file, and its specs."""
+
+import copy
+import functools
+
+import numpy as np
+import pytest
+import work_study_cases
+from helpers import COMPILED
+from states import check_going_on, finished, same_numbers, taken
+from work_study_cases import STRONG, WEAK, Clock, group_of, same
+
+from spi import storage
+from spi.kinds.state import State
+from spi.kinds.strong import study as strong
+from spi.running import runs as runner
+from spi.specs import SpecError
+
+# fixtures
+spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
+
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+# --- stopped and resumed ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def one_step(spec):
+    """An experiment whose times are measured at one step size, three times."""
+    if not COMPILED:
+        pytest.skip("the errors take a while without the compiler")
+    return spec(STRONG + "repeats: 3\n", overrides=["steps=[2^-2]", "schemes=[splitting]"])
+
+
+def test_a_stopped_measurement_goes_on_with_the_repeats_that_are_left(one_step, monkeypatch, tmp_path):
+    """The first and the third call warm up; 2, 4 and 6 are measured, the first of them before the run is stopped."""
+    clock = Clock(monkeypatch, rates=(100.0, 2.0, 100.0, 4.0, 6.0))
+
+    def stop_after_the_first_repeat(progress):
+        if len(clock.calls) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(runner.Stopped):
+        runner.run(one_step, tmp_path, watch=runner.Watch(stop_after_the_first_repeat))
+    monkeypatch.setattr(strong.StrongPlan, "rows", lambda *_: pytest.fail("the errors are known"))
+    (found,) = storage.read(runner.run(one_step, tmp_path)).groups
+    assert len(clock.calls) == 5
+    quartiles = [found.arrays[f"seconds_per_path{end}"].tolist() for end in ("_low", "", "_high")]
+    assert quartiles == [[2.0**-20 * rate * 4] for rate in (3.0, 4.0, 5.0)]
+
+
+def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, tmp_path):
+    """What the plan of the errors knows besides its paths stands within what the plan itself knows."""
+    Clock(monkeypatch)
+    (plan,) = runner.plans(one_step)
+    last = finished(plan)
+    storage.write_sums(tmp_path / "sums.npz", {}, {"main/splitting": last.plain()})
+    _, kept = storage.read_sums(tmp_path / "sums.npz")
+    again = taken(plan, kept["main/splitting"])
+    assert type(again.more) is type(last.more) and type(again.more.of_errors) is type(last.more.of_errors)
+    assert type(again.total()) is type(last.total())
+    assert same_numbers(again, last) and np.array_equal(again.more.times, last.more.times)
+    assert again.seconds == last.seconds
+    for record in (("more", "times"), ("more", "of_errors", "ns_per_step"), ("path_sets", 0, "short", 0, 1, "squares")):
+        rest = copy.deepcopy(kept["main/splitting"])
+        within = functools.reduce(lambda inner, key: inner[key], record[:-1], rest)
+        del within[record[-1]]
+        begun = State(plan)
+        with pytest.raises(ValueError, match=f"in place of .*{record[-1]}"):
+            begun.take(rest)
+        assert begun.so_far().paths == 0 and (record[0] == "path_sets" or np.isnan(begun.more.times).all())
+
+
+def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):
+    Clock(monkeypatch)
+    (plan,) = runner.plans(one_step)
+    found = check_going_on(plan)
+    *errors, first, second, third = (plan.progress(taken(plan, plain)) for plain in found)
+    assert (errors[0].done, errors[-1].done) == (0, 70) and all(progress.total == 70 for progress in errors)
+    for repeats, progress in enumerate((first, second, third), 1):
+        assert progress.done / progress.total == pytest.approx(repeats / 3)
+        assert progress.stderr == errors[-1].stderr > 0
+
+
+# --- through the one path from a spec to a file ----------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("few_steps")
+def test_a_run_writes_errors_and_times(spec, tmp_path):
+    cases = "cases:\n  - name: paths\n  - {name: laws, functions: y1^2, estimators: [kolmogorov]}\n"
+    experiment = spec("samples: 70\nrepeats: 3\n" + cases, overrides=["schemes=[splitting]"])
+    results = storage.read(runner.run(experiment, tmp_path))
+    assert results.attributes["kind"] == "work_precision"
+    paths, laws = results.groups
+    assert [g.case for g in (paths, laws)] == ["paths", "laws"]
+    assert {(g.variant, g.estimator) for g in (paths, laws)} == {("splitting", "")}
+    assert [g.attributes["measure"] for g in (paths, laws)] == ["strong", "weak"]
+    for group in (paths, laws):
+        assert len(group.attributes["targets"]) > 0 and group.attributes["repeats"] == 3
+        assert set(group.variables) >= {"error", "error_stderr", "resolved", "seconds_per_path", "ns_per_step"}
+    direct = group_of(spec(STRONG, overrides=["schemes=[splitting]"]), "splitting")
+    assert same(paths.variables["error"][1], direct.variables["error"][1])
+
+
+# --- specs -----------------------------------------------------------------------------------------------------------
+
+
+def test_defaults(spec):
+    case = spec(STRONG).cases[0]
+    assert (case.targets, case.repeats, case.functions, case.estimators) == (None, 15, {}, ())
+    case = spec(WEAK.format(estimators="multilevel") + "targets: [1/8]\nrepeats: 3\n").cases[0]
+    assert (case.targets, case.repeats, case.estimators) == ((0.125,), 3, ("multilevel",))
+
+
+ESTIMATORS = "add estimators: some of plain, multilevel, kolmogorov"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (STRONG + "estimators: [plain]\n", "9: estimators: is for weak errors; leave it out, or give functions"),
+        (STRONG + "functions: y1\n", f"1: estimators: missing key 'estimators'; {ESTIMATORS}"),
+        (
+            "functions: {a: y1, b: y2}\nestimators: [multilevel]\nseconds: 1\n",
+            "8: functions: has 2 functions; must have one, for one error",
+        ),
+        ("repeats: 5\n", "1: samples: missing key 'samples'; add samples: number of Brownian paths"),
+        (STRONG + "repeats: 2\n", "9: repeats: is '2'; must be at least 3"),
+        (STRONG + "repeats: 1001\n", "9: repeats: is '1001'; must be at most 1000"),
+        (STRONG + "targets: [0.1, 0]\n", "9: targets: entry 2 is '0'; must be greater than 0"),
+        (STRONG + "targets: []\n", "9: targets: is an empty list; must have at least 1 item"),
+        (STRONG + "panels: [errors]\n", "9: panels: is no known key;"),
+        (STRONG + "prefixes: [10]\n", "9: prefixes: is no known key;"),
+        (
+            "functions: y1\nestimators: [plain]\n",
+            "1: samples: missing key 'samples', needed by the estimator 'plain'; add samples: number of Brownian paths",
+        ),
+    ],
+)
+def test_bad_specs(spec, text, message):
+    with pytest.raises(SpecError) as caught:
+        spec(text)
+    found = str(caught.value)
+    assert found == f"s.yaml:{message}" if not message.endswith(";") else found.startswith(f"s.yaml:{message}")
+    assert len(found.splitlines()) == 1

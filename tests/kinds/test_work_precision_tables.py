@@ -1,0 +1,159 @@
+"""Readings and tables of work and precision, from results made by hand."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from helpers import printed
+from work_cases import answers
+from work_results import H, work_group, work_results
+
+from spi import printing
+from spi.kinds.work_precision.reading import read, requested
+from spi.kinds.work_precision.reading.work_points import interval_of_median
+from spi.kinds.work_precision.table import COLUMNS
+from spi.printing.text import duration
+from spi.report import views
+from spi.storage.records import Results
+
+# --- tables ----------------------------------------------------------------------------------------------------------
+
+
+def test_rows():
+    records = views.rows(work_results())
+    assert len(records) == 3 * 5 * 9
+    first, weak = records[0], records[-1]
+    assert list(first) == [name for name in COLUMNS if name not in ("error_bound", "eps", "extrapolate")]
+    missing = {"eps", "extrapolate", "error_stderr", "casimir_drift", "samples"}
+    assert list(weak) == [name for name in COLUMNS if name not in missing]
+    group = work_group("one", "euler_maruyama")
+    values = {name: values for name, (_, values) in group.variables.items()}
+    assert first["error"] == values["error"][0] and first["casimir_drift"] == values["casimir_drift"][0].max()
+    assert first["seconds_per_path_high"] == values["seconds_per_path_high"][0] and first["h"] == 0.125
+    lost = records[45]
+    assert lost["nonfinite"] == 512 and lost["casimir_drift"] == math.inf and lost["resolved"] is False
+    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
+    assert json.loads(printing.as_json(records))[45]["error"] is None
+    bare = work_group("one", "splitting")
+    del bare.variables["nonfinite"]
+    assert "nonfinite" not in views.rows(Results({"kind": "work_precision"}, (bare,)))[0]
+
+
+def test_a_scheme_at_several_eps_keeps_its_name():
+    group = work_group("one", "splitting")
+    groups = [
+        group._replace(variant=f"splitting_eps_{eps:g}", attributes=group.attributes | {"eps": eps})
+        for eps in (0.1, 0.01)
+    ]
+    results = Results({"kind": "work_precision"}, tuple(groups))
+    records = views.rows(results)
+    assert [(r["scheme"], r["eps"]) for r in records[::9]] == [("splitting", 0.1), ("splitting", 0.01)]
+    assert "splitting, eps = 0.1: order" in printed(results)
+
+
+# --- readings --------------------------------------------------------------------------------------------------------
+
+
+def test_reading_of_strong_errors():
+    group = work_group("lost", "euler_maruyama")
+    found = read(group)
+    assert (found.measure, found.exact, found.estimator, found.functions) == ("strong", False, "", ())
+    assert (found.samples, found.order.points, found.about.variant) == (500, 9, "euler_maruyama")
+    v = group.arrays
+    for name in ("error", "error_stderr", "resolved", "nonfinite", "seconds_per_path", "ns_per_step"):
+        np.testing.assert_array_equal(getattr(found, name), v[name])
+    np.testing.assert_array_equal(found.casimir_drift, np.maximum(*v["casimir_drift"].T))
+    np.testing.assert_array_equal(found.half, 1.96 * v["error_stderr"])
+    np.testing.assert_array_equal(found.curve.half, found.half)
+    ends = interval_of_median(v["seconds_per_path"], v["seconds_per_path_low"], v["seconds_per_path_high"], 7)
+    np.testing.assert_array_equal(found.curve[4:], [v["seconds_per_path"], *ends])
+
+
+def test_reading_of_weak_errors():
+    """A bound takes the place of half an interval, and there are no Casimirs."""
+    group = work_group("weak", "splitting", "weak")
+    del group.variables["nonfinite"]
+    found = read(group)
+    assert (found.measure, found.exact, found.estimator, found.samples) == ("weak", True, "kolmogorov", None)
+    assert found.functions == ("sin(6.283185307179586*y1)",)
+    assert found.casimir_drift is None and found.nonfinite is None
+    np.testing.assert_array_equal(found.half, group.arrays["error_stderr"])
+    none = work_group("one", "splitting")
+    none.variables["casimir_drift"] = ("h", "casimir"), np.empty((9, 0))
+    assert read(none).casimir_drift is None
+
+
+def test_requested_errors_of_all_schemes_are_asked_for():
+    readings = [read(work_group("one", scheme)) for scheme in ("splitting", "midpoint")]
+    readings[1] = readings[1]._replace(targets=(0.5, 0.01))
+    assert requested(readings) == [1e-3, 0.01, 0.1, 0.5]
+
+
+def test_printed_table():
+    text = printed(work_results())
+    assert "…" not in text and max(map(len, text.splitlines())) <= 100
+    assert "Work and precision" in text and "strong noise" in text
+    first = next(line for line in text.splitlines() if line.startswith("midpoint"))
+    assert first.split()[1:6] == ["2^-3", "1.23e-1", "±", "0.03e-1", "493"]
+    lost = [line for line in text.splitlines() if line.rstrip().endswith(("not finite", "not resolved"))]
+    assert len(lost) == 4 and "(inf)" in lost[0] and "512" in lost[0] and "(1.4e-8 ± 1.0e-8)" in lost[-1]
+    assert "splitting, weak order 2: order 2.010 [1.990, 2.030] (expected 2)" in text
+    assert "strong error (95 %)" in text and "weak error (bound)" in text and "sin(2*pi*y1)" in text
+    assert "to T = 1, the median of 7 repeats" in text
+
+
+def test_printed_answers():
+    strong, _, weak = answers(printed(work_results()))
+    assert list(strong) == ["1e-1", "1e-2", "1e-3"] and list(weak) == ["1e-2", "1e-4", "1e-6"]
+    assert strong["1e-1"].split()[1:5] == ["splitting", "2^-4.9", "265", "ns"]
+    assert strong["1e-1"].split()[5:] == ["1.83", "2.9", "1", "tie", "1.04", "1.37"]
+    assert strong["1e-2"].split()[1:] == ["midpoint", "2^-10.3", "76.5", "µs", "-", "1", "-", "-", "-"]
+    assert strong["1e-3"].split()[1:] == ["none", *"-----"]
+    assert weak["1e-2"].split()[5:] == ["1.76", "≤", "4.8", "1", "1.26", "≤", "1.10"]
+    assert weak["1e-6"].split()[1:] == ["splitting,", "weak", "order", "2", "2^-7.9", "3.43", "µs", *"----", "1"]
+
+
+def test_answers_at_the_largest_step():
+    """Where nothing is known of larger steps."""
+    groups = [work_group("one", scheme, noisy=False) for scheme in ("splitting", "midpoint", "splitting_order2")]
+    for group in groups:
+        group.attributes["targets"] = (10.0, 0.19)
+    text = printed(Results({"kind": "work_precision"}, tuple(groups)))
+    (found,) = answers(text)
+    assert found["1e1"].split() == ["1e1", "splitting", "2^-3", "≤", "68.0", "ns", "1", "(7.2)", "(1.65)"]
+    assert found["1.9e-1"].split() == ["1.9e-1", "splitting", "2^-3.1", "71.2", "ns", "1", "≤", "6.9", "≤", "1.57"]
+    assert (
+        "≤: the largest step" in text and "( ): so it is for both" in text and "tie:" not in text and "\n-:" not in text
+    )
+
+
+@pytest.mark.parametrize(("exact", "told"), [(True, "1.10"), (False, "tie 1.10")])
+def test_bounds_are_not_widened(exact, told):
+    """Errors of 5 % make one of 0.05 or of 1.96 * 0.05 in the logarithm of each time; the two are 1.1 apart."""
+    groups = [work_group("weak", scheme, "weak", noisy=False) for scheme in ("splitting", "splitting_drift_first")]
+    for group, factor in zip(groups, (1.0, 1.1), strict=True):
+        values = {"error": 0.1 * H, "error_stderr": 0.005 * H, "resolved": H > 0}
+        values |= dict.fromkeys([f"seconds_per_path{end}" for end in ("", "_low", "_high")], 1e-8 * factor / H)
+        group.variables.update((name, (("h",), value)) for name, value in values.items())
+        group.attributes.update(exact=exact, targets=(1e-3,))
+    (found,) = answers(printed(Results({"kind": "work_precision"}, tuple(groups))))
+    assert found["1e-3"].split("1  ")[-1].strip() == told
+
+
+def test_remarks_only_for_marks_that_occur():
+    text = printed(work_results(("one",), ("splitting", "splitting_drift_first")))
+    assert "tie: the 95 % interval" in text and "-: not reached" in text and "≤" not in text and "( )" not in text
+
+
+def test_a_note_stands_under_its_scheme():
+    results = work_results(["one"])
+    results.groups[1].attributes["note"] = "at 2^-11: not resolved"
+    lines = printed(results).splitlines()
+    assert lines[lines.index("    at 2^-11: not resolved") - 1].startswith("midpoint: order")
+
+
+def test_durations():
+    seconds = [4.83e-8, 9.996e-7, 1e-6, 1.2345e-5, 0.1, 3.0, 4321.0, 2e-13, math.nan]
+    told = ["48.3 ns", "1.00 µs", "1.00 µs", "12.3 µs", "100 ms", "3.00 s", "4321 s", "0.20 ps", "nan"]
+    assert [duration(s) for s in seconds] == told

@@ -1,0 +1,171 @@
+"""Figures of work and precision, from results made by hand."""
+
+import math
+
+import numpy as np
+import pytest
+import work_cases
+from helpers import printed
+from matplotlib.colors import to_hex
+from work_cases import answers
+from work_results import MADE_UP, H, work_group, work_results
+
+from spi.report import views
+from spi.schemes import SCHEMES
+from spi.storage.records import Results
+
+# fixtures
+no_warnings = work_cases.no_warnings
+
+
+@pytest.fixture(scope="module")
+def figure():
+    return views.figure(work_results())
+
+
+def series(ax, scheme):
+    """The points of a scheme, without those of the legend."""
+    marker, colour = SCHEMES[scheme].look
+    lines = [line for line in ax.lines if line.get_marker() == marker and to_hex(line.get_color()).upper() == colour]
+    return [line for line in lines if len(line.get_xdata())]
+
+
+def edge(ax, end):
+    return {tuple(np.ravel(line.get_xdata())) for line in ax.lines if set(np.ravel(line.get_ydata())) == {end}}
+
+
+def test_panels(figure):
+    one, lost, weak, casimirs, _, empty = figure.axes
+    for ax in figure.axes[:5]:
+        assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
+    assert not empty.axison and casimirs.axison
+    assert one.get_ylabel().startswith("strong error") and weak.get_ylabel().startswith("weak error")
+    assert lost.get_ylabel() == "" and casimirs.get_ylabel().startswith("Casimir error")
+    assert casimirs.get_xlabel() == weak.get_xlabel() == "processor time of a path"
+    assert one.get_title().splitlines()[0] == "case one" and r"\sigma" in lost.get_title()
+    assert one.get_xlim() == casimirs.get_xlim()
+    ticks = [one.xaxis.get_major_formatter()(x) for x in (1e-7, 1e-6)]
+    assert ticks == ["100 ns", "1 µs"]
+
+
+def test_points_of_errors(figure):
+    one, lost = figure.axes[:2]
+    for scheme in MADE_UP:
+        variables = work_group("one", scheme).variables
+        (line,) = series(one, scheme)
+        np.testing.assert_array_equal(line.get_xdata(), variables["seconds_per_path"][1])
+        np.testing.assert_array_equal(line.get_ydata(), variables["error"][1])
+    seconds = work_group("lost", "euler_maruyama").variables["seconds_per_path"][1]
+    (line,) = series(lost, "euler_maruyama")
+    np.testing.assert_array_equal(line.get_xdata(), seconds[3:])
+    assert edge(lost, 1) == {tuple(seconds[:3])} and edge(one, 1) == set()
+    assert lost.get_ylim()[1] < 1
+    bars = one.containers[-1][2][0].get_segments()
+    stderr = work_group("one", "splitting_order2").variables["error_stderr"][1]
+    np.testing.assert_allclose([bar[1, 1] - bar[0, 1] for bar in bars], 2 * 1.96 * stderr)
+
+
+def test_resolved_errors_of_a_blow_up_do_not_widen_the_axes():
+    groups = [work_group("one", scheme) for scheme in ("euler_maruyama", "midpoint", "splitting")]
+    groups[0].variables["error"][1][0] = 1e6
+    ax = views.figure(Results({"kind": "work_precision"}, tuple(groups))).axes[0]
+    assert ax.get_ylim()[1] < 1 and edge(ax, 1) == {(groups[0].variables["seconds_per_path"][1][0],)}
+
+
+def test_weak_errors_have_bounds_and_pale_points(figure):
+    weak = figure.axes[2]
+    bars = weak.containers[0][2][0].get_segments()
+    np.testing.assert_allclose([bar[1, 1] - bar[0, 1] for bar in bars], 2e-8, rtol=1e-5)
+    pale = [line for line in series(weak, "splitting_order2") if line.get_alpha()]
+    assert len(pale) == 1 and len(pale[0].get_xdata()) == 1 and pale[0].get_linestyle() == "None"
+
+
+def test_requested_errors(figure):
+    for ax, seen in ((figure.axes[0], [0.01, 0.1]), (figure.axes[2], [1e-6, 1e-4, 0.01])):
+        across = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "--" and len(line.get_ydata())]
+        assert across == seen
+
+
+def test_labels_of_steps(figure):
+    one, lost, weak = figure.axes[:3]
+    assert sorted(text.get_text() for text in one.texts) == ["$2^{-11}$"] * 5 + ["$2^{-3}$"] * 5
+    assert "$2^{-6}$" in {text.get_text() for text in lost.texts}
+    assert "$2^{-10}$" in {text.get_text() for text in weak.texts}
+    figure.draw_without_rendering()
+    for ax in (one, lost, weak):
+        boxes = [text.get_window_extent() for text in ax.texts]
+        assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+        assert all(ax.get_window_extent().contains(*corner) for box in boxes for corner in (box.p0, box.p1))
+
+
+def test_points_of_casimirs(figure):
+    casimirs, spoilt = figure.axes[3:5]
+    seconds = work_group("one", "splitting").variables["seconds_per_path"][1]
+    assert edge(casimirs, 0) == {(seconds[0],)} and edge(casimirs, 1) == set()
+    (line,) = series(casimirs, "splitting")
+    np.testing.assert_array_equal(line.get_xdata(), seconds[1:])
+    (line,) = series(casimirs, "midpoint")
+    np.testing.assert_array_equal(line.get_ydata(), 0.1 * H)
+    lost = work_group("lost", "euler_maruyama").variables["seconds_per_path"][1]
+    assert edge(spoilt, 1) == {tuple(lost[:3])} and spoilt.get_ylim()[1] < 10
+
+
+def test_legends(figure):
+    texts = [[text.get_text() for text in ax.get_legend().get_texts()] for ax in figure.axes[3:]]
+    schemes = [f"{label}: order 0.51 [0.49, 0.53]" for label, *_ in MADE_UP.values()]
+    unchanged = "the Casimirs have not changed at all"
+    assert texts[0] == [*schemes, "requested errors", unchanged]
+    assert texts[1] == [*schemes, "requested errors", "paths left the finite numbers or nearly so", unchanged]
+    assert texts[2][5:] == ["requested errors", "pale: not resolved, left out of the fit"]
+    assert all(ax.get_legend() is None for ax in figure.axes[:3])
+
+
+def test_without_casimirs_there_is_one_panel():
+    (ax,) = views.figure(work_results(("weak",), ("splitting", "midpoint"))).axes
+    assert ax.get_legend() is not None and ax.get_title() == ""
+
+
+def test_a_scheme_without_casimirs_beside_others():
+    groups = [work_group("one", scheme, casimirs=scheme == "midpoint") for scheme in ("midpoint", "splitting")]
+    fig = views.figure(Results({"kind": "work_precision"}, tuple(groups)))
+    assert series(fig.axes[0], "splitting") and series(fig.axes[1], "midpoint")
+    assert not series(fig.axes[1], "splitting")
+
+
+def test_five_cases_leave_one_place_free():
+    fig = views.figure(work_results(["one", "two", "three", "four", "five"], ["splitting"]))
+    assert len(fig.axes) == 10
+    assert len({round(ax.get_position().x0, 3) for ax in fig.axes}) == 3
+
+
+def test_times_that_differ_little_have_more_ticks():
+    group = work_group("one", "splitting")
+    for name in ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"):
+        group.variables[name] = (("h",), group.variables[name][1] ** 0.25)
+    fig = views.figure(Results({"kind": "work_precision"}, (group,)))
+    fig.draw_without_rendering()
+    low, high = fig.axes[0].get_xlim()
+    assert high < 20 * low and sum(low <= tick <= high for tick in fig.axes[0].get_xticks()) >= 2
+
+
+def test_four_cases_are_a_square():
+    names = ("one", "two", "three", "four")
+    fig = views.figure(work_results(names, ("splitting",), casimirs=False))
+    titles = [ax.get_title().splitlines()[0] for ax in fig.axes if ax.get_title()]
+    assert titles == [f"case {name}" for name in names] and len(fig.axes) == 4
+    tops = [ax.get_position().y0 for ax in fig.axes]
+    assert tops[0] == pytest.approx(tops[1]) and tops[2] == pytest.approx(tops[3]) and tops[2] < tops[0]
+
+
+@pytest.mark.parametrize("variables", [("error",), ("error", "error_stderr", "casimir_drift", "seconds_per_path")])
+def test_nothing_to_draw(variables, no_warnings):
+    group = work_group("one", "splitting")
+    for name in variables:
+        axes, values = group.variables[name]
+        group.variables[name] = axes, np.full(values.shape, np.nan)
+    group.variables["resolved"] = ("h",), np.zeros(9, bool)
+    group.attributes.update(order=math.nan, order_ci=(math.nan, math.nan))
+    results = Results({"kind": "work_precision", "title": "none"}, (group,))
+    views.figure(results).draw_without_rendering()
+    text = printed(results)
+    assert "order not resolved" in text and all("none" in row for row in next(answers(text)).values())

@@ -1,0 +1,331 @@
+"""Damping: one more exact flow, Casimir functions that decay as they should, and what specs may ask for."""
+
+import pkgutil
+
+import long_time_cases
+import mpmath
+import numpy as np
+import pytest
+from extending import Oscillator
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    RIGID_BODY,
+    SCHEMES,
+    LinearlyDamped,
+    final_states,
+    take_step,
+    take_steps,
+)
+from model_cases import MODELS_UNDER_TEST, close
+from states import finished
+
+from spi.checks.differences import along, derivative
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.fields import drift_field, step_field, step_field_derivative, step_gradient
+from spi.ensemble.invariants import growth
+from spi.ensemble.protocol import (
+    REPORT,
+    advance,
+    casimir_degrees,
+    casimirs,
+    conserved,
+    dimension,
+    drift_flow,
+    noise_indices,
+    noises,
+    piece_indices,
+    pieces,
+    work_size,
+)
+from spi.models import RigidBody
+from spi.models.damped import Damped, damped, undamped
+from spi.numerics.angles import ANY_ANGLES
+from spi.running.runs import plans
+from spi.schemes.rows import compositions
+from spi.specs import SpecError
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+GAMMA = 0.7
+
+# --- the flow --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=[pytest.param(case, id=case[0]) for case in MODELS_UNDER_TEST])
+def case(request):
+    """(a damped model, a state)."""
+    _, model, sampler = request.param
+    return damped(model, GAMMA), tuple(sampler(np.random.default_rng(4)).tolist())
+
+
+def test_there_is_one_piece_more_and_nothing_else(case):
+    model, y = case
+    inner = undamped(model)
+    assert pieces(model) == pieces(inner) + 1
+    for fact in (dimension, noises, conserved, noise_indices, casimir_degrees):
+        assert fact(model) == fact(inner)
+    assert casimirs(model, y) == casimirs(inner, y)
+    assert damped(inner, 0.0) is inner and undamped(inner) is inner
+
+
+def test_the_flows_belong_to_the_field(case):
+    """All drift flows together, and so the damped field is what the flow of the last piece says."""
+    model, y = case
+    flows = [derivative(lambda t, k=k: drift_flow(model, k, t, y, ANY_ANGLES)) for k in piece_indices(model)]
+    assert close(np.sum(flows, axis=0), drift_field(model, y), 1e-10)
+    assert close(flows[-1], -GAMMA * np.array(y), 1e-11)
+    assert not close(np.sum(flows[:-1], axis=0), drift_field(model, y), 1e-2)
+    assert close(drift_flow(model, len(flows) - 1, 2.0, y, ANY_ANGLES), np.exp(-2 * GAMMA) * np.array(y), 1e-15)
+
+
+def test_newtons_matrix_has_the_damping(case):
+    model, y = case
+    generator = np.random.default_rng(8)
+    v, dW = generator.standard_normal(dimension(model)), generator.standard_normal(noises(model) * LANES)
+    gradient = step_gradient(model, 0.3, dW, 0, y)
+    found = step_field_derivative(model, 0.3, dW, 0, y, gradient, tuple(v.tolist()))
+    assert close(found, derivative(lambda s: step_field(model, 0.3, dW, 0, along(y, v)(s))), 1e-10)
+    without = step_field_derivative(undamped(model), 0.3, dW, 0, y, gradient, tuple(v.tolist()))
+    assert close(np.subtract(found, without), -0.3 * GAMMA * v, 1e-12)
+
+
+def test_casimir_functions_have_the_degrees_that_are_stated(case):
+    model, y = case
+    scaled = casimirs(model, tuple(1.5 * np.array(y)))
+    for c, (degree, value) in enumerate(zip(casimir_degrees(model), casimirs(model, y), strict=True)):
+        assert scaled[c] == pytest.approx(1.5**degree * value, rel=1e-13)
+
+
+def test_the_damping_acts_after_the_pieces_in_their_order():
+    model = damped(RIGID_BODY, GAMMA)
+    ((_, acting),) = compositions(SCHEMES["splitting"].composition, model)
+    assert [k for part, k, _ in acting if part == "drift"] == [0, 1, 2, 3]
+    ((_, acting), _) = compositions(SCHEMES["splitting_order2"].composition, model)
+    half = [(k, share) for part, k, share in acting[:7] if part == "drift"]
+    assert half == [(0, 0.25), (1, 0.25), (2, 0.25), (3, 0.5), (2, 0.25), (1, 0.25), (0, 0.25)]
+
+
+# --- schemes ---------------------------------------------------------------------------------------------------------
+
+
+def take_step_uncompiled(scheme, model, h, dW, y):
+    """The state after a step, as plain Python makes it."""
+    block, report = y.ravel().copy(), np.zeros(len(REPORT))
+    with uncompiled():
+        advance(scheme, model, h, dW.ravel(), np.ones(LANES), block, np.empty(work_size(scheme, model)), report)
+    return block.reshape(y.shape), report
+
+
+@pytest.mark.parametrize("name", ["splitting", "splitting_drift_first", "splitting_order2"])
+def test_casimirs_decay_to_rounding_and_with_no_other_factor(name):
+    generator, h = np.random.default_rng(6), 0.25
+    y, dW = generator.standard_normal((3, LANES)), 0.5 * generator.standard_normal((3, LANES))
+
+    def worst(model, take_step=take_step):
+        new, _ = take_step(SCHEMES[name].record, model, h, dW, y)
+        return np.abs((new**2).sum(axis=0) * np.exp(2 * GAMMA * h) / (y**2).sum(axis=0) - 1).max()
+
+    assert worst(damped(RIGID_BODY, GAMMA)) < 2e-15
+    assert worst(RIGID_BODY) > 0.1
+    assert worst(LinearlyDamped(RIGID_BODY, GAMMA, RIGID_BODY.sigma), take_step_uncompiled) > 1e-3
+
+
+@compiled_only
+def test_the_decay_is_a_walk_of_roundings_without_a_bias():
+    """10^5 steps with 7 flows, each of which rounds three components: |y|^2 walks by about 1e-16 a flow.
+
+    The mean over the paths has 1/sqrt(64) of that, and no drift: a factor exp(-gamma h) that is rounded once would move
+    it by up to 1e-16 in each step, alike on all paths.
+    """
+    h, steps, gamma, rounding = 2.0**-7, 10**5, 0.1, 2.0**-53
+    model = damped(RIGID_BODY, gamma)
+    y = final_states(SCHEMES["splitting"].record, model, h=h, steps=steps, blocks=1)[0]
+    with mpmath.workdps(30):
+        exact = float(mpmath.log(sum(mpmath.mpf(x) ** 2 for x in INITIAL)) - 2 * mpmath.mpf(gamma) * steps * h)
+    error = np.log((y**2).sum(axis=0)) - exact
+    walk = rounding * np.sqrt(3 * 7 * steps)
+    assert np.abs(error).max() < 4.5 * walk
+    assert abs(error.mean()) < 4.5 * walk / np.sqrt(LANES)
+    wrong, y = (
+        LinearlyDamped(RIGID_BODY, gamma, RIGID_BODY.sigma),
+        np.repeat(np.reshape(INITIAL, (3, 1)), LANES, axis=1),
+    )
+    for dW in np.sqrt(h) * np.random.default_rng(2).standard_normal((20, 3, LANES)):
+        y, _ = take_step_uncompiled(SCHEMES["splitting"].record, wrong, h, dW, y)
+    assert np.abs(np.log((y**2).sum(axis=0)) + 2 * gamma * 20 * h).min() > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "order"), [("splitting", 1), ("splitting_order2", 2), ("midpoint", 2), ("euler_maruyama", 1)]
+)
+def test_orders_without_noise(name, order):
+    """Against the damped oscillator, y(t) = exp(-gamma t) R(t) y_0; the noise has no increments."""
+    model, y0, turn = damped(Oscillator((0.7,)), GAMMA), np.array([0.6, -1.1]), 2.0
+    c, s = np.cos(turn), np.sin(turn)
+    exact = np.exp(-GAMMA * turn) * np.array([[c, s], [-s, c]]) @ y0
+    steps = np.array([16, 32, 64])
+    errors = []
+    for n in steps:
+        y = np.repeat(y0[:, np.newaxis], LANES, axis=1)
+        for _ in range(n):
+            y, _ = take_step(SCHEMES[name].record, model, turn / n, np.zeros((1, LANES)), y)
+        errors.append(np.linalg.norm(y[:, 0] - exact))
+    assert np.polyfit(np.log2(turn / steps), np.log2(errors), 1)[0] == pytest.approx(order, abs=0.15)
+
+
+@compiled_only
+def test_the_mean_is_that_of_the_damped_equation():
+    """dE y = A E y dt; and the stationary variances of the damped and kicked oscillator, by Lyapunov's equation."""
+    model, h, steps = damped(Oscillator((0.7,)), GAMMA), 2.0**-6, 2**10
+    a = np.array([[-GAMMA, 1.0], [-1.0, -GAMMA]])
+    generator, begin, blocks = np.random.default_rng(12), np.repeat([[0.6], [-1.1]], LANES, axis=1), []
+    for _ in range(512):  # without coins, which order one noise in one way only
+        dW = np.sqrt(h) * generator.standard_normal((steps, 1, LANES))
+        blocks.append(take_steps(SCHEMES["splitting_order2"].record, model, h, dW, begin)[0])
+    y = np.concatenate(blocks, axis=1)
+    identity = np.eye(2)
+    lyapunov = np.kron(a, identity) + np.kron(identity, a)
+    expected = np.linalg.solve(lyapunov, -np.diag([0.0, 0.7**2]).ravel()).reshape(2, 2)
+    found = y @ y.T / y.shape[1]
+    products = y[:, None] * y[None]
+    stderr = products.std(axis=2) / np.sqrt(y.shape[1])
+    assert (np.abs(found - expected) < 4.5 * stderr + 1e-4).all()
+    assert np.abs(np.diag(found) - 0.7**2).min() > 10 * stderr.max()  # other laws would be noticed
+    assert (np.abs(y.mean(axis=1)) < 4.5 * y.std(axis=1) / np.sqrt(y.shape[1])).all()
+
+
+@compiled_only
+def test_schemes_have_one_limit_and_strong_order_one_with_one_noise():
+    one_noise = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))  # of the same kernels as with three
+    model = damped(one_noise, 1.0)
+    levels = tuple(range(6))
+    options = {"h": 2.0**-10, "steps": 2**10, "doublings": levels, "blocks": 4, "truncate": True}
+    found = {name: final_states(SCHEMES[name].record, model, **options) for name in ("splitting", "midpoint")}
+    sizes = 2.0 ** (np.array(levels) - 10)
+
+    def order(differences):
+        return np.polyfit(np.log2(sizes[1:]), np.log2(np.sqrt((differences**2).sum(axis=1).mean(axis=1))), 1)[0]
+
+    finer = found["splitting"][0]
+    assert order(found["splitting"][1:] - finer) == pytest.approx(1.0, abs=0.15)
+    assert order((found["splitting"] - found["midpoint"])[1:]) == pytest.approx(1.0, abs=0.15)
+    other = final_states(SCHEMES["midpoint"].record, damped(one_noise, 0.5), **options)
+    assert abs(order((found["splitting"] - other)[1:])) < 0.1  # negative control: another equation
+
+
+# --- studies ---------------------------------------------------------------------------------------------------------
+
+HEAD = """\
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+damping: 0.5
+schemes: [splitting, euler_maruyama]
+"""
+STRONG = HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 70\n"
+TRAJECTORY = HEAD + "kind: trajectory\nfinal_time: 2\nstep: 1/8\npanels: [casimir_errors]\n"
+LONG_TIME = HEAD + "kind: long_time\nsteps: [1/8]\nstep_count: 1280\nsamples: 70\n"
+STABILITY = (
+    HEAD.replace("0.5", "g")
+    + "kind: stability\nsweep: {g: [0, 0.5]}\nfinal_time: 1\nsteps: [2^-3, 2^-4]\nreference_step: 2^-6\nsamples: 70\n"
+)
+WEAK = HEAD + (
+    "kind: weak\nfinal_time: 1\nsteps: [2^-2, 2^-3]\nreference_step: 2^-4\nfunctions: y1^2\n"
+    "estimators: [plain]\nsamples: 1000\n"
+)
+#: The Casimir changes by the damping alone, whatever the noises; with one of them kernels take less to compile.
+ONE_NOISE = "model.sigma=[1, 0, 0]"
+
+
+load_text = long_time_cases.load_text
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    ("text", "name", "asked"),
+    [
+        (STRONG, "casimir_drift", "strong.study.paths.watched_casimirs"),
+        (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
+        (LONG_TIME, "casimir_worst", "long_time.study.paths.growth"),
+    ],
+    ids=["strong", "trajectory", "long_time"],
+)
+def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text, name, asked):
+    (plan,) = plans(load_text(text, "schemes=[splitting]", ONE_NOISE))
+
+    def group_and_worst():
+        group = plan.group(finished(plan))
+        return group, np.abs(group.variables[name][1]).max()
+
+    group, worst = group_and_worst()
+    assert worst < 1e-13 and group.attributes["model_damping"] == 0.5
+    # negative control: with another decay
+    right = pkgutil.resolve_name(f"spi.kinds.{asked}")
+    monkeypatch.setattr(f"spi.kinds.{asked}", lambda model, *about: right(model._replace(damping=0.4), *about))
+    _, worst = group_and_worst()
+    assert worst > 1e-3
+
+
+@compiled_only
+def test_damping_is_swept(load_text):
+    group = next(plan.group(finished(plan)) for plan in plans(load_text(STABILITY)))
+    assert group.variables["casimir_worst"][1].shape[0] == 2
+    assert group.variables["casimir_worst"][1].max() < 1e-13
+    assert "model_damping" not in group.attributes  # which has no one value
+
+
+@compiled_only
+def test_expectations_of_the_damped_equation(load_text):
+    """E |y|^2 = exp(-2 gamma) at time 1, to rounding, where the function is the Casimir."""
+    plan = plans(load_text(WEAK, "functions=y1^2 + y2^2 + y3^2", "schemes=[splitting]"))[0]
+    states = final_states(plan.scheme, plan.model, h=2.0**-4, steps=16, blocks=1)[0]
+    assert np.allclose((states**2).sum(axis=0), np.exp(-1.0), rtol=1e-14)
+    group = plan.group(finished(plan))
+    assert np.abs(group.variables["error"][1]).max() < 1e-14
+
+
+# --- specs -----------------------------------------------------------------------------------------------------------
+
+
+def test_layers_override_the_damping(load_text):
+    text = TRAJECTORY + "cases: [{name: a}, {name: b, damping: 2/3}, {name: c, damping: 0}]\n"
+    a, b, c = (case.model for case in load_text(text).cases)
+    assert isinstance(a, Damped) and a.damping == 0.5 and a.model == RIGID_BODY
+    assert b.damping == 2 / 3 and type(c) is RigidBody
+    assert [case.model.damping for case in load_text(text, "damping=0.25").cases] == [0.25] * 3
+    assert load_text(text).hash != load_text(text, "damping=0.25").hash
+    assert load_text(TRAJECTORY, "damping=0").hash == load_text(TRAJECTORY.replace("damping: 0.5\n", "")).hash
+    assert "damping" not in load_text(text).effective["cases"]["c"]
+
+
+def test_growth_is_that_of_each_degree():
+    model = damped(MODELS_UNDER_TEST[5][1], GAMMA)
+    assert growth(model, 2.0) == pytest.approx([np.exp(4 * GAMMA), np.exp(6 * GAMMA)])
+    assert growth(RIGID_BODY, np.arange(3.0)) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides", "message"),
+    [
+        (STRONG, ["damping=-1"], "damping: is '-1'; must be at least 0"),
+        (STRONG, ["damping=400"], "damping: is 400, with which .* must be at most 300 for paths until the time 1"),
+        (LONG_TIME, ["step_count=64000000"], "damping: .* must be at most 3.75e-05"),
+        (LONG_TIME, ["panels=[growth, law]"], "panels: has 'law', and no law is known with damping; leave out"),
+        (WEAK, ["estimators=[kolmogorov]"], "estimators: has 'kolmogorov', which follows paths on a Casimir surface"),
+        (
+            STRONG,
+            ["schemes=[euler_maruyama_renormalised]"],
+            "schemes: has 'euler_maruyama_renormalised', which is for .* without damping",
+        ),
+    ],
+)
+def test_what_cannot_be_damped_is_refused_in_one_line(load_text, text, overrides, message):
+    with pytest.raises(SpecError, match=message) as refused:
+        load_text(text, *overrides)
+    assert "\n" not in str(refused.value)
+
+
+def test_models_with_casimirs_of_unknown_degrees_are_refused_by_name(load_text, monkeypatch):
+    monkeypatch.setattr(RigidBody, "casimir_degrees", ())
+    with pytest.raises(SpecError, match=r"damping: is for models that state .* rigid_body does not; leave it out"):
+        load_text(STRONG)

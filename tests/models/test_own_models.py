@@ -1,0 +1,431 @@
+"""Models that are no part of the package: from a Python file, and from an installed package."""
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers import COMPILED
+from own_models import OSCILLATOR, check_other_processes
+
+import spi
+from spi import storage
+from spi.checks import model_checks
+from spi.checks.compilable import CompilationError
+from spi.models import MODELS
+from spi.running import runs, slices, verification
+from spi.running.session import Watch
+from spi.specs import SpecError, models
+
+TOP = Path(__file__).parents[1].joinpath("heavy_top.py").read_text(encoding="utf-8")
+
+SPEC = """\
+kind: strong
+model: {python: my_top.py, name: HeavyTop, inertia: [2, 1, 2/3]}
+initial: [0.3, 0.1, 1, 0.6, 0, 0.8]
+final_time: 1/4
+steps: 2^-4 .. 2^-5
+reference_step: 2^-6
+schemes: [splitting]
+samples: 100
+"""
+
+OSCILLATOR_SPEC = """\
+kind: trajectory
+model: {python: my_model.py, name: Oscillator, sigma: [1/2]}
+initial: [1, 0]
+final_time: 1
+step: 2^-4
+schemes: [euler_maruyama]
+panels: [hamiltonian]
+"""
+
+
+@pytest.fixture
+def top(spec):
+    """top(replaced in pairs, in=..., source=...) -> the experiment of SPEC with the heavy top in a file beside it."""
+
+    def load(*replaced, source=TOP, **options):
+        Path("my_top.py").write_text(source, encoding="utf-8")
+        return spec(SPEC, *replaced, **options)
+
+    return load
+
+
+@pytest.fixture
+def oscillator(spec):
+    """The same with the oscillator, whose kernels take less time to compile."""
+
+    def load(*replaced, source=OSCILLATOR, **options):
+        Path("my_model.py").write_text(source, encoding="utf-8")
+        return spec(OSCILLATOR_SPEC, *replaced, **options)
+
+    return load
+
+
+# --- reading ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_model_from_a_file(top):
+    experiment = top()
+    (case,) = experiment.cases
+    assert case.model_name == "HeavyTop" and case.model.weight == 1.0 and case.model.sigma == (0.5, 0.5)
+    assert experiment.files == (("my_top.py", TOP),)
+    digest = type(case.model).__module__[-16:]
+    assert experiment.effective["cases"]["main"]["model"]["code"] == digest
+    assert top("2/3]}", "2/3], sigma: [0, 1]}").cases[0].model.sigma == (None, 1.0)
+
+
+def test_paths_are_seen_from_the_folder_of_the_spec(top, monkeypatch):
+    experiment = top()
+    Path("elsewhere").mkdir()
+    monkeypatch.chdir("elsewhere")
+    assert runs.load("../s.yaml").hash == experiment.hash
+
+
+def test_the_text_of_the_file_belongs_to_the_hash(top):
+    first, again, edited = top(), top(), top(source=TOP + "\n# a remark\n")
+    assert first.hash == again.hash
+    assert first.hash != edited.hash and first.paths_hash != edited.paths_hash
+
+
+def test_with_the_texts_nothing_is_read(top):
+    experiment = top()
+    Path("my_top.py").unlink()
+    same = runs.load("s.yaml", files=experiment.files)
+    assert (same.hash, same.files) == (experiment.hash, experiment.files)
+    with pytest.raises(SpecError, match=r"s.yaml:2: model.python: is 'my_top.py', whose text is not among"):
+        runs.load("s.yaml", files=())
+
+
+def test_layers_override_parameters_or_the_whole_model(top):
+    assert top(overrides=["model.weight=3"]).cases[0].model.weight == 3.0
+    Path("other.py").write_text(TOP.replace("weight: float = 1.0", "weight: float = 7.0"))
+    assert runs.load("s.yaml", overrides=["model.python=other.py"]).cases[0].model.weight == 7.0
+    body = "model={name: rigid_body, inertia: [1, 2, 3], noise_inertia: [1, 2, 3]}"
+    found = runs.load("s.yaml", overrides=[body, "initial=[1, 0, 0]"])
+    assert found.cases[0].model_name == "rigid_body" and found.files == (("my_top.py", TOP),)
+    text = (
+        SPEC + "profiles: {quick: {model: {weight: 2}, cases: {main: {model: {name: HeavyTop, inertia: [1, 1, 3]}}}}}\n"
+    )
+    quick = runs.load("s.yaml", "quick", text=text).cases[0].model
+    assert (quick.weight, quick.inertia) == (2.0, (1.0, 1.0, 3.0))
+    cases = "cases: [{name: heavy, model: {weight: 5}}, {name: light}]\n"
+    assert [case.model.weight for case in runs.load("s.yaml", text=SPEC + cases).cases] == [5.0, 1.0]
+
+
+def test_a_parameter_can_be_swept(top):
+    text = SPEC.replace("strong", "stability").replace("2/3]}", "2/3], weight: python}")
+    top()
+    case = runs.load("s.yaml", text=text + "sweep: {python: [1, 2]}\npanels: [casimir]\n").cases[0]
+    assert [one.model.weight for one in case.sweep.cases] == [1.0, 2.0]
+
+
+WRONG_SPECS = [
+    ("my_top.py", "my_topp.py", "python: is 'my_topp.py', and there is no file my_topp.py; did you mean 'my_top.py'?"),
+    ("my_top.py", ".", "python: is '.', which cannot be read (is a directory); give a file of text"),
+    ("my_top.py", "[x]", "python: is a list; must be the path of a Python file"),
+    (" name: HeavyTop,", "", "name: missing key 'name'; add name: the class in my_top.py, one of HeavyTop"),
+    ("Top", "Tops", "name: is 'HeavyTops', for which there is no class in my_top.py; did you mean 'HeavyTop'?"),
+    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is no class derived from NamedTuple; correct my_top"),
+    ("inertia:", "inertai:", "inertai: is no known key; did you mean 'inertia'?"),
+    ("2/3]}", "x]}", "inertia: entry 3 is 'x' (unknown word 'x'); must be a number"),
+    ("2/3]}", "2/3], weight: [1]}", "weight: is a list; must be a number"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), WRONG_SPECS)
+def test_wrong_specs(top, old, new, message):
+    with pytest.raises(SpecError) as error:
+        top(old, new)
+    assert str(error.value).startswith(f"s.yaml:2: model.{message}")
+
+
+#: The whole text of a file, and what is said of it.
+WRONG_FILES = [
+    ("x = 1\n\ndef f(:\n", "python: is 'my_top.py', line 3: invalid syntax; correct the Python file"),
+    ("\n1 / 0\n", "python: is 'my_top.py', line 2: raises ZeroDivisionError: division by zero"),
+    ("import sys\nsys.exit(3)\n", "python: is 'my_top.py', line 2: raises SystemExit: 3"),
+    ("import nothing_such\n", "python: is 'my_top.py', line 1: No module named 'nothing_such'; install"),
+    ("import beside\n", "python: is 'my_top.py', line 1: No module named 'beside'; the file must stand alone"),
+    ("from . import beside\n", "python: is 'my_top.py', line 1: cannot import name 'beside'"),
+    ("x = 1\n", "name: is 'HeavyTop', for which there is no class in my_top.py; write a class derived from Named"),
+]
+#: What of the heavy top is replaced by what, and what is said of the class.
+WRONG_CLASSES = [
+    ("noises = 2", "noises = 3", ": model 'HeavyTop' (HeavyTop) must have a field sigma, a tuple of 3 strengths"),
+    ("def noise_hessian", "def noise_hesian", ": model 'HeavyTop' (HeavyTop) lacks noise_hessian; has 'noise_hesian'"),
+    ("weight: float", "weight: 'floot'", ": name 'floot' is not defined; correct my_top.py"),
+    (
+        "weight: float =",
+        "code: float = 1.0\n    weight: float =",
+        ", whose field code has the name of a key; rename it",
+    ),
+]
+
+
+def complaint(top, source):
+    """What is said of a Python file."""
+    with pytest.raises(SpecError) as error:
+        top(source=source)
+    assert str(error.value).startswith("s.yaml:2: model.")
+    return str(error.value).removeprefix("s.yaml:2: model.")
+
+
+@pytest.mark.parametrize(("source", "message"), WRONG_FILES)
+def test_wrong_files(top, tmp_path, source, message):
+    (tmp_path / "beside.py").write_text("")
+    said = complaint(top, source)
+    assert said.startswith(message)
+    assert ("stand alone" in said) == ("beside" in source)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), WRONG_CLASSES)
+def test_wrong_classes(top, old, new, message):
+    assert old in TOP
+    assert complaint(top, TOP.replace(old, new)).startswith(f"name: is 'HeavyTop'{message}")
+
+
+# --- what cannot be compiled -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not COMPILED, reason="about the compiler")
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "@inlined\ndef cross",
+            "def cross",
+            "structure, line 59, calls cross, which is not compiled into it; add @inlined",
+        ),
+        ("return v[0] / i[0]", "return model.dimension * v[0]", "drift_hessian, line 76, has model.dimension, which"),
+        ("return v[0] / i[0]", "return model._half(v[0])", "drift_hessian, line 76, has model._half, which compiled"),
+        (
+            "return v[0] / i[0]",
+            "return model.height * v[0]",
+            "drift_hessian, line 76, cannot be compiled: Unknown attr",
+        ),
+        (
+            "return v[0] / i[0], v[1]",
+            "return 0, v[1]",
+            "drift_hessian, line 74, returns Tuple(Literal[int](0), float64",
+        ),
+        (
+            "return v[0] / i[0], v[1] / i[1]",
+            "return v[0] / i[0]",
+            "drift_hessian, line 74, returns UniTuple(float64 x 5)",
+        ),
+        (
+            "return v[0] / i[0]",
+            "return v[0] * 'a'",
+            "drift_hessian, line 76, cannot be compiled: Numba has no mul(float",
+        ),
+        (
+            "conserved = 2",
+            "conserved = 1",
+            "casimirs, line 63, returns UniTuple(float64 x 2); must return a tuple of 1",
+        ),
+    ],
+)
+def test_what_cannot_be_compiled_is_said_before_anything_runs(top, old, new, message):
+    assert old in TOP
+    source = TOP.replace(old, new)
+    if "_half" in new:
+        source += "\n    def _half(model, x):\n        return 0.5 * x\n"
+    assert complaint(top, source).startswith(f"python: HeavyTop in my_top.py: {message}")
+
+
+@pytest.mark.skipif(not COMPILED, reason="about the compiler")
+def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path):
+    """Of a model of which all was well where it was checked."""
+    monkeypatch.setattr(models, "check_once", lambda model, initial: [])
+    experiment = oscillator(source=OSCILLATOR.replace("return y\n", "return model.height * y[0], y[1]\n"))
+    with pytest.raises(CompilationError) as error:
+        runs.run(experiment, tmp_path)
+    said = str(error.value)
+    assert said.startswith("Oscillator in my_model.py, line 38, cannot be compiled: Unknown attribute 'height' of type")
+    assert "\n" not in said
+    assert list(tmp_path.glob("*.h5")) == []
+
+
+# --- the generic checks ----------------------------------------------------------------------------------------------
+
+
+def test_checks_are_made_once_for_each_text(top, monkeypatch):
+    asked = []
+    monkeypatch.setattr(model_checks, "check_model", lambda model, states, written: asked.append(model) or [])
+    unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
+    top(source=TOP + unique)
+    top(source=TOP + unique, overrides=["model.weight=2"])
+    assert len(asked) == 1
+    model_checks._PASSED.clear()  # as in another process
+    top(source=TOP + unique)
+    assert len(asked) == (1 if COMPILED else 2)
+    top(source=TOP + unique + "#\n")
+    assert len(asked) == (2 if COMPILED else 3)
+
+
+def test_a_model_that_fails_is_checked_again(top):
+    for _ in range(2):
+        with pytest.raises(SpecError, match="noise_flow, k = 1, does not solve its equation"):
+            top(
+                source=TOP.replace(
+                    "turned(0, t, (y[3], y[4], y[5]), angles)", "turned(0, -t, (y[3], y[4], y[5]), angles)"
+                )
+            )
+
+
+# --- running ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
+    """Its results hold the text, and are verified without the file; parts, other processes and an edit."""
+    experiment = oscillator()
+    path = runs.run(experiment, "out")
+    attributes = storage.read(path).attributes
+    assert json.loads(attributes["model_sources"]) == {"my_model.py": OSCILLATOR}
+    code = experiment.effective["cases"]["main"]["model"]["code"]
+    assert json.loads(attributes["model_code"]) == {"main": code}
+    assert runs.results_of("s.yaml", "out") == path
+
+    told = []
+    runs.run(experiment, "out", watch=Watch(tell=told.append))
+    assert "very spec" in told[0]
+    for number in (1, 2):
+        slices.run_slice(experiment, slices.Slice(number, 2), "parts")
+    merged = slices.merge(experiment, "parts")
+    whole, parts = (storage.read(file).groups[0].arrays for file in (path, merged))
+    assert all(
+        np.array_equal(whole[name], parts[name], equal_nan=True)
+        for name in whole
+        if "second" not in name and "ns" not in name
+    )
+
+    Path("my_model.py").write_text(OSCILLATOR + "\n# edited\n")
+    with pytest.raises(storage.StorageError, match="results of another spec"):
+        runs.run(runs.load("s.yaml"), "out")
+    with pytest.raises(storage.StorageError, match="results of another spec"):
+        runs.results_of("s.yaml", "out")
+    Path("my_model.py").unlink()
+    found = verification.verify(path, 1)
+    assert found.checked and not found.different
+
+
+def test_other_processes_have_the_text(oscillator):
+    """As a worker on another machine: without the file, and without what this process knows of it."""
+    check_other_processes(oscillator(), Path("my_model.py"), OSCILLATOR + "#\n")
+
+
+def test_names_that_generated_modules_have_spare_a_file_no_check(oscillator):
+    """What somebody wrote is looked at for what cannot be compiled, whatever it defines."""
+    source = OSCILLATOR.replace("return v[1], -v[0]", "return turned(v)")
+    helper = "VARIABLES = ('q', 'p')\n\n\ndef turned(v):\n    return v[1], -v[0]\n\n\nclass Oscillator"
+    with pytest.raises(SpecError, match="calls turned, which is not compiled into it; add @inlined"):
+        oscillator(source=source.replace("class Oscillator", helper))
+
+
+def command(*arguments):
+    """What `spi` with these arguments answers: (exit code, stdout, stderr)."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(spi.__file__).parent.parent), "."])}
+    program = [sys.executable, "-c", "from spi.cli import main; main()", *arguments]
+    answer = subprocess.run(program, env=environment, capture_output=True, text=True, check=False, timeout=300)
+    return answer.returncode, answer.stdout, answer.stderr
+
+
+def test_the_command_line(oscillator):
+    oscillator()
+    code, out, _ = command("check", "s.yaml")
+    assert code == 0 and out.startswith("s.yaml: valid")
+    Path("my_model.py").write_text(OSCILLATOR.replace("q + t * p", "q - t * p"))
+    code, out, err = command("run", "s.yaml", "--out", "out")
+    assert code == 2 and out == ""
+    assert err.startswith(
+        "spi: s.yaml:2: model.python: Oscillator in my_model.py: drift_flow: its derivatives at t = 0"
+    )
+    assert err.count("\n") == 1 and not Path("out").exists()
+
+
+@pytest.mark.skipif(not COMPILED, reason="about the compiler")
+def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
+    """A strength that is off is None, with which nothing can be computed."""
+    source = OSCILLATOR.replace("return y\n", "return y[0] + 0.0 * model.sigma[0], y[1]\n")
+    oscillator(source=source + f"# {os.urandom(4).hex()}\n")
+    assert command("check", "s.yaml")[0] == 0
+    code, out, err = command("run", "s.yaml", "--out", "out", "--set", "model.sigma=[0]")
+    assert (code, out) == (1, "")
+    *_, last = err.splitlines()
+    assert last.startswith("spi: Oscillator in my_model.py, line 38, cannot be compiled: ")
+    assert "Traceback" not in err and list(Path("out").glob("*.h5")) == []
+
+
+# --- installed packages ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """installed(package, entry points, text) installs a package with one module and forgets what was known before."""
+    numbers = itertools.count()
+
+    def install(package, points, text):
+        monkeypatch.syspath_prepend(tmp_path)
+        (tmp_path / f"{package}.py").write_text(text)
+        about = tmp_path / f"{package}-1.{next(numbers)}.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text("[spi.models]\n" + "".join(f"{line}\n" for line in points))
+        models.registered.cache_clear()
+
+    yield install
+    models.registered.cache_clear()
+    models._LOADED.clear()
+
+
+def test_a_registered_model_is_used_by_its_name(installed, spec):
+    installed("package_a", ["spring = package_a:Oscillator"], OSCILLATOR)
+    text = OSCILLATOR_SPEC.replace("python: my_model.py, name: Oscillator", "name: spring")
+    experiment = spec(text)
+    assert experiment.cases[0].model_name == "spring" and experiment.files == ()
+    assert len(experiment.effective["cases"]["main"]["model"]["code"]) == 16
+    with pytest.raises(SpecError, match=r"s.yaml:2: model.name: is 'sprin'; did you mean 'spring'\?"):
+        spec(text.replace("spring", "sprin"))
+    with pytest.raises(SpecError, match=r"s.yaml:2: model.sgima: is no known key; did you mean 'sigma'\?"):
+        spec(text.replace("sigma", "sgima"))
+    code, out, err = command("list")
+    assert (code, err) == (0, "") and "spring" in out and "rigid_body" in out
+    run = "run", "s.yaml", "--set", "schemes=[euler_maruyama]"
+    code, out, err = command(*run)
+    assert code == 2 and "model.sgima" in err  # as the file now says
+    Path("s.yaml").write_text(text)
+    assert command(*run)[0] == 0
+
+
+def test_a_broken_package_is_no_obstacle(installed, spec):
+    """A built-in model keeps its name, whatever packages register."""
+    points = ["gone = package_b:Gone", "bad = package_b:Bad", "rigid_body = package_b:Oscillator"]
+    installed("package_b", points, OSCILLATOR.replace("class Osc", "class Bad:\n    pass\n\n\nclass Osc"))
+    code, out, err = command("list")
+    assert code == 0 and "maxwell_bloch" in out
+    first, second = err.splitlines()
+    start = "which the package package_b registers as package_b:"
+    assert (
+        first == f"spi: the model 'bad', {start}Bad, fails: TypeError: model 'bad' is no class derived from NamedTuple"
+    )
+    assert second.startswith(f"spi: the model 'gone', {start}Gone, fails: AttributeError: ")
+    with pytest.raises(
+        SpecError, match=r"s.yaml:2: model.name: is 'gone', which the package package_b .* repair or remove what"
+    ):
+        spec(OSCILLATOR_SPEC.replace("python: my_model.py, name: Oscillator", "name: gone"))
+    assert models.catalogue()[0]["rigid_body"] is MODELS["rigid_body"]
+    installed("package_d", ["bad = package_d:Oscillator"], OSCILLATOR)
+    (said,) = [problem for problem in models.catalogue()[1] if "bad" in problem]
+    assert said.endswith("is ambiguous") and "package_d:Oscillator" in said and "package_b:Bad" in said
+
+
+def test_nothing_is_loaded_for_the_help(installed):
+    installed("package_c", ["heavy = package_c:Heavy"], "raise SystemExit('loaded')\n")
+    code, out, err = command("--help")
+    assert (code, err) == (0, "") and "loaded" not in out

@@ -1,0 +1,175 @@
+"""Records, JSON, CSV and printed tables."""
+
+import csv
+import io
+import json
+import math
+
+import numpy as np
+import pytest
+from helpers import printed
+from strong_results import H, strong
+from strong_results import strong_group as group_of
+
+from spi.kinds.strong.table import COLUMNS as STRONG
+from spi.printing import as_csv, as_json
+from spi.printing.text import fraction, new_console, new_table, power_of_two, print_whole, with_interval
+from spi.report import views
+from spi.storage.records import Group, Results
+
+
+def strong_group(case, scheme, label, order, implicit=False):
+    error = 0.3 * H**order
+    error[0] = np.inf if scheme == "euler_maruyama" else error[0]
+    resolved = np.isfinite(error)
+    resolved[-1] = False
+    stderr = np.where(resolved, 0.01, 0.7) * 0.3 * H**order
+    note = "at 2^-13: not resolved, needs about 4000 samples"
+    told = {"order": order, "order_ci": (order - 0.02, order + 0.02), "scheme_label": label, "note": note}
+    return group_of(scheme, case, error, stderr, resolved, implicit=implicit, case_title="three [noises]", **told)
+
+
+@pytest.fixture
+def results():
+    groups = (
+        strong_group("three", "euler_maruyama", "Euler-Maruyama", 0.5),
+        strong_group("three", "midpoint", "midpoint", 0.5, implicit=True),
+        strong_group("three", "splitting", "splitting, noise first (slpI)", 0.51),
+        strong_group("one", "splitting", "splitting, noise first (slpI)", 0.5),
+    )
+    groups[-1].attributes.update(order=math.nan, order_ci=(math.nan, math.nan))
+    return strong(*groups, title="Strong errors, stochastic rigid body")
+
+
+def test_rows(results):
+    records = views.rows(results)
+    assert len(records) == 4 * 9
+    explicit, implicit = records[1], records[9]
+    columns = tuple(name for name in STRONG if name != "eps")
+    assert tuple(explicit) == columns[:-4] and tuple(implicit) == columns
+    assert explicit["case"] == "three" and explicit["scheme"] == "euler_maruyama" and explicit["h"] == 2**-6
+    assert explicit["error"] == 0.3 * 2.0**-3 and explicit["casimir_drift"] == 1e-16
+    assert (explicit["order"], explicit["order_low"], explicit["order_high"]) == (0.5, 0.48, 0.52)
+    assert records[0]["error"] == math.inf and records[0]["nonfinite"] == 37 and records[0]["resolved"] is False
+    assert all(type(value) in (str, float, int, bool) for record in records for value in record.values())
+
+
+def test_rows_without_casimirs(results):
+    group = results.groups[0]
+    group.variables["casimir_drift"] = (("h", "casimir"), np.zeros((9, 0)))
+    assert "casimir_drift" not in views.rows(results)[0]
+    assert "2^-13" in printed(results)
+
+
+def test_json(results):
+    records = views.rows(results)
+    back = json.loads(as_json(records), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert [list(record) for record in back] == [list(record) for record in records]
+    assert back[0]["error"] is None and back[0]["resolved"] is False
+    assert back[30]["order"] is None
+    assert back[10]["error"] == records[10]["error"]
+
+
+def test_csv(results):
+    records = views.rows(results)
+    back = list(csv.DictReader(io.StringIO(as_csv(records))))
+    assert tuple(back[0]) == tuple(name for name in STRONG if name != "eps") and len(back) == len(records)
+    assert float(back[0]["error"]) == math.inf and back[0]["solves"] == "" and back[9]["solves"] == "100"
+    for key in ("h", "error", "casimir_drift", "ns_per_step"):
+        np.testing.assert_array_equal([float(record[key]) for record in back], [record[key] for record in records])
+
+
+def test_csv_of_nothing():
+    assert as_csv([]).strip() == "" and json.loads(as_json([])) == []
+
+
+def test_printed_table(results):
+    text = printed(results)
+    assert "\x1b" not in text and "…" not in text
+    table_lines = [line for line in text.splitlines() if "±" in line]
+    assert len(table_lines) == 9 * 4 - 1 and all(len(line) <= 100 for line in table_lines)
+    assert "three [noises]" in text and "Strong errors, stochastic rigid body" in text
+    assert "Euler-Maruyama: order 0.500 [0.480, 0.520] (expected 1/2)" in text
+    assert "splitting, noise first (slpI): order not resolved (expected 1/2)" in text
+    assert "needs about 4000 samples" in text
+    assert "solver: 3.2 iterations a step, 0 failures, largest residual 2.2e-16" in text
+    last = next(line for line in table_lines if "2^-13" in line)
+    assert "(3e-3 ± 5e-3)" in last and last.rstrip().endswith("not resolved")
+    first = next(line for line in text.splitlines() if "2^-5" in line)
+    assert "(inf)" in first and "37" in first and "not finite" in first
+
+
+def test_what_is_said_of_lost_references_and_large_angles(results):
+    assert "reference paths" not in printed(results) and "rad" not in printed(results)
+    group = results.groups[2]
+    group.attributes["reference_nonfinite"] = 3
+    group.variables["largest_angle"] = (("h",), np.array([0.0] * 8 + [2e6]))
+    text = printed(results)
+    assert text.count("3 reference paths left the finite numbers") == 1
+    assert text.count("angles up to 2.0e+06 rad, which double precision knows to about 4e-10 rad") == 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("columns", ["60", "150"])
+def test_colours_on_a_terminal_of_any_width(results, monkeypatch, columns):
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    text = Terminal()
+    views.print_tables(results, text)
+    assert "37\x1b[0m" in text.getvalue() and "\x1b[1;31m" in text.getvalue() and "…" not in text.getvalue()
+    assert "3.75e-2 ± 0.07e-2" in text.getvalue()
+
+
+@pytest.mark.parametrize("terminal", ["dumb", "xterm"])
+def test_no_table_is_cut_on_a_terminal_that_is_narrower(monkeypatch, terminal):
+    monkeypatch.setenv("TERM", terminal)
+    monkeypatch.setenv("COLUMNS", "80")
+    text, numbers = Terminal(), [f"{n}.2345e-6 ± 0.07e-6" for n in range(8)]
+    table = new_table("", ["number"] * 8)
+    table.add_row(*numbers)
+    print_whole(new_console(text), table)
+    assert all(number in text.getvalue() for number in numbers) and "…" not in text.getvalue()
+
+
+def test_unknown_kind(results):
+    group = Group(
+        "a",
+        "splitting",
+        {"t": np.array([0.0, 0.5]), "component": np.arange(2)},
+        {"y": (("t", "component"), np.array([[1.0, 2.0], [np.nan, 1 / 3]])), "seed": ((), np.array(7))},
+        {"samples": 3},
+    )
+    other = Results({"kind": "new"}, (group,))
+    assert views.rows(other)[1]["y[1]"] == 1 / 3
+    text = printed(other)
+    assert "0.333333" in text and "samples: 3" in text and "seed: 7" in text
+    wide = printed(results._replace(attributes={"kind": "other"}))
+    assert "…" not in wide and all(f"{0.3 * h**0.51:.6g}" in wide for h in H[:-1])
+
+
+@pytest.mark.parametrize(
+    "value, half, text",
+    [
+        (3.4217e-3, 0.0712e-3, "3.42e-3 ± 0.07e-3"),
+        (3.4217e-3, 0.0132e-3, "3.422e-3 ± 0.013e-3"),
+        (9.996, 0.04, "10.00 ± 0.04"),
+        (0.5, 0.02, "5.0e-1 ± 0.2e-1"),
+        (1e-3, 4e-3, "1e-3 ± 4e-3"),
+        (12.5, 0.5, "1.25e1 ± 0.05e1"),
+        (0.0, 0.0, "0.000e0"),
+        (2.5e-5, 0.0, "2.500e-5"),
+        (math.inf, math.nan, "inf"),
+    ],
+)
+def test_with_interval(value, half, text):
+    assert with_interval(value, half) == text
+
+
+def test_numbers():
+    assert [power_of_two(h) for h in (2**-13, 1.0, 0.3)] == ["2^-13", "2^0", "0.3"]
+    assert [fraction(x) for x in (0.5, 1.0, 1.5, 2 / 3, 0.123)] == ["1/2", "1", "3/2", "2/3", "0.123"]

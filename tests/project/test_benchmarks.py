@@ -1,0 +1,137 @@
+"""The benchmarks compare the same things: naive twins make the package's steps, and flops are those counted by hand.
+
+Nothing is timed here.
+"""
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fluids
+import numpy as np
+import pytest
+from helpers import take_step
+from scipy.integrate import solve_ivp
+
+from spi.ensemble.protocol import large, needs_areas, noises, substeps
+from spi.models import MODELS
+from spi.models.zeitlin import Zeitlin
+from spi.numerics.rng import LANES
+from spi.schemes import SCHEMES
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+sys.path.insert(0, str(FOLDER))  # no package: programs, and what they share
+examples, generic, machine, naive, zeitlin = map(
+    importlib.import_module, ("examples", "generic", "machine", "naive", "zeitlin")
+)
+
+
+def states_and_steps(name):
+    """A model, 64 states near its initial one, and increments."""
+    model, initial = examples.example(name)
+    generator = np.random.default_rng(1)
+    y = np.array(initial)[:, np.newaxis] + 0.3 * generator.random((len(initial), LANES))
+    return model, y, 0.1 * generator.standard_normal((noises(model), LANES))
+
+
+def test_every_model_has_an_example():
+    for name, cls in MODELS.items():
+        if large(cls):
+            continue
+        model, initial = examples.example(name)
+        assert isinstance(model, cls) and len(initial) == cls.dimension
+
+
+@pytest.mark.parametrize("name, scheme", naive.STEPS)
+def test_twin_by_hand_makes_the_same_step(name, scheme):
+    model, y, dW = states_and_steps(name)
+    model = model._replace(sigma=tuple(0.5 + 0.25 * k for k in range(noises(model))))
+    ours, _ = take_step(SCHEMES[scheme].record, model, 0.05, dW, y)
+    step = naive.STEPS[name, scheme]
+    for lane in range(LANES):
+        parameters, start = naive.arguments(name, model, y[:, lane])
+        twin = naive.real(step(parameters, 0.05, start, dW[:, lane]))
+        assert np.allclose(twin, ours[:, lane], rtol=1e-13, atol=1e-13)
+
+
+def in_one_row(scheme):
+    """Whether a step needs its increments and nothing else."""
+    return substeps(scheme) == 1 and not needs_areas(scheme)
+
+
+@pytest.mark.parametrize("scheme", [name for name, row in SCHEMES.items() if in_one_row(row.record)])
+def test_generic_twin_makes_the_same_step(scheme):
+    model, y, dW = states_and_steps("rigid_body")
+    record, coins = examples.row(scheme).record, np.where(np.arange(LANES) % 3, 1.0, -1.0)
+    ours, _ = take_step(record, model, 0.01, dW, y, coins)
+    step = generic.twin(record, model)
+    for lane in range(LANES):
+        increments = np.zeros(noises(model) * LANES)
+        increments[::LANES] = dW[:, lane]
+        twin = step(record, model, 0.01, tuple(y[:, lane]), increments, np.zeros(noises(model)), bool(coins[lane] > 0))
+        assert np.allclose(twin, ours[:, lane], rtol=1e-12, atol=1e-12)
+
+
+def test_a_scheme_without_a_twin_is_no_error():
+    model, _ = examples.example("rigid_body")
+    assert generic.twin(("no scheme",), model) is None
+
+
+def test_operations_counted_by_hand():
+    """The rigid body with three noises, tiny angles; see spi/models/rigid_body.py.
+
+    A flow: the angle of the check 2, of the flow 2, sine and versine 16, two components of 4 operations each; where
+    the angle is that of a noise, 1 more for sigma dW; where it is that of the drift, t / I is computed once for all
+    paths, 2 less.  A pair of normals: uniform number 2, its logarithm 28, radius 3, angle 2, sine and versine 36, and
+    the two products 3.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    program = [sys.executable, str(FOLDER / "flops.py"), "rigid_body"]
+    counted = json.loads(subprocess.run(program, env=environment, check=True, stdout=subprocess.PIPE).stdout)
+    assert sum(counted["rigid_body splitting"].values()) == 3 * (28 + 1) + 3 * (28 - 2)
+    assert sum(counted["normal"].values()) == 74 / 2
+    # one composition of order 2 has two half steps of the drift less one flow, and all noises but one twice
+    assert sum(counted["rigid_body splitting_order2"].values()) == pytest.approx(10 * 26 + 5 * 29, abs=5)
+
+
+def test_width_of_vectors_in_assembly():
+    lines = ["vfmadd213pd\t%zmm0, %zmm1, %zmm2", "vmulpd\t(%rax), %zmm1, %zmm2", "vaddpd\t%ymm0, %ymm1, %ymm2"]
+    lines += ["vmulsd\t%xmm0, %xmm1, %xmm2", "vmovupd\t%xmm0, (%rax)", "vpmuludq\t%ymm0, %ymm1, %ymm1"]
+    assert machine.vector_width("\n".join(f"\t{line}" for line in lines)) == (512, 2 / 3)
+    assert machine.vector_width("\tmulpd\t%xmm0, %xmm1\n") == (128, 1.0)
+    assert machine.vector_width("\tfmla\tv0.2d, v1.2d, v2.2d\n") is None
+
+
+@pytest.mark.parametrize("n", [7, 31, zeitlin.FOURIER_FROM])
+def test_matrices_of_the_midpoint_rule_for_fluids(n):
+    omega, model = zeitlin.typical(n), Zeitlin(n, normalisation="zeitlin")
+    y, rival = fluids.state(n, omega), zeitlin.Midpoint(n, 0.1)
+    assert np.allclose(omega, fluids.table(n, y), atol=1e-15) and np.linalg.norm(omega) == pytest.approx(1)
+    rival.X[:] = zeitlin.matrix(omega)
+    assert np.allclose(rival.X, fluids.matrix(n, omega), atol=1e-13)
+    assert np.allclose(zeitlin.casimirs(rival.X), fluids.casimirs(model, y, zeitlin.DEGREES), rtol=1e-12, atol=1e-12)
+    rival.find_stream()
+    assert np.allclose(rival.Q, 0.05 * fluids.generator(model, fluids.drift_gradient(model, y)), atol=1e-13)
+    assert zeitlin.casimir_errors([rival.X, 1.01 * rival.X])[0] == pytest.approx(0.0201)
+
+
+def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
+    n, model = 7, Zeitlin(7, normalisation="zeitlin")
+    y, W0 = fluids.state(n, zeitlin.typical(n)), zeitlin.matrix(zeitlin.typical(n))
+    times = (0, zeitlin.ERROR_TIME)
+    exact = solve_ivp(lambda t, y: fluids.drift_field(model, y), times, y, rtol=1e-12, atol=1e-12).y[:, -1]
+    assert np.allclose(fluids.state(n, fluids.table_of(n, zeitlin.reference(n))), exact, rtol=0, atol=1e-11)
+    assert np.linalg.norm(y - exact) > 0.01
+    errors = []
+    for h in zeitlin.STEPS:
+        path, iterations = zeitlin.midpoint_path(n, h, 10)
+        errors.append(zeitlin.error(path, h))
+        assert np.all(zeitlin.casimir_errors(path) < 1e-13) and iterations > 1
+        assert np.array_equal(path[0], W0) and np.array_equal(path[-1], path[-1].conj().T)
+    assert np.log(errors[1] / errors[0]) / np.log(np.divide(*zeitlin.STEPS[::-1])) == pytest.approx(2, abs=0.1)
+    monkeypatch.setattr(zeitlin, "MOST_ITERATIONS", 2)
+    with pytest.raises(RuntimeError, match="N = 7, h = 1: no solution after 2 iterations"):
+        zeitlin.Midpoint(n, 1).step(W0)

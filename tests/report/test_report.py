@@ -1,0 +1,277 @@
+"""The page that `spi report` writes: what stands in it, and that it needs no other file."""
+
+import csv
+import io
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from markupsafe import Markup
+from strong_results import strong, strong_group
+from trajectory_results import trajectories, trajectory_group
+
+from spi import storage
+from spi.cli import app
+from spi.report import pictures, sections
+from spi.report.page import files, views
+from spi.running.loading import load_as
+from spi.statistics import claims
+from spi.storage.records import Results
+
+EMPTY = {"meta", "img", "br", "input", "link", "hr"}
+SPEC = "title: A title\nkind: strong   # <b>no bold</b>\n"
+
+
+class Checked(HTMLParser):
+    """The tags, attributes and text of a page; AssertionError where tags are not nested as they should be."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.attributes, self.text = [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.attributes += [(tag, name, value) for name, value in attrs]
+        if tag not in EMPTY:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.attributes += [(tag, name, value) for name, value in attrs]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def claim(quantity, number, sense=claims.AT_MOST):
+    return claims.Claim("three", "splitting", quantity, sense, number, 0.0, f"{number:g}")
+
+
+def path_results(title="A path"):
+    t = np.linspace(0.0, 1.0, 11)
+    y = np.stack([np.cos(t), np.sin(t), 0.0 * t], axis=1)
+    return trajectories(trajectory_group("splitting", t, y, np.ones((11, 1)), panels=("components",)), title=title)
+
+
+def strong_results(**attributes):
+    expect = claims.as_text([claim("casimir_drift", 1e-12), claim("nonfinite", 1.0, claims.AT_LEAST)])
+    told = {
+        "title": "Errors <script>alert(1)</script> & more",
+        "asks": "Which order has <i>splitting</i>?",
+        "expect": expect,
+        "spec": SPEC,
+        "profile": "quick",
+        "overrides": ("--samples=64", "model.sigma=[1, 0, 0]"),
+        "seed": 7,
+        "machine_processor": "An old processor",
+        "source_digest": "0123456789abcdef",
+        "figure": 10,
+        **attributes,
+    }
+    timed = {"wall_seconds": 1.25, "threads": 2}
+    groups = [strong_group(scheme, case_title="three noises", **timed) for scheme in ("euler_maruyama", "splitting")]
+    return strong(*groups, **told)
+
+
+@pytest.fixture
+def stored(tmp_path):
+    """The paths of two results files."""
+    paths = [tmp_path / "first.h5", tmp_path / "second.h5"]
+    storage.write(paths[0], strong_results())
+    storage.write(paths[1], path_results())
+    return paths
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures take most of the time of a report."""
+    monkeypatch.setattr("spi.report.page.drawn", lambda found, prefixes: iter([Markup("<b>figure</b>")] * len(found)))
+
+
+def page_of(paths, out, **folders):
+    return files(paths, out, **folders)[out].decode()
+
+
+def test_a_page_with_its_figures_is_whole_and_needs_nothing_else(stored, tmp_path):
+    seen = []
+    out = tmp_path / "report.html"
+    text = files(stored, out, report=lambda *told: seen.append(told))[out].decode()
+    page = Checked(text)
+    assert seen == [(1, 2, "first"), (2, 2, "second")]
+    outside = [value for _, name, value in page.attributes if name in ("src", "href", "xlink:href", "data", "srcset")]
+    assert outside and all(value.startswith(("#", "data:image/png;base64,")) for value in outside)
+    assert not re.search(r"@import|url\((?!#)", text) and "script" not in {tag for tag, _, _ in page.attributes}
+    ids = [value for _, name, value in page.attributes if name == "id"]
+    assert len(ids) == len(set(ids)) > 50
+    assert {value.removeprefix("#") for value in outside if value.startswith("#")} <= set(ids)
+    assert text.count("<svg") == 2 and text.count('role="img"') == 2
+    assert "e1" in ids and any(value.startswith("e1-") for value in ids) and any(v.startswith("e2-") for v in ids)
+
+
+def test_the_same_results_give_the_same_picture_and_large_ones_are_png(monkeypatch):
+    results = path_results("A <path>")
+    first = pictures.picture(results, "e1")
+    assert first == pictures.picture(results, "e1") and first.startswith("<svg") and "A &lt;path&gt;" in first
+    monkeypatch.setattr(pictures, "LARGEST_SVG", 1000)
+    png = pictures.picture(results, "e1")
+    assert png.startswith('<img src="data:image/png;base64,iVBOR') and "A &lt;path&gt;" in png and "<svg" not in png
+
+
+def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
+    text = page_of(stored, tmp_path / "report.html")
+    page = Checked(text)
+    seen = " ".join(page.text)
+    for needed in (
+        "Errors <script>alert(1)</script> & more",  # as text
+        "Which order has <i>splitting</i>?",
+        "The strong order is 0.500 [0.480, 0.520] for Euler-Maruyama and 0.500 [0.480, 0.520]",
+        "the Casimir functions stay within 8.0e-16",
+        "figure 10 of the paper",
+        "2^-13",
+        "2.50 s of wall-clock time on 2 threads",
+        "500",
+        "6.25 ns",
+        "spi run first.yaml --profile quick --samples=64 --set 'model.sigma=[1, 0, 0]'",
+        "An old processor",
+        "0123456789abcdef",
+        "# <b>no bold</b>",
+    ):
+        assert needed in seen, needed
+    assert "<script" not in text and "<i>splitting" not in text and "<b>no bold" not in text
+    assert text.count("<h3>Orders</h3>") == 1  # a trajectory has none
+    assert text.count("<h3>Tables</h3>") == text.count("<h3>To repeat it</h3>") == 2
+    assert text.count("<summary>three noises (18 rows)</summary>") == 1 and text.count("<details>") == 3
+    # what is folded on a screen is printed, see docs/report.md; print to PDF with a browser after a change there
+    assert "details::details-content { content-visibility: visible; }" in text[text.index("@media print") :]
+    assert not re.search(r"details[^{}]*{[^}]*display: *none", text)
+
+
+def test_broken_claims_are_shown(stored, tmp_path, undrawn):
+    text = page_of(stored[:1], tmp_path / "report.html")
+    assert '<span class="kept">1 kept</span>, <span class="bad">1 broken</span>' in text
+    assert "three: splitting, noise first (slpI): nonfinite at least 1; what came out: 0" in text
+    storage.write(stored[0], strong_results(expect=claims.as_text([claim("casimir_drift", 1e-12)])))
+    text = page_of(stored[:1], tmp_path / "report.html")
+    assert '<span class="kept">1 kept</span>.' in text and "broken" not in text.partition("</head>")[2]
+
+
+def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):
+    groups = [strong_group("splitting", case=name, case_title=title) for name, title in (("a", "one"), ("b", "one"))]
+    storage.write(tmp_path / "r.h5", strong(*groups))
+    text = page_of([tmp_path / "r.h5"], tmp_path / "report.html")
+    assert "<b>one (a):</b> The strong order" in text and "<b>one (b):</b> The strong order" in text
+    assert '<th class="left">case</th>' in text
+
+
+def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
+    written = files(stored, tmp_path / "r.html", tmp_path / "tex", tmp_path / "csv")
+    names = {str(path.relative_to(tmp_path)) for path in written}
+    assert names == {"r.html", "tex/first.tex", "tex/second.tex", "csv/first.csv", "csv/second.csv"}
+    for path in stored:
+        back = list(csv.DictReader(io.StringIO(written[tmp_path / "csv" / f"{path.stem}.csv"].decode())))
+        records = views.rows(storage.read(path))
+        assert len(back) == len(records)
+        for key in ("error", "casimir_drift", "t", "y_1"):
+            if key in records[0]:
+                np.testing.assert_array_equal([float(one[key]) for one in back], [one[key] for one in records])
+    assert r"\begin{tabular}" in written[tmp_path / "tex" / "first.tex"].decode()
+
+
+def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, undrawn):
+    from spi.specs import shipped
+
+    spec = shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")
+    path = tmp_path / "rigid_body_strong.h5"
+    results = strong_results(spec=spec, profile="laptop", overrides=())
+    assert sections.section(path, results, "e1").command == "spi run rigid_body_strong"
+    changed = strong_results(spec=spec + "#\n", profile="laptop", overrides=())
+    assert sections.section(path, changed, "e1").command == "spi run rigid_body_strong.yaml"
+    made = load_as("weak", "rigid_body_strong")
+    of_another_kind = strong_results(spec=made.text, profile="laptop", overrides=())
+    path = tmp_path / f"{made.name}.h5"
+    assert sections.section(path, of_another_kind, "e1").command == "spi run rigid_body_strong --as weak"
+
+
+def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_path, undrawn):
+    def refused(match, paths, **folders):
+        with pytest.raises(storage.StorageError, match=match) as caught:
+            files(paths, tmp_path / "r.html", **folders)
+        assert "\n" not in str(caught.value)
+
+    damaged = tmp_path / "damaged.h5"
+    damaged.write_bytes(stored[0].read_bytes()[:-200] + b"x" * 200)
+    refused("damaged.h5: ", [*stored, damaged])
+    storage.write(damaged, Results({"kind": "other"}, strong_results().groups))
+    refused("damaged.h5: there is no report of results of kind 'other'; known kinds: strong, ", [*stored, damaged])
+    storage.write(damaged, Results({"kind": "strong"}, ()))
+    refused("damaged.h5: the results hold no scheme", [*stored, damaged])
+    storage.write(damaged, Results({"kind": "weak"}, strong_results().groups))
+    refused("damaged.h5: the group three/.* cannot be read as results of kind weak", [*stored, damaged])
+    (tmp_path / "more").mkdir()
+    twin = tmp_path / "more" / "first.h5"
+    twin.write_bytes(stored[0].read_bytes())
+    refused("first: two results files have this name", [*stored, twin], data_folder=tmp_path)
+    refused(f"two results files have this name, {stored[0]} and {twin};", [*stored, twin], data_folder=tmp_path)
+    assert tmp_path / "r.html" in files([*stored, twin], tmp_path / "r.html")
+    assert not (tmp_path / "r.html").exists()
+
+
+def test_what_cannot_be_drawn_is_told_with_its_file(stored, tmp_path, monkeypatch):
+    def drawn(found, prefixes):
+        yield Markup("a figure")
+        raise ValueError("there is no panel 'x'")
+
+    monkeypatch.setattr("spi.report.page.drawn", drawn)
+    with pytest.raises(storage.StorageError, match=r"second.h5: there is no panel 'x'$"):
+        files(stored, tmp_path / "r.html")
+
+
+def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    app(["report", "--results", ".", "--out", "page/r.html", "--data", "csv"], standalone_mode=False)
+    assert capfd.readouterr() == ("", "wrote page/r.html\nwrote 2 files into csv\n")
+    assert "Results of 2 experiments" in (tmp_path / "page/r.html").read_text()
+    assert {path.name for path in (tmp_path / "csv").iterdir()} == {"first.csv", "second.csv"}
+    app(["report", "first", "--results", "."], standalone_mode=False)
+    assert "Results of one experiment" in (tmp_path / "report.html").read_text()
+    assert app(["report"], standalone_mode=False) == 2
+    assert "spi: results: no results here; run an experiment first, or name the folder" in capfd.readouterr().err
+
+
+def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
+    class Killed:
+        """Stands for processes of which one is killed after it has drawn one figure."""
+
+        def __init__(self, *_, **__):
+            pass
+
+        def map(self, function, *lists):
+            yield function(*(entries[0] for entries in lists))
+            raise pictures.BrokenExecutor
+
+        def shutdown(self, **_):
+            pass
+
+    monkeypatch.setattr(pictures, "processors", lambda: 2)
+    monkeypatch.setattr(pictures, "ProcessPoolExecutor", Killed)
+    monkeypatch.setattr(pictures, "picture", lambda results, prefix: f"{results} {prefix}")
+    assert list(pictures.drawn("abcde", ["e1", "e2", "e3", "e4", "e5"])) == ["a e1", "b e2", "c e3", "d e4", "e e5"]
+
+
+def test_the_question_of_a_spec_is_stored_and_decides_nothing():
+    from spi.running import loading
+    from spi.specs import shipped
+
+    path = shipped.path_of("rigid_body_strong")
+    text = path.read_text(encoding="utf-8")
+    asks = loading.load(path)
+    silent = loading.load(path, text=re.sub("(?m)^asks: .*\n", "", text))
+    assert asks.asks == "Which strong order do Euler-Maruyama, the midpoint rule and the splitting scheme have?"
+    assert silent.asks is None and silent.hash == asks.hash and silent.effective == asks.effective
+    for name in shipped.names():
+        assert re.search(r"(?m)^asks: [A-Z].*\?$", shipped.path_of(name).read_text(encoding="utf-8")), name

@@ -1,0 +1,202 @@
+"""Kernels are compiled side by side, found by the run, and nothing depends on the processes that help."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from helpers import COMPILED
+
+pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+
+KERNELS = """
+from spi.compiler.dispatch import kernel
+
+@kernel
+def total(x, y):
+    return x + y
+
+@kernel
+def value(record):
+    return record.x
+"""
+
+#: Calls of one kernel with so many types; counts what is compiled and what is found in the cache.
+START = """
+import itertools, json, sys
+import numpy as np
+from kernels import total, value
+from spi import compiling
+from spi.kinds.plans import KernelCall
+
+compiling.processors = lambda: 3
+TYPES = [float, int, complex, np.float32, np.int32, np.uint8]
+CALLS = [KernelCall(total, (a(2), b(3))) for a, b in itertools.product(TYPES[:3], TYPES)]
+started, told = [], []
+Popen = compiling.subprocess.Popen
+
+def counted(command, **options):
+    process = Popen(command, **options)
+    if compiling._WORKER in command:
+        started.append(process)
+    return process
+
+def only_workers():
+    compiling.work = lambda *arguments: None
+
+def compile_missing(labels="abc", calls=CALLS):
+    compiling.compile_missing(zip(itertools.cycle(labels), calls), lambda *news: told.append(news))
+
+compiling.subprocess.Popen = counted
+"""
+
+END = """
+right = all(total(*call.arguments) == 5 for call in CALLS)
+hits, misses = (sum(count.values()) for count in (total.stats.cache_hits, total.stats.cache_misses))
+json.dump([right, hits, misses, len(started), told], sys.stdout)
+"""
+
+
+#: The same where only the first calls were asked for.
+SOME = "\nCALLS = CALLS[:4]" + END
+
+
+@pytest.fixture
+def program(tmp_path):
+    """program(text) -> what the text, between START and END, prints; kernels are kept from call to call."""
+    (tmp_path / "kernels.py").write_text(KERNELS)
+
+    def run(text, end=END):
+        path = [str(tmp_path), str(EXPERIMENTS.parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(path), "SPI_CACHE_DIR": str(tmp_path / "cache")}
+        command = [sys.executable, "-c", START + text + end]
+        answer = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        assert answer.returncode == 0, answer.stderr
+        return json.loads(answer.stdout)
+
+    return run
+
+
+def test_workers_fill_the_cache_and_none_is_started_for_what_is_there(program):
+    """Many kernels at once in one index: without turns one would be lost, or found in the place of another."""
+    assert program("only_workers(); compile_missing()") == [True, 18, 0, 2, []]
+    assert program("compile_missing()") == [True, 18, 0, 0, []]
+
+
+def test_this_process_compiles_as_well_and_says_what(program):
+    right, hits, misses, started, told = program("compile_missing('ab')")
+    assert (right, started) == (True, 1)
+    assert misses == len(told) and hits == 18 - misses
+    assert all(total == 18 and label == "ab"[(number - 1) % 2] for number, total, label in told)
+
+
+def test_one_label_is_not_worth_a_process(program):
+    assert program("compile_missing('a', CALLS[:4])", SOME)[:4] == [True, 0, 4, 0]
+
+
+@pytest.mark.parametrize("worker", ["raise SystemExit(1)", "import os; os.abort()", "no Python"])
+def test_a_crashed_worker_does_no_harm(program, worker):
+    crash = f"compiling._WORKER = {worker!r}; only_workers(); compile_missing(calls=CALLS[:4])"
+    assert program(crash, SOME) == [True, 0, 4, 2, []]
+
+
+def test_what_only_this_process_knows_is_compiled_by_it(program):
+    text = """
+from typing import NamedTuple
+Local = NamedTuple("Local", [("x", float)])
+Local.__qualname__ = "nowhere"  # where no other process can find it
+compile_missing("ab", [CALLS[0], KernelCall(value, (Local(1.0),))])
+"""
+    right, _, _, started, told = program(text)
+    assert (right, started, told) == (True, 0, [[1, 2, "a"], [2, 2, "b"]])
+
+
+def test_an_interrupted_compilation_ends_its_workers(program):
+    text = """
+compiling._WORKER = "import time; time.sleep(60)"
+def interrupt(*news):
+    raise KeyboardInterrupt
+try:
+    compiling.compile_missing(zip("ab", CALLS), interrupt)
+except KeyboardInterrupt:
+    told.append([process.poll() for process in started])
+"""
+    assert program(text)[3:] == [1, [[-15]]]
+
+
+RUN = """
+from spi import runs
+from spi.ensemble.loop import integrate
+only_workers()
+experiment = runs.load("SPEC", "quick", ["schemes=[euler_maruyama, splitting]"])
+runs.run(experiment)
+from spi.storage import read
+groups = read(runs.results_path(experiment, "results")).groups
+found = [group.variables["y"][1].view("int64").tolist() for group in groups]
+hits, misses = (sum(count.values()) for count in (integrate.stats.cache_hits, integrate.stats.cache_misses))
+json.dump([hits, misses, len(started), found], sys.stdout)
+"""
+
+
+def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program, tmp_path):
+    spec = EXPERIMENTS / "lotka_volterra_positivity.yaml"  # whose kernels take least to compile
+    hits, misses, started, found = program(RUN.replace("SPEC", str(spec)), "")
+    assert (hits, misses, started) == (2, 0, 1)
+
+    from spi import storage
+    from spi.running import runs
+
+    experiment = runs.load(spec, "quick", ["schemes=[euler_maruyama, splitting]"])
+    groups = storage.read(runs.run(experiment, tmp_path / "here")).groups
+    assert found == [group.variables["y"][1].view("int64").tolist() for group in groups]
+
+
+#: Loads what the calls of all plans need, then runs them; prints the kernels of which there were more then.
+CALLS_OF_PLANS = """
+import json, sys
+from spi import engine, runs
+from spi.ensemble.loop import integrate
+from spi.kinds.state import State
+from spi.kinds.trajectory.study import invariants
+from spi.kinds.weak.study.sums import add_powers, function_values
+
+KERNELS = integrate, invariants, add_powers, function_values
+missed = {}
+for name, overrides in json.load(sys.stdin).items():
+    for plan in runs.plans(runs.load(name, "quick", ["schemes=[splitting]", *overrides])):
+        for call in plan.kernel_calls():
+            call.kernel(*call.arguments)
+        before = [len(kernel.overloads) for kernel in KERNELS]
+        state = State(plan)
+        engine.advance_here([state], lambda number: None)
+        engine.finish([state], lambda number: None)
+        plan.group(state)
+        after = [len(kernel.overloads) for kernel in KERNELS]
+        missed.setdefault(name, []).append([b - a for a, b in zip(before, after)])
+json.dump(missed, sys.stdout)
+"""
+
+#: Experiments of all kinds, with what makes them shorter and needs the same kernels.
+OF_ALL_KINDS = {
+    "rigid_body_strong": [],
+    "rigid_body_qualitative": [],
+    "weak_agreement": ["accuracy=1e-2", "seconds=0.02"],
+    "rigid_body_work_precision": [],
+    "stability_large_steps": ["sweep.sigma=[0.1, 1]"],
+    "stability_long_time": ["step_count=2^8"],
+}
+
+
+def test_the_calls_of_a_plan_are_all_that_has_to_be_compiled():
+    """In a process of its own, where no other test has loaded kernels."""
+    specs = {str(EXPERIMENTS / f"{name}.yaml"): overrides for name, overrides in OF_ALL_KINDS.items()}
+    command = [sys.executable, "-c", CALLS_OF_PLANS]
+    answer = subprocess.run(command, input=json.dumps(specs), capture_output=True, text=True, check=False)
+    assert answer.returncode == 0, answer.stderr
+    missed = json.loads(answer.stdout)
+    assert missed.keys() == specs.keys()
+    assert not any(any(counts) for plans in missed.values() for counts in plans), missed

@@ -1,0 +1,28 @@
+"""Runs that are killed at random moments: a small version of ``kills.py``."""
+
+import random
+
+import pytest
+from helpers import COMPILED
+from kills import RUNS, experiment, forks, killed, numbers, run, stray
+
+from spi.running.runs import results_path
+
+if not COMPILED:
+    pytest.skip("too many steps without the compiler", allow_module_level=True)
+
+
+@pytest.mark.parametrize("kind", sorted(RUNS))
+def test_a_run_that_is_killed_again_and_again_comes_to_the_same_end(tmp_path, kind, monkeypatch):
+    for name in (
+        "spi.ensemble.loop.BATCH_SECONDS",
+        "spi.statistics.tallies.CHUNK_SECONDS",
+        "spi.running.checkpoint._SHARE",
+    ):
+        monkeypatch.setattr(name, 0.0)  # which `run` sets, and this restores
+    whole, out = tmp_path / "whole", tmp_path / "killed"
+    out.mkdir()
+    run(kind, whole)
+    assert killed(kind, out, 4, random.Random(kind), forks()) > 0  # 24 in all
+    assert numbers(results_path(experiment(kind), out)) == numbers(results_path(experiment(kind), whole))
+    assert stray(kind, out) == []

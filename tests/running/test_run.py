@@ -1,0 +1,401 @@
+"""From a spec to a results file: what it holds, that it repeats, and what becomes of runs that are interrupted."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from helpers import COMPILED
+
+from spi import storage
+from spi.ensemble import loop
+from spi.kinds.strong import study as strong
+from spi.numerics.rng import LANES, STREAM_VERSION
+from spi.running import runs as runner
+from spi.running.runs import Limits, Watch, load
+from spi.storage import StorageError
+
+EXPERIMENT = Path(__file__).parents[2] / "experiments" / "rigid_body_strong.yaml"
+SIZES = [] if COMPILED else ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
+MANY = 1000 if COMPILED else 300  # enough for several batches
+SCHEMES = ("euler_maruyama", "splitting")
+#: What a stopwatch says; all other numbers must repeat to the last bit.
+TIMES = ("seconds", "ns_per_step")
+
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+
+
+@pytest.fixture(autouse=True)
+def _no_stopwatch_without_the_compiler(monkeypatch):
+    if not COMPILED:
+        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+
+
+@pytest.fixture
+def small_batches(monkeypatch):
+    """One or a few blocks to a batch, whatever the machine."""
+    monkeypatch.setattr(loop, "BATCH_SECONDS", 0.0)
+
+
+def experiment(*overrides, schemes=SCHEMES):
+    return load(EXPERIMENT, "quick", [f"schemes=[{', '.join(schemes)}]", *SIZES, *overrides])
+
+
+def numbers(path):
+    """Everything in a results file that must repeat, as plain data that can be compared."""
+    groups = {}
+    for group in storage.read(path).groups:
+        attributes = {k: v for k, v in group.attributes.items() if k not in ("wall_seconds", "threads")}
+        arrays = {k: v.tolist() for k, (_, v) in group.variables.items() if k not in TIMES}
+        groups[group.case, group.variant] = repr((arrays, attributes))
+    return groups
+
+
+def files(folder):
+    """All files in a folder, those in folders within it too."""
+    return {path for path in folder.rglob("*") if path.is_file()}
+
+
+class Reports(list):
+    """Keeps what is reported, and raises an error after so many reports of a scheme that has begun."""
+
+    def __init__(self, scheme=None, after=None, error=KeyboardInterrupt):
+        self.scheme, self.left, self.error = scheme, after, error
+
+    def __call__(self, progress):
+        self.append(progress)
+        if progress.part == self.scheme and progress.done:
+            self.left -= 1
+            if self.left == 0:
+                raise self.error
+
+    def done(self, scheme):
+        return [p.done for p in self if p.part == scheme]
+
+
+# --- what is written -------------------------------------------------------------------------------------------------
+
+
+def test_a_run_writes_a_complete_file(tmp_path):
+    wanted = experiment("samples=70")
+    reports = Reports()
+    path = runner.run(wanted, tmp_path / "new" / "folder", watch=Watch(report=reports))
+    assert path == tmp_path / "new" / "folder" / "rigid_body_strong.h5"
+    sums = runner.sums_path(wanted, path.parent)
+    assert set(path.parent.rglob("*")) == {path, sums.parent, sums}
+    attributes = storage.read(path).attributes
+    expected = {
+        "kind": "strong",
+        "title": "Strong errors, stochastic rigid body",
+        "figure": 10,
+        "spec": EXPERIMENT.read_text(encoding="utf-8"),
+        "spec_hash": wanted.hash,
+        "profile": "quick",
+        "seed": 1,
+        "stream_version": STREAM_VERSION,
+        "complete": True,
+    }
+    assert {name: attributes[name] for name in expected} == expected
+    for name in ("spi_version", "created", "machine_processor", "machine_instruction_set", "machine_numba"):
+        assert attributes[name], name
+    assert [(g.case, g.variant) for g in storage.read(path).groups] == [("main", scheme) for scheme in SCHEMES]
+    for scheme in SCHEMES:
+        with xarray.open_dataset(path, group=f"main/{scheme}", engine="h5netcdf") as data:
+            assert dict(data.sizes) == {"h": len(wanted.cases[0].steps), "casimir": 1}
+            assert data.h.values.tolist() == list(wanted.cases[0].steps)
+            needed = ("error", "error_stderr", "error_final", "casimir_drift", "nonfinite", "seconds", "ns_per_step")
+            assert set(needed) <= set(data.data_vars)
+            assert data["error"].dims == ("h",)
+            assert data["casimir_drift"].dims == ("h", "casimir")
+            assert (data["error"] > 0).all()
+            assert {"order", "order_ci", "samples"} <= set(data.attrs)
+            assert data.attrs["samples"] == 70
+    # Progress: one report before the first batch of a scheme, then until all paths are done.
+    for part, scheme in enumerate(SCHEMES):
+        own = [p for p in reports if p.part == scheme]
+        assert (own[0].done, own[-1].done, own[0].total) == (0, 70, 70)
+        assert {(p.case, p.number, p.parts) for p in own} == {("main", part, 2)}
+        assert np.isnan(own[0].stderr)
+        assert own[-1].stderr > 0
+
+
+def test_cases_are_groups_of_their_own(tmp_path):
+    spec = tmp_path / "two.yaml"
+    cases = "cases:\n- {name: a, samples: 3}\n- {name: b, title: other, seed: 2, schemes: [splitting]}\n"
+    spec.write_text(EXPERIMENT.read_text(encoding="utf-8").split("expect:")[0] + cases, encoding="utf-8")
+    overrides = ["steps=[2^-3, 2^-4]", "reference_step=2^-5", "truncate_noise=false"]
+    with pytest.raises(Exception, match="midpoint"):
+        load(spec, "laptop", overrides)
+    text = spec.read_text(encoding="utf-8").replace("[euler_maruyama, midpoint, splitting]", "[euler_maruyama]")
+    spec.write_text(text, encoding="utf-8")
+    path = runner.run(load(spec, "laptop", [*overrides, "samples=4"]), tmp_path)
+    assert list(numbers(path)) == [("a", "euler_maruyama"), ("b", "splitting")]
+    one, two = storage.read(path).groups
+    assert (one.attributes["seed"], two.attributes["seed"], two.attributes["case_title"]) == (1, 2, "other")
+
+
+def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path):
+    first, again, other = (
+        numbers(runner.run(experiment("samples=70", f"seed={seed}"), tmp_path / folder))
+        for folder, seed in (("a", 1), ("b", 1), ("c", 2))
+    )
+    assert first == again
+    assert all(first[key] != other[key] for key in first)
+
+
+# --- results that are there already ----------------------------------------------------------------------------------
+
+
+def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
+    path = runner.run(experiment("samples=5"), tmp_path)
+    before, reports = path.read_bytes(), Reports()
+    with pytest.raises(StorageError, match=r"another spec.*--fresh") as caught:
+        runner.run(experiment("samples=5", "seed=2"), tmp_path, watch=Watch(report=reports))
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert not reports  # told before anything is computed
+    assert path.read_bytes() == before
+    kept = runner.sums_path(experiment("samples=5"), tmp_path)
+    assert files(tmp_path) == {path, kept}
+    assert runner.run(experiment("samples=5", "seed=2"), tmp_path, fresh=True) == path
+    assert {g.attributes["seed"] for g in storage.read(path).groups} == {2}
+    assert files(tmp_path) == {
+        path,
+        runner.sums_path(experiment("samples=5", "seed=2"), tmp_path),
+    }
+
+
+def test_a_finished_spec_computes_nothing(tmp_path):
+    wanted, news, reports = experiment("samples=5"), [], Reports()
+    path = runner.run(wanted, tmp_path)
+    before = path.read_bytes()
+    assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
+    assert path.read_bytes() == before
+    assert not reports and len(news) == 1 and "nothing is computed" in news[0]
+    runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[:2] == [0, 5]
+
+
+def test_a_new_title_needs_no_new_paths(tmp_path):
+    spec = tmp_path / "mine.yaml"
+    text = EXPERIMENT.read_text(encoding="utf-8")
+    overrides = ["schemes=[splitting]", "samples=5", *SIZES]
+    spec.write_text(text, encoding="utf-8")
+    before = numbers(runner.run(load(spec, "quick", overrides), tmp_path))
+    spec.write_text(text.replace("title: Strong errors", "title: Other words for errors"), encoding="utf-8")
+    reports = Reports()
+    path = runner.run(load(spec, "quick", overrides), tmp_path, watch=Watch(report=reports))
+    assert set(reports.done("splitting")) == {5}  # all are there
+    assert "Other words" in storage.read(path).attributes["title"]
+    assert {k: v.split("casimir_drift")[0] for k, v in numbers(path).items()} == {
+        k: v.split("casimir_drift")[0] for k, v in before.items()
+    }
+
+
+def test_a_file_that_is_no_results_file_is_not_touched(tmp_path):
+    path = tmp_path / "rigid_body_strong.h5"
+    path.write_text("somebody's notes")
+    with pytest.raises(StorageError, match="not a whole HDF5 file"):
+        runner.run(experiment("samples=5"), tmp_path)
+    assert path.read_text() == "somebody's notes"
+
+
+def test_a_folder_that_cannot_be_written_is_found_out_before_the_run(tmp_path):
+    (tmp_path / "file").write_text("")
+    reports = Reports()
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(StorageError, match=r"cannot write .*--out"):
+            runner.run(experiment("samples=5"), out, watch=Watch(report=reports))
+    assert not reports
+
+
+def test_results_of_a_spec_file(tmp_path):
+    spec = tmp_path / "mine.yaml"
+    spec.write_text(EXPERIMENT.read_text(encoding="utf-8"), encoding="utf-8")
+    with pytest.raises(StorageError, match="no such file"):
+        runner.results_of(spec, tmp_path)
+    overrides = ["schemes=[splitting]", "samples=5", *SIZES]
+    path = runner.run(load(spec, "quick", overrides), tmp_path)
+    assert runner.results_of(spec, tmp_path) == path
+    spec.write_text(spec.read_text(encoding="utf-8").replace("seed: 1", "seed: 2"), encoding="utf-8")
+    with pytest.raises(StorageError, match="another spec"):
+        runner.results_of(spec, tmp_path)
+
+
+# --- interruption ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """The numbers of a run that nobody disturbs."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not COMPILED:
+            patch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        return numbers(runner.run(experiment(f"samples={MANY}"), tmp_path_factory.mktemp("whole")))
+
+
+@pytest.mark.parametrize(("scheme", "after"), [("euler_maruyama", 1), ("splitting", 2)])
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, uninterrupted, scheme, after):
+    first, wanted = Reports(scheme, after), experiment(f"samples={MANY}")
+    with pytest.raises(runner.Stopped, match="the same command goes on"):
+        runner.run(wanted, tmp_path, watch=Watch(report=first))
+    checkpoint = runner.sums_path(wanted, tmp_path)
+    assert files(tmp_path) == {checkpoint}
+    stopped_at = first.done(scheme)[-1]
+    assert 0 < stopped_at < MANY
+
+    second = Reports()
+    path = runner.run(wanted, tmp_path, watch=Watch(report=second))
+    assert second.done(scheme)[0] == stopped_at  # nothing is computed twice
+    if scheme == "splitting":
+        assert second.done("euler_maruyama")[0] == MANY
+    assert files(tmp_path) == {path, checkpoint}
+    assert numbers(path) == uninterrupted
+
+
+def test_many_interruptions(tmp_path, small_batches, uninterrupted):
+    wanted, stops = experiment(f"samples={MANY}"), 0
+    while not runner.results_path(wanted, tmp_path).exists():
+        scheme = SCHEMES[0] if stops < 2 else SCHEMES[1]
+        try:
+            runner.run(wanted, tmp_path, watch=Watch(report=Reports(scheme, 2)))
+        except runner.Stopped:
+            stops += 1
+        assert stops < 100
+    assert stops > 2
+    assert numbers(runner.results_path(wanted, tmp_path)) == uninterrupted
+
+
+def test_a_run_that_is_killed_goes_on_from_its_last_checkpoint(tmp_path, small_batches, monkeypatch, uninterrupted):
+    """SIGKILL, a crash: nothing can be saved any more, but checkpoints were written now and then."""
+    monkeypatch.setattr("spi.running.checkpoint._SHARE", 1e9)
+    killed, wanted = Reports("splitting", 2, error=MemoryError), experiment(f"samples={MANY}")
+    with pytest.raises(MemoryError):
+        runner.run(wanted, tmp_path, watch=Watch(report=killed), limits=Limits(checkpoint_seconds=0.0))
+    second = Reports()
+    path = runner.run(wanted, tmp_path, watch=Watch(report=second))
+    assert second.done("splitting")[0] == killed.done("splitting")[-2]  # the last one came before the checkpoint
+    assert numbers(path) == uninterrupted
+
+
+def test_fresh_ignores_the_checkpoint(tmp_path, small_batches):
+    wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
+    with pytest.raises(runner.Stopped):
+        runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    reports = Reports()
+    path = runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == 0
+    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
+
+
+def test_the_checkpoint_of_another_spec_is_not_used(tmp_path, small_batches):
+    with pytest.raises(runner.Stopped):
+        runner.run(experiment(f"samples={MANY}", "seed=2"), tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    reports, wanted = Reports(), experiment(f"samples={2 * LANES}", schemes=SCHEMES[:1])
+    runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == 0
+
+
+def overwritten(path):
+    path.write_bytes(b"\x00" * 1000)
+
+
+def cut_short(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def with_one_bit_flipped(path):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 4
+    path.write_bytes(data)
+
+
+def of_another_version(path):
+    about, parts = storage.read_sums(path)
+    del about["version"], about["parts"]
+    path.unlink()
+    storage.write_sums(path, {**about, "source_digest": "0123"}, parts)
+
+
+@pytest.mark.parametrize("damage", [overwritten, cut_short, with_one_bit_flipped, of_another_version])
+def test_a_damaged_checkpoint_is_not_used(tmp_path, small_batches, uninterrupted, damage):
+    wanted = experiment(f"samples={MANY}")
+    with pytest.raises(runner.Stopped):
+        runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    damage(runner.sums_path(wanted, tmp_path))
+    reports = Reports()
+    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == 0
+    assert numbers(path) == uninterrupted
+
+
+@pytest.mark.parametrize("damage", [overwritten, cut_short, with_one_bit_flipped])
+def test_the_checkpoint_before_a_damaged_one_is_used(tmp_path, small_batches, uninterrupted, damage):
+    wanted, stopped = experiment(f"samples={MANY}"), []
+    for _ in range(2):
+        reports = Reports(SCHEMES[0], 2)
+        with pytest.raises(runner.Stopped):
+            runner.run(wanted, tmp_path, watch=Watch(report=reports))
+        stopped.append(reports.done(SCHEMES[0])[-1])
+    damage(runner.sums_path(wanted, tmp_path))
+    reports = Reports()
+    path = runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == stopped[0]
+    assert numbers(path) == uninterrupted
+    assert files(tmp_path) == {path, runner.sums_path(wanted, tmp_path)}
+
+
+def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, small_batches, monkeypatch):
+    wanted, write = experiment(f"samples={2 * LANES}", schemes=SCHEMES[:1]), storage.write
+
+    def interrupted(path, results):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(storage, "write", interrupted)
+    with pytest.raises(BaseException) as caught:
+        runner.run(wanted, tmp_path)
+    assert caught.type is runner.Stopped
+    monkeypatch.setattr(storage, "write", write)
+    reports = Reports()
+    runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == 2 * LANES
+
+
+# --- cost ------------------------------------------------------------------------------------------------------------
+
+
+def test_cost_counts_steps_of_all_cases_and_schemes():
+    one, two = (runner.cost(experiment("samples=100", schemes=schemes)) for schemes in (SCHEMES[:1], SCHEMES))
+    assert two.path_steps == 2 * one.path_steps
+    assert two.seconds > one.seconds > 0
+    assert two.megabytes == one.megabytes > 0
+    assert runner.cost(experiment("samples=200", schemes=SCHEMES[:1])).path_steps == 2 * one.path_steps
+
+
+MEMORY = """
+import json, resource, sys
+from spi import runs as runner
+from spi.running.runs import load
+
+def peak(samples):
+    wanted = load(sys.argv[1], "quick", ["schemes=[euler_maruyama]", f"samples={samples}"])
+    runner.run(wanted, sys.argv[2], fresh=True)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+print(json.dumps([peak(8192), peak(40 * 8192)]))
+"""
+
+
+@compiled_only
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ru_maxrss has other units elsewhere")
+def test_memory_does_not_grow_with_samples(tmp_path):
+    """One number per path and grid point would be 600 MB, one number per path alone 2.5 MB."""
+    arguments = [sys.executable, "-c", MEMORY, str(EXPERIMENT), str(tmp_path)]
+    done = subprocess.run(arguments, capture_output=True, text=True, env=dict(os.environ), timeout=300)
+    assert done.returncode == 0, done.stderr
+    few, many = json.loads(done.stdout)
+    assert many - few < 8.0

@@ -1,0 +1,191 @@
+"""Specs of the model `zeitlin`: what is said of bad ones, and a strong study against steps taken by hand."""
+
+import re
+
+import fluids
+import numpy as np
+import pytest
+from helpers import COMPILED
+from kills import numbers
+from repeats import Interruptions
+from strong_cases import draw
+from zeitlin_cases import take
+
+from spi import storage
+from spi.models import SineEuler
+from spi.models.zeitlin import Noise, Zeitlin, ZeitlinThree
+from spi.numerics.rng import LANES, STEPS_PER_DRAW
+from spi.running import runs as runner
+from spi.running import workers
+from spi.running.loading import plans
+from spi.running.runs import Stopped, Watch
+from spi.specs import SpecError
+
+pytestmark = pytest.mark.xdist_group("zeitlin")
+
+MODEL = "{name: zeitlin, n: 5, noise: {shell: 1, sigma: 0.5}}"
+INITIAL = ", ".join(f"{x:.3f}" for x in fluids.random_state(5))
+TEXT = f"""\
+kind: strong
+model: {MODEL}
+initial: [{INITIAL}]
+final_time: 1
+steps: 2^-2 .. 2^-4
+reference_step: 2^-6
+schemes: [splitting]
+samples: 200
+"""
+#: The same model, whose noises are all on the shell 1.
+SAME = Zeitlin(5, (Noise(0.5, modes=((1, 0), (1, 1), (0, 1), (-1, 1))),))
+
+
+# --- specs -----------------------------------------------------------------------------------------------------------
+
+
+def model(text):
+    return f"{{name: zeitlin, n: 5, noise: {text}}}"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("{name: zeitlin}", "model.n: missing key 'n'; add n: N, odd"),
+        ("{name: zeitlin, n: 4}", "model.n: is 4; must be odd, such as 5"),
+        ("{name: zeitlin, n: 1}", "model.n: is '1'; must be at least 3"),
+        ("{name: zeitlin, n: 257}", "model.n: is '257'; must be at most 255"),
+        ("{name: zeitlin, n: 5.5}", "model.n: is '5.5' (not whole); must be a whole number"),
+        ("{name: zeitlin, n: 5, sigma: [1]}", "model.sigma: is no known key; known: name, n, noise, normalisation"),
+        ("{name: zeitlin, n: 5, normalisation: other}", "model.normalisation: is 'other'; known: paper, zeitlin"),
+        ("{name: zeitlin, n: 5, casimirs_watched: 0}", "model.casimirs_watched: is '0'; must be at least 1"),
+        (model("3"), "model.noise: is '3'; must be a mapping, lines of key: value"),
+        (model("{shell: 1}"), "model.noise.sigma: missing key 'sigma'; add sigma: strength of the noise"),
+        (model("{shell: 1, sigma: -1}"), "model.noise.sigma: is '-1'; must be at least 0"),
+        (model("{shel: 1, sigma: 1}"), "model.noise.shel: is no known key; did you mean 'shell'?"),
+        (model("{shell: 1, sigma: 1, hamiltonian: cubic}"), "is 'cubic'; known: quadratic, linear"),
+        (model("{shell: 4, sigma: 1}"), "model.noise: has the shell 4, which has no modes; must be from 1 to 3"),
+        (model("{shell: 0, sigma: 1}"), "model.noise: has the shell 0, which has no modes; must be from 1 to 3"),
+        (model("{modes: [[3, 0]], sigma: 1}"), "has the mode [3, 0]; must have modes from -2 to 2, not [0, 0]"),
+        (model("{modes: [[0, 0]], sigma: 1}"), "has the mode [0, 0]; must have modes from -2 to 2, not [0, 0]"),
+        (model("{modes: [[1, 0, 1]], sigma: 1}"), "model.noise.modes: entry 1 has 3 entries; must have 2"),
+        (model("{sigma: 1}"), "has an entry with both or none of shell and modes; give one of them"),
+        (model("{shell: 1, modes: [[1, 0]], sigma: 1}"), "has an entry with both or none of shell and modes"),
+        (model("{modes: [[1, 0], [-1, 0]], sigma: 1}"), "has the mode [1, 0] twice; add up the squares"),
+        (model("[{modes: [[1, 1]], sigma: 1}, {shell: 1, sigma: 2}]"), "has the mode [1, 1] twice; add up the squares"),
+    ],
+)
+def test_bad_models(spec, text, complaint):
+    with pytest.raises(SpecError, match="^s[.]yaml:2: [^\n]*" + re.escape(complaint)):
+        spec(TEXT, MODEL, text)
+
+
+def test_a_noise_of_strength_0_is_off(spec):
+    (case,) = spec(TEXT, MODEL, model("[{shell: 1, sigma: 0}, {modes: [[2, 0]], sigma: 1}]")).cases
+    assert [process.mode for process in case.model.processes] == [(2, 0)]
+
+
+def test_many_noises(spec):
+    noise = "[" + ", ".join(f"{{shell: {shell}, sigma: 1}}" for shell in range(60, 80)) + "]"
+    with pytest.raises(SpecError, match="has 4364 Wiener processes; at most 4096 are possible"):
+        spec(TEXT, MODEL, f"{{name: zeitlin, n: 255, noise: {noise}}}")
+
+
+FOR_OTHERS = "which is not for zeitlin; use euler_maruyama or a splitting without Lévy areas"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        (f"[{INITIAL}]", "[1, 2, 3]", "3: initial: has 3 entries; must have 24, the dimension of zeitlin"),
+        ("schemes: [splitting]", "schemes: [midpoint]", f"7: schemes: has 'midpoint', {FOR_OTHERS}"),
+        ("schemes: [splitting]", "schemes: [splitting_areas]", f"7: schemes: has 'splitting_areas', {FOR_OTHERS}"),
+        ("schemes: [splitting]", "schemes: [munthe_kaas_euler]", f"7: schemes: has 'munthe_kaas_euler', {FOR_OTHERS}"),
+        (
+            "schemes: [splitting]",
+            "schemes: [mine]\ncompositions: {mine: [noise 1, loops, drift 1]}",
+            f"7: schemes: has 'mine', {FOR_OTHERS}",
+        ),
+        (
+            "samples: 200",
+            "samples: 200\nreference_scheme: midpoint",
+            f"9: reference_scheme: is 'midpoint', {FOR_OTHERS}",
+        ),
+        (
+            "samples: 200",
+            "samples: 200\ndamping: 0.1",
+            "9: damping: is for models of few components, which zeitlin is not; leave it out",
+        ),
+    ],
+)
+def test_bad_specs(spec, old, new, complaint):
+    with pytest.raises(SpecError, match="^s[.]yaml:" + re.escape(complaint)):
+        spec(TEXT, old, new)
+
+
+def test_good_specs(spec):
+    """Noises by shell or by mode, and one mode in both forms; of few modes in the terms of the small model."""
+    (case,) = spec(TEXT).cases
+    assert case.model.processes == SAME.processes and case.model_name == "zeitlin"
+    both = "[{modes: [[1, 0]], sigma: 1}, {modes: [[1, 0]], sigma: 1, hamiltonian: linear}]"
+    (case,) = spec(TEXT, MODEL, model(both)).cases
+    assert [process.form for process in case.model.processes] == ["quadratic", "cosine", "sine"]
+    experiment = spec(TEXT, MODEL, "{name: zeitlin, n: 5}", "schemes: [splitting]", "schemes: [splitting_symmetric]")
+    assert runner.reports(experiment) == {} and runner.cost(experiment).seconds < 60
+
+
+def test_runs_of_three_modes_are_those_of_sine_euler(spec):
+    """The record that kernels get has the same flows, dimension and parameters, so that all bits are the same."""
+    three = "{name: zeitlin, n: 3, noise: {modes: [[1, 0], [0, 1]], sigma: 0.5}}"
+    plan, *_ = plans(spec(TEXT, MODEL, three, INITIAL, "0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8"))
+    assert plan.model == ZeitlinThree((0.5, None, 0.5, None))
+    assert isinstance(plan.initial, tuple)
+    for name in ("drift_flow", "noise_flow", "drift_angle", "noise_angle", "hamiltonian", "structure"):
+        assert getattr(ZeitlinThree, name) is getattr(SineEuler, name)
+
+
+# --- a study ---------------------------------------------------------------------------------------------------------
+
+
+def increments_of(count, m, seed=0):
+    """Those of the first block of paths over `count` steps of size 1 / count, [step, noise, path]."""
+    draws = -(-count // STEPS_PER_DRAW)
+    words, normals = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty((draws, STEPS_PER_DRAW * LANES))
+    found = np.empty((count, m, LANES))
+    for k in range(m):
+        draw(np.uint64(seed), np.uint64(k), draws, np.uint64(0), words, normals)
+        found[:, k] = normals.reshape(-1, LANES)[:count] / np.sqrt(count)
+    return found
+
+
+@pytest.mark.skipif(not COMPILED, reason="thousands of steps")
+def test_a_strong_study(spec, tmp_path):
+    """Its errors are those of steps taken by hand, with increments drawn and added up by hand."""
+    experiment = spec(TEXT, "samples: 200", "samples: 50")
+    (group,) = storage.read(runner.run(experiment, tmp_path)).groups
+    y, fine = np.repeat([experiment.cases[0].initial], 50, axis=0), increments_of(64, 4, experiment.cases[0].seed)
+    ends = []
+    for count in (64, 4, 8, 16):
+        dW = fine[..., :50].reshape(count, -1, 4, 50).sum(axis=1)
+        ends.append(take("splitting", SAME, 1 / count, np.stack([dW, 0 * dW], axis=1), y).states)
+    exact, *others = ends
+    errors = [np.sqrt(np.mean(np.sum((end - exact) ** 2, axis=1))) for end in others]
+    np.testing.assert_allclose(group.arrays["error_final"], errors, rtol=1e-12)
+    assert np.all(group.arrays["casimir_drift"] < 1e-13) and not group.arrays["nonfinite"].any()
+    assert np.all(np.diff(errors) < 0) and errors[-1] > 1e-4
+
+
+@pytest.mark.skipif(not COMPILED, reason="thousands of steps")
+def test_interruptions_and_processes_change_nothing(spec, tmp_path):
+    experiment = spec(TEXT)
+    straight = numbers(runner.run(experiment, tmp_path / "straight"))
+    stops, out, times = Interruptions(1), tmp_path / "interrupted", 0
+    while True:
+        try:
+            path = runner.run(experiment, out, watch=Watch(report=stops))
+            break
+        except Stopped:
+            times += 1
+    assert times > 0 and numbers(path) == straight
+    with workers.processes(2) as pool:
+        assert numbers(runner.run(experiment, tmp_path / "workers", workers=pool)) == straight
+    other = runner.run(spec(TEXT, "sigma: 0.5", "sigma: 0.6"), tmp_path / "other")
+    assert numbers(other) != straight  # negative control

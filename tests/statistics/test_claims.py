@@ -1,0 +1,393 @@
+"""Claims: how numbers are judged, what a spec may state, and what a run makes of it."""
+
+import io
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+from helpers import printed
+from long_time_results import long_time, long_time_group
+from rich.console import Console
+from stability_results import predators, stability, stability_group
+from strong_results import strong, strong_group
+from trajectory_results import trajectories, trajectory_group
+from view_helpers import inches_of_panels
+from weak_results import at_eps, weak, weak_group
+from work_results import work_results
+
+from spi import storage
+from spi.kinds import KINDS
+from spi.printing import as_csv, as_json
+from spi.printing import claims as printed_claims
+from spi.report import views
+from spi.running import runs
+from spi.specs import SpecError
+from spi.statistics import claims
+from spi.statistics.claims import AT_LEAST, AT_MOST, BROKEN, EQUAL, KEPT, UNDECIDED, Claim, Quantity, judge
+from spi.storage.records import Description, by_case
+
+ABOUT = Description.of(strong_group("splitting", case="main"))
+
+
+def claim(number, sense=EQUAL, tolerance=0.0, **others):
+    return Claim("main", "splitting", "order", sense, number, tolerance, f"{number}", **others)
+
+
+def came_out(value, half=0.0, **others):
+    return Quantity("order", ABOUT, value, value - half, value + half, **others)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The verdict
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sense", "number", "tolerance", "value", "half", "verdict"),
+    [
+        (EQUAL, 0.5, 0.0, 0.52, 0.03, KEPT),
+        (EQUAL, 0.5, 0.0, 0.55, 0.03, UNDECIDED),  # only twice the interval reaches it
+        (EQUAL, 0.5, 0.0, 0.57, 0.03, BROKEN),
+        (EQUAL, 0.5, 0.05, 0.57, 0.03, KEPT),  # the interval meets 0.5 +- 0.05
+        (EQUAL, 0.5, 0.0, 0.5, 0.0, KEPT),
+        (EQUAL, 0.5, 0.0, 0.5001, 0.0, BROKEN),  # exact, so without any doubt
+        (EQUAL, 0.5, 0.0, math.nan, math.nan, UNDECIDED),
+        (EQUAL, 0.5, 0.0, 0.5, math.nan, UNDECIDED),
+        (AT_MOST, 1.0, 0.0, 0.9, 0.05, KEPT),
+        (AT_MOST, 1.0, 0.0, 0.97, 0.05, UNDECIDED),
+        (AT_MOST, 1.0, 0.0, 1.09, 0.05, UNDECIDED),
+        (AT_MOST, 1.0, 0.0, 1.11, 0.05, BROKEN),
+        (AT_MOST, 1.0, 0.0, 1.0, 0.0, KEPT),
+        (AT_MOST, 1.0, 0.0, math.inf, 0.0, BROKEN),
+        (AT_MOST, 1.0, 0.0, math.nan, 0.0, UNDECIDED),
+        (AT_LEAST, 1.0, 0.0, 1.0, 0.0, KEPT),
+        (AT_LEAST, 1.0, 0.0, 0.999, 0.0, BROKEN),
+        (AT_LEAST, 1.0, 0.0, 1.03, 0.05, UNDECIDED),
+        (AT_LEAST, 1.0, 0.0, math.inf, 0.0, KEPT),
+    ],
+)
+def test_a_number_is_judged_with_its_interval(sense, number, tolerance, value, half, verdict):
+    low, high = (value, value) if half == 0.0 else (value - half, value + half)
+    (found,) = judge([claim(number, sense, tolerance)], [Quantity("order", ABOUT, value, low, high)])
+    assert found.verdict == verdict
+
+
+def test_an_interval_that_is_too_wide_decides_nothing():
+    for widest, verdict in ((0.25, UNDECIDED), (0.3, KEPT)):
+        (found,) = judge([claim(0.5)], [came_out(0.5, 0.26, widest=widest)])
+        assert found.verdict == verdict
+    (found,) = judge([claim(5.0)], [came_out(0.5, 0.26, widest=0.25)])  # nor that it is broken
+    assert found.verdict == UNDECIDED
+
+
+def test_the_worst_step_size_counts_and_those_beyond_the_limit_do_not():
+    quantities = [came_out(value, h=h) for value, h in ((1e-3, 0.5), (1e-14, 0.25), (1e-15, 0.125))]
+    (everywhere,) = judge([claim(1e-12, AT_MOST)], quantities)
+    assert (everywhere.verdict, everywhere.found.h) == (BROKEN, 0.5)
+    (small,) = judge([claim(1e-12, AT_MOST, limits=(("h", 0.25),))], quantities)
+    assert (small.verdict, small.found.h) == (KEPT, 0.25)
+    (mixed,) = judge([claim(1e-12, AT_MOST)], [*quantities[1:], came_out(math.nan, h=1.0)])
+    assert mixed.verdict == UNDECIDED
+    (swept,) = judge([claim(1e-4, AT_MOST, limits=(("r", 1.0),))], [came_out(1e-3, h=0.5, swept=("r", 1.0))])
+    assert swept.verdict == BROKEN
+
+
+def test_each_estimator_and_function_has_a_verdict_of_its_own():
+    plain, other = ABOUT._replace(estimator="plain"), ABOUT._replace(estimator="multilevel")
+    quantities = [came_out(p, function=f)._replace(about=a) for p, f, a in ((1, "phi", plain), (2, "psi", other))]
+    assert [one.verdict for one in judge([claim(1)], quantities)] == [KEPT, BROKEN]
+    assert [one.verdict for one in judge([claim(1, scopes=("psi",))], quantities)] == [BROKEN]
+    assert [one.verdict for one in judge([claim(1, scopes=("phi", "plain"))], quantities)] == [KEPT]
+
+
+def test_what_did_not_come_out_is_not_decided():
+    (found,) = judge([claim(1.0, scopes=("multilevel",))], [came_out(1.0)])
+    assert (found.verdict, found.found, found.subject) == (UNDECIDED, None, "splitting, multilevel")
+
+
+def test_claims_are_read_back_as_they_were_stored():
+    stated = [claim(0.5), claim(1.0, AT_MOST, scopes=("phi",), limits=(("h", 0.5), ("eps", 0.1)))]
+    assert claims.of_text(claims.as_text(stated)) == stated
+    assert claims.as_text([]) is None and claims.of_text(None) == []
+    for text in ("", "[", "5", "[5]", '[{"case": 1}]', '{"a": 1}'):
+        with pytest.raises(ValueError, match="no list of claims"):
+            claims.of_text(text)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a spec may state
+# ---------------------------------------------------------------------------------------------------------------------
+
+SPEC = """\
+kind: strong
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+steps: 2^-2 .. 2^-4
+reference_step: 2^-5
+schemes: [splitting, euler_maruyama]
+samples: 70
+"""
+IN = "expect:\n  splitting:\n    "  # what follows stands in line 11 of SPEC
+TWO_CASES = "cases: [{name: a, expect: {splitting: {order: 1}}}, {name: b, expect: {splitting: null}}]\n"
+WEAK = SPEC.replace("strong", "weak") + "estimators: [plain, kolmogorov]\nfunctions: {f: y1, g: y2}\n"
+SWEEP = SPEC.replace("kind: strong", "kind: stability\nsweep: {s: [1, 2]}").replace("[2, 1, 2/3]", "[s, 1, 2/3]")
+TRAJECTORY = SPEC.replace("strong", "trajectory").replace("steps: 2^-2 .. 2^-4", "step: 0.25\npanels: [casimirs]")
+TRAJECTORY = TRAJECTORY.replace("reference_step: 2^-5\n", "").replace("samples: 70\n", "")
+
+
+@pytest.fixture
+def load(tmp_path):
+    def of(text, profile="laptop", overrides=()):
+        path = tmp_path / "a.yaml"
+        path.write_text(text, encoding="utf-8")
+        return runs.load(path, profile, overrides)
+
+    return of
+
+
+def stated(experiment):
+    return [(one.case, one.scheme, one.text, *one.scopes) for one in claims.of_text(experiment.expect)]
+
+
+def test_numbers_are_meant_in_the_sense_of_their_quantity(load):
+    text = "expect:\n  splitting: {order: 1/2 +- 0.05, casimir_drift: 1e-12, up to 2^-3: {error: at least 2^-9}}\n"
+    found = claims.of_text(load(SPEC + text).expect)
+    assert [one.text for one in found] == [
+        "order 1/2 ± 0.05",
+        "Casimir drift at most 1e-12",
+        "error at least 2^-9 up to h = 2^-3",
+    ]
+    assert [(one.sense, one.number, one.tolerance, one.limits) for one in found] == [
+        (EQUAL, 0.5, 0.05, ()),
+        (AT_MOST, 1e-12, 0.0, ()),
+        (AT_LEAST, 2**-9, 0.0, (("h", 0.125),)),
+    ]
+
+
+def test_claims_do_not_change_the_hash(load):
+    without = load(SPEC)
+    for text in ("expect: {splitting: {order: 1/2}}\n", "expect: {splitting: {order: 1}}\n"):
+        other = load(SPEC + text)
+        assert other.hash == without.hash and other.effective == without.effective and other.expect
+    assert without.expect is None
+    assert load(SPEC.replace("samples: 70", "samples: 71")).hash != without.hash
+
+
+def test_layers_override_claim_by_claim(load):
+    below = "expect: {splitting: {order: 1/2, casimir_drift: 1e-12}, euler_maruyama: {order: 1/2}}\n"
+    drift = "Casimir drift at most 1e-12"
+    above = "profiles: {quick: {expect: {splitting: {order: null}, euler_maruyama: {order: 0.4}}}}\n"
+    assert stated(load(SPEC + below + above))[0] == ("main", "splitting", "order 1/2")
+    assert stated(load(SPEC + below + above, "quick")) == [
+        ("main", "splitting", drift),
+        ("main", "euler_maruyama", "order 0.4"),
+    ]
+    assert stated(load(SPEC + below + TWO_CASES)) == [
+        ("a", "splitting", "order 1"),
+        ("a", "splitting", drift),
+        ("a", "euler_maruyama", "order 1/2"),
+        ("b", "euler_maruyama", "order 1/2"),
+    ]
+    assert stated(load(SPEC + below, overrides=["expect.splitting.order=2"]))[0] == ("main", "splitting", "order 2")
+    assert stated(load(SPEC + below, overrides=["expect=null"])) == []
+
+
+def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
+    text = SPEC + "expect: {splitting: {order: 1/2}, euler_maruyama: {order: 1/2}}\n"
+    assert stated(load(text, overrides=["schemes=[splitting]"])) == [("main", "splitting", "order 1/2")]
+    text = WEAK + "expect: {splitting: {plain: {order: 1}, kolmogorov: {f: {order: 1}, g: {order: 2}}}}\n"
+    assert len(stated(load(text))) == 3
+    assert stated(load(text, overrides=["estimators=[kolmogorov]", "functions={g: y2}"])) == [
+        ("main", "splitting", "order 2", "kolmogorov", "g")
+    ]
+    with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is none of the schemes"):
+        load(SPEC, overrides=["schemes=[splitting]", "expect.euler_maruyama.order=1"])
+
+
+@pytest.mark.parametrize(
+    ("base", "text", "line", "message"),
+    [
+        (SPEC, "expect:\n  spliting: {order: 1}\n", 10, "spliting: is none of the schemes; did you mean 'splitting'?"),
+        (SPEC, "expect:\n  midpoint: {order: 1}\n", 10, "is none of the schemes; known: splitting, euler_maruyama"),
+        (
+            SPEC,
+            IN + "ordr: 1\n",
+            11,
+            "expect.splitting.ordr: is nothing that can be expected here; did you mean 'order'",
+        ),
+        (SPEC, IN + "order: half\n", 11, "expect.splitting.order: is 'half' (unknown word 'half'); must be a number"),
+        (SPEC, IN + "order: [1]\n", 11, "is a list; must be a number such as 1/2"),
+        (SPEC, IN + "order: {a: 1}\n", 11, "is a mapping; must be a number such as 1/2"),
+        (SPEC, IN + "order: 2i\n", 11, "(not a real number)"),
+        (SPEC, IN + "order: at most 1 +- 1\n", 11, "is 'at most 1 +- 1'; must be"),
+        (SPEC, IN + "casimir_drift: 0 +- 1\n", 11, "has no tolerance, because it is judged as at most"),
+        (SPEC, "expect:\n  splitting: 1/2\n", 10, "must be a mapping of quantities, as in splitting: {order: 1/2}"),
+        (SPEC, "expect: 1/2\n", 9, "expect: is '1/2'; must be a mapping"),
+        (SPEC, IN + "up to 2^-3: {order: 1}\n", 11, "is not known for each step size"),
+        (SPEC, IN + "up to x: {error: 1}\n", 11, "has no number (unknown word 'x'); must be like"),
+        (SPEC, IN + "up to 1: 1\n", 11, "is '1'; must be a mapping of quantities"),
+        (SPEC, IN + "eps up to 1: {error: 1}\n", 11, "has no limit 'eps'; known: h"),
+        (SPEC, IN + "plain: {order: 1}\n", 11, "is nothing that can be expected here; known: order"),
+        (WEAK, IN + "plan: {order: 1}\n", 13, "did you mean 'plain'?"),
+        (WEAK, IN + "plain:\n      ordr: 1\n", 14, "expect.splitting.plain.ordr: is nothing"),
+        (TRAJECTORY, IN + "order: 1\n", 10, "is nothing that can be expected here"),
+        (SWEEP, IN + "t up to 1: {finite: 1}\n", 12, "has no limit 't'; known: h, s"),
+        (SPEC, "profiles:\n  quick:\n    expect:\n      spliting: {order: 1}\n", 12, "quick.expect.spliting: is none"),
+        (SPEC, "cases:\n  - name: a\n    expect: {splitting: {ordr: 1}}\n", 11, "expect.splitting.ordr: is nothing"),
+    ],
+)
+def test_a_wrong_claim_is_named_with_its_line(load, tmp_path, base, text, line, message):
+    with pytest.raises(SpecError) as error:
+        load(base + text)
+    assert str(error.value).startswith(f"{tmp_path / 'a.yaml'}:{line}: ") and message in str(error.value)
+
+
+def test_claims_stand_in_the_schema(load):
+    schema = json.dumps(runs.layers().json_schema())
+    assert "what must come out" in schema
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What comes out of each kind
+# ---------------------------------------------------------------------------------------------------------------------
+
+PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
+WHOLE = {
+    "strong": strong(strong_group("splitting")),
+    "trajectory": trajectories(PATH),
+    "weak": weak(
+        *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
+        *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
+    ),
+    "work_precision": work_results(),
+    "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
+    "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
+}
+
+
+def quantities_of(kind):
+    """All that came out in results made by hand."""
+    readings = views.readings(WHOLE[kind])
+    return [one for case in by_case(readings) for one in KINDS[kind].claims.quantities(case)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_that_may_be_expected_comes_out(kind):
+    known, found = KINDS[kind].keys.Case.quantities, quantities_of(kind)
+    assert {one.name for one in found} == set(known)
+    for name, sort in known.items():
+        assert {one.h is not None for one in found if one.name == name} == {sort.per_step}, name
+
+
+def test_what_comes_out_is_what_the_results_hold():
+    path = {one.name: one.value for one in quantities_of("trajectory")}
+    assert path == {"casimir_drift": 0.5, "hamiltonian_drift": 8.0, "lowest": -2.0, "nonfinite": 0.0}
+    group = WHOLE["weak"].groups[0]
+    errors = [one for one in quantities_of("weak") if (one.name, one.about.estimator) == ("error", "plain")]
+    second = next(one for one in errors if one.function == "square" and one.h == group.coordinates["h"][1])
+    assert second.value == pytest.approx(abs(group.arrays["error"][1, 1]))
+    assert second.high - second.value == pytest.approx(1.96 * group.arrays["error_stderr"][1, 1])
+    uniform = [one for one in quantities_of("weak") if one.name == "uniform_order"]
+    assert [(one.about.scheme, one.about.eps) for one in uniform] == [("ap_splitting", None)]
+    growth = [one for one in quantities_of("long_time") if one.name == "growth" and one.about.scheme == "splitting"]
+    assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
+    swept = {one.swept for one in quantities_of("stability")}
+    assert {word for word, _ in swept} == {"sigma"} and len(swept) > 1
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Tables, records and figures
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def with_claims(results, expect):
+    return results._replace(attributes={**results.attributes, "expect": expect})
+
+
+def expecting(results, *stated):
+    return with_claims(results, claims.as_text(stated))
+
+
+def of(scheme, quantity, sense, number, case="three", **others):
+    return Claim(case, scheme, quantity, sense, number, 0.0, f"{number:g}", **others)
+
+
+STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=0.9, order_ci=(0.4, 1.4)))
+JUDGED = expecting(
+    STRONG,
+    of("splitting", "order", EQUAL, 0.5),
+    of("splitting", "order", EQUAL, 1.0),
+    of("splitting", "casimir_drift", AT_MOST, 1e-12),
+    of("midpoint", "order", EQUAL, 1.0),
+)
+
+
+def test_the_table_tells_claims_and_verdicts():
+    text = printed(JUDGED)
+    lines = [" ".join(line.split()) for line in text[text.index("claims") :].splitlines()]
+    assert "splitting, noise first (slpI) order 0.5 0.500 [0.480, 0.520] kept" in lines
+    assert "splitting, noise first (slpI) order 1 0.500 [0.480, 0.520] broken" in lines
+    assert "splitting, noise first (slpI) Casimir drift at most 1e-12 8e-16 h = 2^-13 kept" in lines
+    assert "midpoint order 1 0.900 [0.400, 1.400] not decided" in lines
+    assert "claims" not in printed(STRONG)
+
+
+@pytest.mark.parametrize(("width", "fits"), [(100, True), (80, True), (60, True), (40, False)])
+def test_on_a_terminal_the_claims_are_broken_between_words(width, fits):
+    console = Console(file=io.StringIO(), width=width, force_terminal=True, color_system=None, highlight=False)
+    printed_claims.show(console, views.verdicts(JUDGED))
+    text = console.file.getvalue()
+    assert {"[0.480, 0.520]", "h = 2^-13", "Casimir", "splitting,"} <= set(re.findall(r"\[.*?\]|h = \S+|[\w,]+", text))
+    assert "…" not in text and (max(map(len, text.splitlines())) <= width) is fits and console.width == width
+
+
+def test_records_have_the_worst_verdict_of_each_quantity():
+    rows = views.rows(JUDGED)
+    assert {(row["scheme"], row["claim[order]"], row.get("claim[casimir_drift]")) for row in rows} == {
+        ("splitting", "broken", "kept"),
+        ("midpoint", "not decided", None),
+    }
+    assert "claim[order]" in as_csv(rows).splitlines()[0] and '"claim[order]": "broken"' in as_json(rows)
+    assert not any("claim" in key for row in views.rows(STRONG) for key in row)
+
+
+def test_the_figure_names_the_verdicts_and_keeps_its_panels():
+    plain, judged = views.figure(STRONG), views.figure(JUDGED)
+    notes = " ".join(text.get_text() for text in judged.texts)
+    assert "Claims broken: order 1 (splitting, noise first (slpI))." in notes
+    assert "Claims not decided: order 1 (midpoint)." in notes and "Claims kept: order 0.5" in notes
+    sizes = []
+    for figure in (plain, judged):
+        sizes.append(inches_of_panels(figure))
+        lowest = min(ax.get_tightbbox().y0 for ax in figure.axes)
+        notes = [text.get_window_extent().y1 for text in figure.texts if text.get_fontsize() == 7]
+        assert bool(notes) == (figure is judged)
+        assert max(notes, default=0) < lowest  # the lines lie below panels and legends
+    np.testing.assert_allclose(*sizes, rtol=5e-3)
+
+
+def test_the_lines_lie_below_a_legend_of_the_whole_figure():
+    group = trajectory_group("splitting", np.arange(3.0), np.ones((3, 1)), np.ones((3, 1)))
+    figure = views.figure(expecting(trajectories(group), of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")))
+    figure.draw_without_rendering()
+    (legend,), (note,) = figure.legends, [text for text in figure.texts if text.get_fontsize() == 7]
+    assert note.get_text() == "Claims kept: Casimir drift at most 1 (splitting, noise first (slpI))."
+    assert 0 < note.get_window_extent().y1 < legend.get_window_extent().y0
+
+
+def test_a_lost_path_breaks_a_bound():
+    t, y = np.arange(3.0), np.ones((3, 1))
+    casimirs = np.array([[1.0], [1.0], [math.nan]])
+    results = trajectories(trajectory_group("splitting", t, y, casimirs))
+    bound = of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")
+    assert [one.verdict for one in views.verdicts(expecting(results, bound))] == [BROKEN]
+    whole = trajectories(trajectory_group("splitting", t, y, np.ones((3, 1))))
+    assert [one.verdict for one in views.verdicts(expecting(whole, bound))] == [KEPT]
+
+
+def test_damaged_claims_are_one_clear_line():
+    with pytest.raises(storage.StorageError, match="the claims in the results file are damaged"):
+        views.print_tables(with_claims(STRONG, "[{}]"), io.StringIO())

@@ -1,0 +1,203 @@
+"""Systems written in YAML in experiments: layers, sweeps, several at once, and errors with their place."""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damage import call
+from helpers import COMPILED, LANES, SCHEMES, take_steps
+from own_models import check_other_processes
+
+from spi import systems
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.protocol import drift_flow, noise_flow
+from spi.numerics.angles import ANY_ANGLES
+from spi.running import runs
+from spi.specs import SpecError
+
+# --- in a spec, and in a file that it names --------------------------------------------------------------------------
+
+SPEC = """\
+kind: trajectory
+model:
+  system: top.yaml
+  parameters: {a: 3}
+initial: [1, 0.5, 0.2]
+final_time: 1
+step: 2^-4
+schemes: [splitting]
+panels: [hamiltonian]
+"""
+FILE = """\
+# a remark
+algebra: so(3)
+parameters:
+  a: 2
+  b: 1
+hamiltonian: y1^2/a + b*y2^2
+noises:
+  - y1
+  - y3
+"""
+
+
+@pytest.mark.parametrize(
+    ("place", "old", "new", "message"),
+    [
+        (FILE, "  b: 1", "  b: x", "3: model.system: is 'top.yaml', line 5, parameters.b: is 'x' (unknown word 'x'"),
+        (FILE, "so(3)", "so(99)", "3: model.system: is 'top.yaml', line 2, algebra: is 'so(99)'"),
+        (FILE, "b*y2^2", "c*y2^2", "3: model.system: is 'top.yaml', line 6, hamiltonian: is 'y1^2/a + c*y2^2'"),
+        (FILE, "  - y3", "  - y3*y2", "3: model.system: is 'top.yaml', line 9, noises: has no exact flow: 'y2*y3'"),
+        (
+            FILE,
+            "noises:",
+            "noise:",
+            "3: model.system: is 'top.yaml', line 7, noise: is no known key; did you mean 'noises'",
+        ),
+        (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is no mapping; give it some of algebra"),
+        (FILE, "  a: 2", "  a: 2\n  a: 3", "3: model.system: is 'top.yaml', line 5"),
+        (FILE, "so(3)", "so(3", "3: model.system: is 'top.yaml', line 2, algebra: "),
+        (
+            SPEC,
+            "{a: 3}",
+            "{a: 0}",
+            "4: model.parameters.a: makes the Hamiltonian infinite, 'a' is 0; take another value",
+        ),
+        (SPEC, "{a: 3}", "{c: y}", "4: model.parameters.c: is 'y' (unknown word 'y'"),
+        (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
+        (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is no known key; did you mean 'noises'?"),
+        (SPEC, "{a: 3}", "{a: 3}\n  name: 2top", "5: model.name: is '2top'; must be a word of letters"),
+        (SPEC, "{a: 3}", "{a: 3}\n  name: lambda", "5: model.name: is 'lambda'; must be a word of letters"),
+        (SPEC, "{a: 3}", "{a: 3}\n  sigma: [1]", "5: model.sigma: has 1 entries; must have 2, one for each noise"),
+        (SPEC, "[1, 0.5, 0.2]", "[1, 0.5]", "5: initial: "),
+    ],
+)
+def test_errors_have_file_and_line_and_nothing_is_written(spec, tmp_path, place, old, new, message):
+    (tmp_path / "top.yaml").write_text(FILE)
+    assert spec(SPEC).cases[0].model.a == 3.0
+    assert place.count(old) == 1
+    (tmp_path / "top.yaml").write_text(FILE.replace(old, new) if place is FILE else FILE)
+    with pytest.raises(SpecError) as error:
+        spec(SPEC.replace(old, new) if place is SPEC else SPEC)
+    assert str(error.value).startswith(f"s.yaml:{message}")
+    assert "; " in str(error.value) and "\n" not in str(error.value)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["s.yaml", "top.yaml"]
+
+
+def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
+    """What the generic checks find is no error of a class that somebody wrote; the text is one that never passed."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", f"b*sqrt(y3) + y1/{time.time_ns()}"))
+    with pytest.raises(SpecError, match=r"^s.yaml:3: model.system: .*; near the initial state the formulas must be"):
+        spec(SPEC.replace("0.2]", "-3]"))
+    assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
+
+
+@pytest.mark.parametrize("stem", ["class", "2d", "my-top", "None", "_x"])
+def test_a_file_may_be_called_anything(spec, tmp_path, stem):
+    (tmp_path / f"{stem}.yaml").write_text(FILE)
+    assert spec(SPEC.replace("top.yaml", f"{stem}.yaml")).cases[0].model.a == 3.0
+
+
+# --- layers, sweeps and cases ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def top(spec, tmp_path):
+    """top(replaced in pairs, options of load) -> the experiment of SPEC, with FILE beside it."""
+    (tmp_path / "top.yaml").write_text(FILE)
+    return lambda *replaced, **options: spec(SPEC, *replaced, **options)
+
+
+def test_the_spec_overrides_the_file(top):
+    assert (top().cases[0].model.a, top().cases[0].model.b) == (3.0, 1.0)
+    assert top("{a: 3}", "{}").cases[0].model.a == 2.0
+    model = top("{a: 3}", "{a: 3}\n  noises: [y2]\n  sigma: [0]").cases[0].model
+    assert type(model).noises == 1 and model.sigma == (None,)
+    found = top(overrides=["model.parameters.b=7", "model.noises=[y1]"]).cases[0].model
+    assert (found.a, found.b, type(found).noises) == (3.0, 7.0, 1)
+    assert top("{a: 3}", "{a: 3}\n  name: spinning").cases[0].model_name == "spinning"
+
+
+def test_other_values_need_no_other_kernel(top):
+    """Neither by --set, nor in a case, a profile or a sweep: the class is the same."""
+    models = [top().cases[0].model, top(overrides=["model.parameters.a=1/7"]).cases[0].model]
+    cases = SPEC + "cases: [{name: one, model: {parameters: {a: 5}}}, {name: two}]\n"
+    profiles = SPEC + "profiles: {quick: {model: {parameters: {b: 6}}}}\n"
+    models += [case.model for case in runs.load("s.yaml", text=cases).cases]
+    models += [runs.load("s.yaml", "quick", text=profiles).cases[0].model]
+    swept = SPEC.replace("trajectory", "stability").replace("[hamiltonian]", "[casimir]").replace("{a: 3}", "{a: size}")
+    swept = swept.replace("step: 2^-4", "steps: 2^-4 .. 2^-5\nreference_step: 2^-6\nsamples: 100")
+    case = runs.load("s.yaml", text=swept + "sweep: {size: [1, 2]}\n").cases[0]
+    models += [one.model for one in case.sweep.cases]
+    assert len({type(model) for model in models}) == 1
+    assert [(model.a, model.b) for model in models] == [(3, 1), (1 / 7, 1), (5, 1), (3, 1), (3, 6), (1, 1), (2, 1)]
+
+
+def test_what_decides_results_belongs_to_the_hash(top, tmp_path):
+    """Two Hamiltonians with equal parameters, and a file that was edited; not a remark in it."""
+    first, other = top(), top("{a: 3}", "{a: 3}\n  hamiltonian: y1^2/a + b*y3^2")
+    assert first.cases[0].model._asdict() == other.cases[0].model._asdict()
+    assert first.hash != other.hash and first.paths_hash != other.paths_hash
+    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", "b*y3^2"))
+    assert len({first.hash, other.hash, runs.load("s.yaml").hash}) >= 2
+    assert runs.load("s.yaml").paths_hash == other.paths_hash
+
+
+# --- runs ------------------------------------------------------------------------------------------------------------
+
+TWO = """\
+kind: trajectory
+initial: [1, 0.5, 0.2]
+final_time: 1/4
+step: 2^-4
+schemes: [splitting]
+panels: [hamiltonian]
+cases:
+  - {name: sphere, model: {algebra: so(3), hamiltonian: y1^2/2 + y3^2, noises: [y3]}}
+  - {name: hyperboloid, model: {algebra: "so(2,1)", hamiltonian: y1^2/2 + y3^2, noises: [y3]}}
+"""
+
+
+@pytest.mark.skipif(not COMPILED, reason="about compiled code")
+def test_two_systems_of_one_name_and_the_same_fields_in_one_process(spec):
+    """With the kernels of one the paths of the other would leave its level set; by the flows, uncompiled."""
+    first, second = (case.model for case in spec(TWO).cases)
+    assert type(first).__qualname__ == type(second).__qualname__ and first == second  # as tuples of numbers
+    y, dW = (0.3, -0.2, 1.1), np.full((5, 1, LANES), 0.3)
+    for model in (first, second):
+        z, _ = take_steps(SCHEMES["splitting"].record, model, 0.1, dW, np.repeat(np.array(y)[:, np.newaxis], LANES, 1))
+        expected = y
+        with uncompiled():
+            for _ in range(5):
+                expected = noise_flow(model, 0, 0.3, expected, ANY_ANGLES)
+                for k in range(2):
+                    expected = drift_flow(model, k, 0.1, expected, ANY_ANGLES)
+        assert np.allclose(z[:, 0], expected, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.skipif(not COMPILED, reason="about compiled code")
+def test_workers_on_other_machines_know_the_system(top):
+    """Without the file, and without what this process knows of it."""
+    edited = FILE.replace("b*y2", "2*b*y2")
+    check_other_processes(top("[splitting]", "[euler_maruyama]"), Path("top.yaml"), edited)
+
+
+def test_a_wrong_system_ends_in_one_line_and_writes_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("s.yaml").write_text(TWO.replace("y1^2/2 + y3^2, noises: [y3]}}\n  - ", "y1*y2*y3}}\n  - "))
+    for arguments in (("check", "s.yaml"), ("run", "s.yaml", "--out", "out"), ("model", "s.yaml")):
+        code, out, err = call(*arguments)
+        assert (code, out) == (2, "") and err.count("\n") == 1 and "Traceback" not in err
+        assert err.startswith("spi: s.yaml:8: cases.model.hamiltonian: has no exact flow: 'y1*y2*y3'"), err
+    assert [path.name for path in tmp_path.iterdir()] == ["s.yaml"]
+
+
+def test_a_system_is_not_called_like_what_its_module_uses(top):
+    """So named, its class would take the place of a function in its own flows."""
+    cls = type(top().cases[0].model)
+    used = {name for name in vars(sys.modules[cls.__module__]) if not name.startswith("_")} - {cls.__qualname__}
+    assert used == set(systems.USED)
+    with pytest.raises(SpecError, match=r"model\.name: is 'exp'; must be a word of letters"):
+        top("{a: 3}", "{a: 3}\n  name: exp")

@@ -1,0 +1,161 @@
+"""Into which flows Hamiltonians written in YAML split, and which are refused."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+from yaml_cases import ZOO, definition, made
+
+from spi.systems.definition import DefinitionError, define
+
+GALLERY = Path(__file__).parents[2] / "experiments" / "systems"
+
+
+def defined(text):
+    keys = yaml.load((GALLERY / text).read_text(), yaml.BaseLoader) if text.endswith(".yaml") else definition(text)
+    return define({key: value for key, value in keys.items() if key != "sigma"}).system
+
+
+def flows(system):
+    """What each flow is the flow of, in the words of the definition; "square" if that is a principal axis."""
+    texts = [system.world.name(flow.expression) for flow in system.flows]
+    return ["square" if "κ" in text else text for text in texts]
+
+
+def spin(*terms, more=""):
+    return f"{{algebra: so(3), hamiltonian: {' + '.join(terms)}{more}}}"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (ZOO["heavy top"][0], ["P1^2/(2*I1)", "P2^2/(2*I2)", "G3*weight + P3^2/(2*I3)"]),
+        (ZOO["Manakov"][0], ["m12^2/6 + m34^2/14", "m13^2/8 + m24^2/12", "m14^2/(2*J + 2) + m23^2/10"]),
+        (ZOO["spin in a cavity"][0], ["q^2/2 + s3", "p^2/2", "g*q*s1"]),
+        (ZOO["heisenberg(2)"][0], ["q1^2*q2 + q1^2/2 + q1*z + q2^2/2", "p1^2/2 + p2^2/2"]),
+        # the order is that of the terms
+        (spin("y3^2", "y1", "y3", "y2"), ["y3^2 + y3", "y1", "y2"]),
+        (spin("y2", "y1^2", "y1^3"), ["y2", "y1^3 + y1^2"]),
+        ("{algebra: se(3), variables: [a, b, c, d, e, f], hamiltonian: f + a^2 + c + d}", ["c + f", "a^2 + d"]),
+        # a constant moves nothing, and terms that cancel are no terms
+        (spin("3", "y1", "pi"), ["y1"]),
+        (spin("y1*y2", "y3", "(-y2*y1)"), ["y3"]),
+        # products of commuting variables are no quadratic forms to be diagonalised
+        ("{algebra: so(3)^2, hamiltonian: y1*y4 + y1*y5 + y2*y4}", ["y1*y4", "y1*y5", "y2*y4"]),
+        # only what a product links is diagonalised
+        (spin("y1*y2", "y3^2"), ["y3^2", "square", "square"]),
+        (spin("y1^2", "y2^2", "y1*y2", "y3^2", "cos(y1)"), ["y3^2", "cos(y1)", "square", "square"]),
+        (spin("y1*y2", "y2*y3"), ["square", "square"]),
+        (spin("y1*y2", "y2*y3", "y3*y1"), ["square"] * 3),
+        # squares of linear functions and functions of one stay as they are
+        (spin("(y1 + 2*y2)^2", "sin(y1 - y3)"), ["(y1 + 2*y2)^2", "sin(y1 - y3)"]),
+        (spin("(y1 + 2*y2)^2", "(2*y2 + y1)"), ["y1 + 2*y2 + (y1 + 2*y2)^2"]),
+        # a product that has to be expanded first
+        (spin("(y1 + y2)*(y1 - y2)"), ["y1^2", "-y2^2"]),
+    ],
+)
+def test_flows(text, expected):
+    assert flows(defined(text)) == expected
+
+
+@pytest.mark.parametrize(
+    ("file", "count"), [("heavy_top.yaml", 3), ("manakov.yaml", 3), ("spin_ring.yaml", 3), ("toda.yaml", 2)]
+)
+def test_numbers_of_flows_of_the_gallery(file, count):
+    system = defined(file)
+    assert len(system.flows) == count and "square" not in flows(system)
+
+
+def test_sine_euler_splits_by_the_lines_through_the_lattice():
+    """One flow for the modes on each line through 0, in which all commute: N + 1 lines for a prime N."""
+    assert flows(made(ZOO["sine-Euler, N = 3"][0]).system) == [
+        "h(1,0)^2/2 + h(2,0)^2/2",
+        "h(1,1)^2/4 + h(2,2)^2/4",
+        "h(1,2)^2/4 + h(2,1)^2/4",
+        "h(0,1)^2/2 + h(0,2)^2/2",
+    ]
+
+
+def test_the_order_of_the_terms_decides_which_merge():
+    """Each goes into the first flow that it commutes with: b goes with a here, and with c there."""
+    bracket = "{variables: [a, b, c, z], bracket: {a c: z}, hamiltonian: "
+    assert flows(defined(bracket + "a + b + c}")) == ["a + b", "c"]
+    assert flows(defined(bracket + "c + b + a}")) == ["b + c", "a"]
+
+
+# --- pieces that are given -------------------------------------------------------------------------------------------
+
+TOP = "{algebra: se(3), variables: [P1, P2, P3, G1, G2, G3], "
+
+
+def test_given_pieces_are_kept_in_their_order():
+    text = TOP + "pieces: [G3, P3^2, P2^2 + G2/2, P1^2]}"
+    assert flows(defined(text)) == ["G3", "P3^2", "G2/2 + P2^2", "P1^2"]
+    with_sum = TOP + "hamiltonian: P1^2 + P2^2 + P3^2 + G2/2 + G3, pieces: [G3, P3^2, P2^2 + G2/2, P1^2]}"
+    assert flows(defined(with_sum)) == flows(defined(text))
+    assert flows(defined(with_sum.replace("pieces: [G3, P3^2, P2^2 + G2/2, P1^2]", ""))) != flows(defined(text))
+
+
+def test_pieces_may_have_ranges():
+    text = "{sizes: {n: 3}, algebra: so(3)^n, variables: ['x(i), y(i), z(i) for i = 1..n'], "
+    text += "pieces: ['z(i)^2, x(i) for i = 1..2', 'y(3)']}"
+    assert flows(defined(text)) == ["z(1)^2", "x(1)", "z(2)^2", "x(2)", "y(3)"]
+
+
+WRONG = [
+    # pieces
+    (TOP + "pieces: [G3, P1^2 + P2^2]}", ("pieces", 1), "has no exact flow: 'P1^2 + P2^2' depends on P1 and P2, which"),
+    (TOP + "pieces: [G3, P1*P2]}", ("pieces", 1), "which do not commute; split it further"),
+    (TOP + "hamiltonian: G3 + P1, pieces: [G3, 2*P1]}", ("pieces",), "do not add up to the hamiltonian"),
+    (TOP + "hamiltonian: G3, pieces: []}", ("pieces",), "do not add up to the hamiltonian"),
+    (TOP + "pieces: [G3, 1 + 1]}", ("pieces", 1), "is '2', which moves nothing; leave it out"),
+    (TOP + "pieces: {a: G3}}", ("pieces",), "must be a list of texts"),
+    # the Hamiltonian
+    (
+        spin("y1*y2*y3"),
+        ("hamiltonian",),
+        "has no exact flow: 'y1*y2*y3' depends on y1 and y2, which do not commute; write",
+    ),
+    (spin("y3", "cos(y1*y2)"), ("hamiltonian",), "'cos(y1*y2)' depends on y1 and y2, which do not commute"),
+    (spin("(y1 + y2)^3", "sqrt(y1^2 + y3^2)"), ("hamiltonian",), "'sqrt(y1^2 + y3^2)' depends on y1 and y3"),
+    ("{algebra: so(3)}", ("hamiltonian",), "missing key 'hamiltonian'; add hamiltonian: H, a formula"),
+    ("{algebra: so(3), hamiltonian: [y1, y2]}", ("hamiltonian",), "must be one formula"),
+    ("{algebra: so(3), hamiltonian: {y1: y2}}", ("hamiltonian",), "is no text; must be one formula"),
+    # noises
+    (
+        spin("y1", more=", noises: [y3, y1^2 + y2]"),
+        ("noises", 1),
+        "has no exact flow: 'y1^2 + y2' depends on y1 and y2, which do not commute; use a function of",
+    ),
+    (spin("y1", more=", noises: [y1 - y1]"), ("noises", 0), "is '0', which moves nothing; leave it out"),
+    (spin("y1", more=", noises: ['y1 for i = 1..65']"), ("noises",), "has 65 noises; there may be 64"),
+    # parameters that make it infinite or complex
+    (
+        spin("y1^2/(a - b)", more=", parameters: {a: 2, b: 2}"),
+        ("parameters", "a"),
+        "makes the Hamiltonian infinite, 'a - b' is 0",
+    ),
+    (
+        spin("sqrt(a)*y1", more=", parameters: {a: -2}"),
+        ("parameters",),
+        "has no finite real value at these parameters: 'sqrt(a)*y1'",
+    ),
+    (spin("y1/(1 - 1)"), ("hamiltonian",), "(division by zero)"),
+    (spin("y1*log(0)"), ("hamiltonian",), "(it has no finite real value)"),
+    (spin("1e300*1e300*y1"), ("hamiltonian",), "(too large)"),
+    (spin("sin(" * 60 + "y1" + ")" * 60), ("hamiltonian",), "(too deeply nested)"),
+]
+
+
+@pytest.mark.parametrize(("text", "keys", "message"), WRONG, ids=[message[:30] for *_, message in WRONG])
+def test_what_has_no_exact_flow_is_refused_by_name(text, keys, message):
+    with pytest.raises(DefinitionError) as error:
+        defined(text)
+    assert error.value.keys == keys and message in str(error.value)
+
+
+def test_roots_of_parameters_that_are_positive_are_taken():
+    """The control of the refusals above."""
+    assert flows(defined(spin("sqrt(a)*y1", more=", parameters: {a: 2}"))) == ["sqrt(a)*y1"]
+    assert flows(defined(spin("y1^2/(a - b)", more=", parameters: {a: 2, b: 1}"))) == ["y1^2/(a - b)"]
+    assert flows(defined(spin("sin(" * 20 + "y1" + ")" * 20)))
