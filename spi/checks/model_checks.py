@@ -5,6 +5,7 @@ rotations, exponentials and shears, with rates large or small, are all judged al
 """
 
 import contextlib
+import functools
 import inspect
 import itertools
 import math
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import SOURCE_DIGEST
+from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.inlining import is_compiling, uncompiled
 from ..ensemble.fields import cross_product
@@ -88,6 +89,12 @@ def check_model(record, states, written=True):
         return next(filter(None, (_complaints(record, y) for y in states)), [])
 
 
+@functools.cache
+def _digest_of_checks():
+    """What a model has passed if it has passed the checks."""
+    return digest_of(sources("checks", "compiler", "ensemble", "numerics"))
+
+
 def check_once(record, initial):
     """What is wrong with a foreign model near an initial state, as :func:`check_model`.
 
@@ -96,7 +103,7 @@ def check_once(record, initial):
     cls = type(record)
     if not modules.is_foreign(cls) or cls in _PASSED:
         return []
-    name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{SOURCE_DIGEST}.checked"
+    name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{_digest_of_checks()}.checked"
     passed = modules.folder() / name
     if modules.digest(cls) and passed.exists():
         return []

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import SOURCE_DIGEST, __version__, specs, storage
+from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..kinds.plans import KernelCall, Plan
@@ -165,7 +165,7 @@ def identity(experiment: specs.Experiment) -> dict[str, Any]:
         "model_code": _code(experiment),
         "expect": experiment.expect,
         "profile": experiment.profile,
-        "source_digest": SOURCE_DIGEST,
+        "source_digest": NUMBERS_DIGEST,
     }
 
 

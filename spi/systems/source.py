@@ -29,7 +29,7 @@ from spi.numerics.angles import sin_versine
 from spi.compiler.dispatch import inlined
 from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
-from spi.systems.motions import larger, sinh_coshm1, times
+from spi.numerics.motions import larger, sinh_coshm1, times
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}}}
 '''

@@ -1,7 +1,7 @@
 """What generated models call, besides the elementary functions."""
 
 from ..compiler.dispatch import inlined
-from ..numerics.elementary import expm1
+from .elementary import expm1
 
 
 @inlined
