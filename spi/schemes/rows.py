@@ -1,7 +1,7 @@
 """Compositions of flows as data: rows of flows, each row all pieces of H, or all noises, in some order, or loops.
 
 Everything that is known of a splitting scheme derives from its rows by :func:`flows_in_order`: its kernel, the backward
-operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has a reversed twin, and what a step costs.
+operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has antithetic paths, and what a step costs.
 
 The fraction of a row is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
 flows have increments of their own over the time fraction * h, independent of those of all other noise flows of the

@@ -104,7 +104,7 @@ def _rows_of(scheme):
     return field_type(scheme, "rows") if isinstance(scheme, types.Type) else scheme.rows
 
 
-def has_reversed_twin(scheme):
+def has_antithetic_path(scheme):
     """Whether a step with its increments in reversed order and its coin turned is the step with all flows reversed."""
     return isinstance(scheme, Splitting) and is_reversed_by_coin(scheme.rows)
 

@@ -313,7 +313,7 @@ def test_built_in_noises_do_not_commute_by_name():
 
 @compiled_only
 def test_variances_of_multilevel_differences_fall_like_the_square_of_the_step():
-    """Without reversed twins, and with areas drawn for each level by itself."""
+    """Without antithetic paths, and with areas drawn for each level by itself."""
     case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "schemes=[splitting, splitting_areas]", "seconds=0.5")
     variables, _ = results_of(case, "splitting_areas", "multilevel")
     coarse, variance = 2.0 ** np.arange(-6, -1), variables["level_variance"][0]

@@ -8,7 +8,7 @@ from spi.models import MaxwellBloch
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving, ImplicitEuler
 from spi.schemes.rows import compositions, flows, sweeps
-from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_reversed_twin, splitting
+from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_antithetic_path, splitting
 
 MODEL = MaxwellBloch((0.8, 1.3))
 DRIFT, NOISE = flows("drift"), flows("noise")
@@ -119,20 +119,20 @@ def test_sweeps_of_a_coin_apply_each_flow_once_to_each_lane():
             assert [(part, k, share * rows[i].fraction) for i, part, k, share in of_lane] == expected
 
 
-def test_reversed_twins():
+def test_antithetic_paths():
     """Only what equals itself reversed with the coin turned has one."""
-    assert [name for name, row in SCHEMES.items() if has_reversed_twin(row.record)] == [
+    assert [name for name, row in SCHEMES.items() if has_antithetic_path(row.record)] == [
         "splitting_order2",
         "splitting_symmetric",
     ]
     half = flows("drift", "symmetric", 1 / 2)
-    assert has_reversed_twin(splitting(half, flows("noise", "backwards", coin=True), half))
-    assert not has_reversed_twin(splitting(half, NOISE, half))
-    assert not has_reversed_twin(splitting(flows("drift", fraction=1 / 2), flows("noise", coin=True), half))
+    assert has_antithetic_path(splitting(half, flows("noise", "backwards", coin=True), half))
+    assert not has_antithetic_path(splitting(half, NOISE, half))
+    assert not has_antithetic_path(splitting(flows("drift", fraction=1 / 2), flows("noise", coin=True), half))
     there, back = flows("drift", "forwards", 1 / 2), flows("drift", "backwards", 1 / 2)
-    assert has_reversed_twin(splitting(there, flows("noise", coin=True), back))
-    assert not has_reversed_twin(splitting(there, flows("noise", coin=True), there))
-    assert not has_reversed_twin(AsymptoticPreserving(0.1, ImplicitEuler(), ORDER_2.rows))  # its processes do not turn
+    assert has_antithetic_path(splitting(there, flows("noise", coin=True), back))
+    assert not has_antithetic_path(splitting(there, flows("noise", coin=True), there))
+    assert not has_antithetic_path(AsymptoticPreserving(0.1, ImplicitEuler(), ORDER_2.rows))  # not its processes
 
 
 def test_the_cost_of_a_step_follows_from_its_rows():

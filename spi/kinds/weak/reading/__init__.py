@@ -60,7 +60,7 @@ class Levels(NamedTuple):
     mean_rate: np.ndarray | None  #: (F, 3) p in mean = C h^p, and its 95 % interval
     variance_rate: np.ndarray | None  #: (F, 3) the same of the variance
     cost_rate: float  #: p in seconds = C h^-p
-    twins: bool  #: whether each path has a reversed twin
+    twins: bool  #: whether sampled with antithetic paths
 
 
 class Differences(NamedTuple):
