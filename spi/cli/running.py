@@ -31,7 +31,7 @@ from .signals import STOP
 from .streams import tell
 
 if TYPE_CHECKING:
-    from ..running.checkpoint import Slice
+    from ..running.checkpoint import Shard
     from ..running.runs import Limits, Watch
     from ..running.workers import Workers
     from ..specs import Experiment
@@ -52,9 +52,10 @@ def run(
     fresh: Fresh = False,
     max_time: MaxTime = None,
     checkpoint: Checkpoint = "5s",
-    part: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Compute part I of N only; `spi merge` puts them together.")
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
+    part: Annotated[str | None, typer.Option(hidden=True)] = None,
     workers: Annotated[int | None, typer.Option(help="Compute in so many processes of this machine.", min=1)] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
@@ -67,18 +68,20 @@ def run(
     """
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..running import runs as runner
-    from ..running import slices
+    from ..running import shards
     from .progress import ProgressLine
 
-    if sum(option is not None for option in (part, workers, dask)) > 1:
-        end(INVALID, "--part, --workers and --dask exclude one another; give one of them")
-    slice_, limits = _slice(part), _limits(max_time, checkpoint)
+    if part is not None:
+        end(INVALID, f"--part is now called --shard; write --shard {part}")
+    if sum(option is not None for option in (shard, workers, dask)) > 1:
+        end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
+    mine, limits = _shard(shard), _limits(max_time, checkpoint)
     _prepare(threads)
-    if slice_ is not None:
+    if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
-                path = slices.run_slice(experiment, slice_, out, fresh, line.watch, limits)
-            tell(f"wrote {path}; `spi merge` with the same spec and options puts all parts together")
+                path = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
+            tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
         _show_each(experiments, lambda experiment, watch: runner.run(experiment, out, fresh, watch, limits, pool))
@@ -94,15 +97,15 @@ def merge(
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
-    """Put parts together that `spi run --part` computed.
+    """Merge the shards that `spi run --shard` computed.
 
     Then go on as `spi run` does.
     """
     experiments = load(specs, profile, overrides, samples, seed)
-    from ..running import slices
+    from ..running import shards
 
     _prepare(threads)
-    _show_each(experiments, lambda experiment, watch: slices.merge(experiment, out, fresh, watch))
+    _show_each(experiments, lambda experiment, watch: shards.merge(experiment, out, fresh, watch))
 
 
 def verify(
@@ -157,14 +160,14 @@ def _seconds(option: str, text: str) -> float:
     return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
 
 
-def _slice(text: str | None) -> "Slice | None":
-    """Which part of how many."""
-    from ..running.checkpoint import Slice
+def _shard(text: str | None) -> "Shard | None":
+    """Which shard of how many."""
+    from ..running.checkpoint import Shard
 
     try:
-        return None if text is None else Slice.of(text)
+        return None if text is None else Shard.of(text)
     except ValueError:
-        end(INVALID, f"--part: is '{text}'; must be the number of a part and how many there are, as in 1/4 .. 4/4")
+        end(INVALID, f"--shard: is '{text}'; must be the number of a shard and their count, e.g. 1/4")
 
 
 @contextmanager
