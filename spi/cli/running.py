@@ -12,7 +12,7 @@ import typer
 
 from .names import stored
 from .options import (
-    BROKEN,
+    CLAIM_FAILED,
     INVALID,
     As,
     Fresh,
@@ -64,7 +64,7 @@ def run(
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
-    Exit code 4 if a claim of a spec is broken.
+    Exit code 4 if a claim of a spec failed.
     """
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..running import runs as runner
@@ -127,8 +127,8 @@ def verify(
     with ProgressLine(file.stem) as line:
         found = verify(file, chunks, line.report_chunk)
     print_verification(file, found)
-    if _broken(file.stem, storage.read(file)) or found.different:
-        raise typer.Exit(BROKEN)
+    if _any_failed(file.stem, storage.read(file)) or found.different:
+        raise typer.Exit(CLAIM_FAILED)
 
 
 def _prepare(threads: int | None) -> None:
@@ -189,8 +189,8 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
         yield pool
 
 
-def _broken(name: str, results: "Results") -> bool:
-    """Say how the claims of an experiment were judged; whether one is broken."""
+def _any_failed(name: str, results: "Results") -> bool:
+    """Report the verdicts on the claims of an experiment; whether one failed."""
     from ..printing.claims import remarks
     from ..report import views
     from ..statistics import claims
@@ -198,7 +198,7 @@ def _broken(name: str, results: "Results") -> bool:
     judged = views.verdicts(results)
     for remark in remarks(name, judged):
         tell(remark)
-    return any(one.verdict == claims.BROKEN for one in judged)
+    return any(one.verdict == claims.FAILED for one in judged)
 
 
 def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
@@ -207,15 +207,15 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
     from ..report import views
     from .progress import ProgressLine
 
-    broken = False
+    failed = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
         views.print_tables(results)
-        broken |= _broken(experiment.name, results)
+        failed |= _any_failed(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {shlex.quote(str(path))}` draws them")
-    if broken:
-        raise typer.Exit(BROKEN)
+    if failed:
+        raise typer.Exit(CLAIM_FAILED)

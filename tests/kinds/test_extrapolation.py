@@ -22,7 +22,7 @@ from spi.schemes import composed, weak_exponents
 from spi.schemes.rows import compositions, flows, is_own_reverse
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
 from spi.specs import SpecError
-from spi.statistics.claims import KEPT, judge
+from spi.statistics.claims import PASSED, judge
 from spi.statistics.richardson import Extrapolation, places, weights
 from spi.storage.records import Results
 
@@ -175,9 +175,9 @@ def test_orders_4_6_and_8_without_sampling():
     expect = "expect={splitting_symmetric: {extrapolate 0: {order: 2 +- 0.05}, extrapolate 1: {order: 4 +- 0.05}}}"
     claimed = symmetric("functions=sin(2*pi*y1)", *COARSE, "extrapolate=[0, 1]", "estimators=[kolmogorov]", expect)
     verdicts = judge(claimed.claims, claims.quantities(tell))
-    assert [one.verdict for one in verdicts] == [KEPT, KEPT] and verdicts[1].found.about.extrapolate == 1
+    assert [one.verdict for one in verdicts] == [PASSED, PASSED] and verdicts[1].found.about.extrapolate == 1
     swapped = [one._replace(scopes=other.scopes) for one, other in pairwise([*claimed.claims, claimed.claims[0]])]
-    assert KEPT not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
+    assert PASSED not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
 
 
 def test_a_scheme_that_is_not_symmetric_gains_one_order_at_a_time():

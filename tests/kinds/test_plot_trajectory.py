@@ -277,7 +277,7 @@ def test_the_shared_legend_is_clear_of_the_labels_of_axes(noted):
     """Also where claims stand under the figure, for which the layout engine no longer keeps room for it."""
     fig = views.figure(trajectories(*bloch("one", ("casimirs", "casimirs", "casimirs"))))
     if noted:
-        style.note_under(fig, [("Claims kept: all of them.", "black")])
+        style.note_under(fig, [("Claims passed: all of them.", "black")])
     fig.draw_without_rendering()
     (legend,) = fig.legends
     labels = [ax.xaxis.label.get_window_extent() for ax in fig.axes]
