@@ -151,7 +151,7 @@ def at_steps(
 def drifts(about: Description, h: np.ndarray, drift: np.ndarray) -> Iterator[Quantity]:
     """``casimir_drift`` for each step size, of `drift` (S, C) the largest over the Casimirs; nothing if C = 0.
 
-    A drift that is no number, because paths were lost, counts as infinite.
+    A drift that is no number, because paths diverged, counts as infinite.
     """
     if drift.shape[1]:
         yield from each_step("casimir_drift", about, h, lost_is_infinite(drift.max(axis=1)))

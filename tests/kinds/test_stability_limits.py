@@ -23,7 +23,7 @@ case_of = stability_cases.case_of
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
-# --- paths that leave the finite numbers, or zero --------------------------------------------------------------------
+# --- diverging paths, or zero ----------------------------------------------------------------------------------------
 
 
 @compiled_only

@@ -138,7 +138,7 @@ def test_nonfinite_paths(results):
 def test_lost_references(results):
     assert "reference paths" not in printed(results)
     results.groups[0].attributes["reference_nonfinite"] = 3
-    assert printed(results).count("    3 reference paths left the finite numbers") == 1
+    assert printed(results).count("    3 reference paths diverged (NaN or infinity)") == 1
 
 
 def test_one_point_per_estimator():

@@ -127,7 +127,7 @@ def test_strong_orders(name, sigma, scheme, final_time, order):
 
 @compiled_only
 def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
-    """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
+    """Until T = 1 some of 500 paths diverge (NaN or infinity) at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
     group = plan.group(finished(plan))

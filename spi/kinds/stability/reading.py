@@ -9,7 +9,7 @@ from spi.storage.records import Description, Group, Solver
 #: From good to bad; a scheme is in the worst regime that applies.
 REGIMES = (
     *("accurate", "bounded, not accurate", "not positive"),
-    *("Casimir lost", "not bounded", "solver fails", "paths lost"),
+    *("Casimir lost", "not bounded", "solver fails", "paths diverged"),
 )
 
 FAILING = 1e-3  #: of the solves: more failures than that, and what is integrated is another scheme

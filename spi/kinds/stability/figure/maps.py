@@ -56,7 +56,7 @@ def _legend(readings: Iterable[Stability]) -> list[Entry]:
         rf"Casimir lost: relative error $>{style.power(CASIMIR_LOST)}$",
         rf"not bounded: $|y|$ {style.number(GROWTH)} times too large",
         f"solver fails in more than {style.number(100 * FAILING)} % of steps",
-        "paths lost: not finite",
+        "paths diverged: NaN or infinity",
     )
     return [(Patch(linewidth=0, **_look(number)), texts[number]) for number in present]
 

@@ -38,7 +38,7 @@ def _table(
 
     lost = bool(rows.nonfinite.any())
     headings = [heading, "mean of the\ndifference (95 %)", "variance", "kurtosis", "consis-\ntency"]
-    headings += ["samples", "µs per\nsample", *["non-\nfinite"] * lost]
+    headings += ["samples", "µs per\nsample", *["di-\nverged"] * lost]
     table = new_table(title, headings, left=1)
     for name, i in zip(names, order, strict=True):
         variance, kurtosis, consistency = (
