@@ -27,7 +27,7 @@ from ..ensemble.protocol import (
 from ..numerics.angles import TINY_ANGLES
 from ..numerics.rng import LANES
 from .euler_maruyama import euler_step
-from .rows import PARTS, angle, flow, sweeps
+from .stages import PARTS, angle, flow, sweeps
 
 # Nanoseconds per path on one thread of a processor with AVX-512 at about 4 GHz, fitted to the models of the package and
 # to rings of up to eight spins.  An operation is an addition or a multiplication; each sweep loads and stores a state.
@@ -128,18 +128,18 @@ def midpoint_cost(model: Any) -> float:
     return _NEWTON_ITERATIONS * (columns + elimination) + 3 * euler_cost(model)
 
 
-def typical_ns(row, model):
+def typical_ns(entry, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, for estimates."""
     stated = flow_ns(model)
-    acting = () if row.composition is None else sweeps(row.composition, model)
+    acting = () if entry.composition is None else sweeps(entry.composition, model)
     if stated:
-        step = stated * (len(acting) or row.work)
+        step = stated * (len(acting) or entry.work)
     else:
         try:
-            step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
+            step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or entry.step_cost(model)
         except Exception:  # a word of somebody's fails; what is wrong is told where it is compiled
-            step = 0.5 * (len(acting) or row.work)
-    draws = len(noise_indices(model)) * substeps(row.record)
-    if needs_areas(row.record) and area_pairs(model):
+            step = 0.5 * (len(acting) or entry.work)
+    draws = len(noise_indices(model)) * substeps(entry.record)
+    if needs_areas(entry.record) and area_pairs(model):
         draws *= 1 + 2 * _TYPICAL_TERMS
-    return row.overhead * (_DRAW_NS * draws + step)
+    return entry.overhead * (_DRAW_NS * draws + step)

@@ -17,8 +17,8 @@ from spi.ensemble.protocol import hamiltonian
 from spi.exact import kolmogorov
 from spi.models import MODELS
 from spi.schemes import SCHEMES, has_theory, typical_ns
-from spi.schemes.rows import compositions
 from spi.schemes.splitting import has_antithetic_path
+from spi.schemes.stages import compositions
 
 NAME = "splitting_noise_amid"
 

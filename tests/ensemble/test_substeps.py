@@ -24,8 +24,8 @@ from spi.ensemble.protocol import substeps
 from spi.models import MaxwellBloch
 from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW, draw_normals
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions, flows
 from spi.schemes.splitting import has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 FINEST = 8
@@ -185,7 +185,7 @@ def test_the_kernel_uses_up_each_process_in_the_order_of_its_flows():
     y, parts = random_states(generator), 0.3 * generator.standard_normal((FINEST, 2, LANES))
     coins = generator.choice([-1.0, 1.0], LANES)
     new, _ = take_step(MIXED, MODEL, h, row_of(parts), y, coins)
-    heads, tails = (acting for _, acting in compositions(MIXED.rows, MODEL))
+    heads, tails = (acting for _, acting in compositions(MIXED.stages, MODEL))
 
     def expected(parts):
         lanes = (
@@ -206,7 +206,7 @@ def test_paths_follow_from_the_increments(scheme, truncate):
     options = {"h": h, "steps": steps, "doublings": (0, 1), "truncate": truncate}
     found = simulate(scheme, h=h, steps=steps, doublings=(0, 0, 1, 1), reversals=reversals, truncate=truncate)[0][:, 0]
     halves = [over(2, part, **options) for part in (0, 1)]
-    ((_, acting),) = compositions(scheme.rows, RIGID_BODY)
+    ((_, acting),) = compositions(scheme.stages, RIGID_BODY)
     wrong = 0.0
     for level, reversal in enumerate(reversals):
         s = level // 2

@@ -21,7 +21,7 @@ from weak_cases import (
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 

@@ -12,8 +12,8 @@ from weak_cases import case_of as weak_case
 from spi.ensemble.protocol import structure
 from spi.exact.kolmogorov import expectations
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes.rows import compositions, flows
 from spi.schemes.splitting import has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 

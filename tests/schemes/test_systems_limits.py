@@ -12,7 +12,7 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes import SCHEMES, scheme_row
+from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
 
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
@@ -101,7 +101,7 @@ def strong_case(name, sigma, scheme, final_time):
         steps=tuple(2.0**-n for n in range(5, 14)),
         reference_step=2.0**-exponent,
         reference_scheme=None,
-        row=scheme_row,
+        row=scheme_entry,
         reference_record=lambda eps: None,
         schemes=(scheme,),
         truncate_noise=name == "maxwell_bloch",

@@ -38,7 +38,7 @@ ROUNDING = 2e-14
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
     """E phi of a splitting scheme at each step size and of the equation, as :class:`~.result.Expectations`.
 
-    `compositions` is a step as ``schemes.rows.compositions`` gives it; each of `steps` divides `final_time`;
+    `compositions` is a step as ``schemes.stages.compositions`` gives it; each of `steps` divides `final_time`;
     `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error of value, limit and weak error;
     without it, weak errors are wanted to a fiftieth of themselves.
 

@@ -238,7 +238,7 @@ class MultilevelPlan(Blockwise, PartPlan):
 def _control(case: Any, record: Any) -> tuple | None:
     """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
     known = can_solve(case.model) and not case.truncate_noise
-    return record.rows if known and isinstance(record, AsymptoticPreserving) else None
+    return record.stages if known and isinstance(record, AsymptoticPreserving) else None
 
 
 def snapshot(p: MultilevelPlan, state: State) -> Levels:
