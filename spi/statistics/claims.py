@@ -87,7 +87,7 @@ class Quantity(NamedTuple):
     high: float
     function: str = ""  #: the test function it belongs to
     h: float | None = None  #: the step size it belongs to
-    swept: tuple[str, float] | None = None  #: the swept word and the value it belongs to
+    swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
 
     @property

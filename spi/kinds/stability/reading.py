@@ -49,11 +49,11 @@ class Law(NamedTuple):
 
 
 class Stability(NamedTuple):
-    """What one scheme keeps of the equation at V values of the swept word and S step sizes, from large to small."""
+    """What one scheme keeps of the equation at V values of the swept parameter and S step sizes, from large to small."""
 
     about: Description
-    word: str  #: the swept word of the spec
-    values: np.ndarray  #: (V,) of the swept word
+    word: str  #: the swept parameter of the spec
+    values: np.ndarray  #: (V,) of the swept parameter
     h: np.ndarray  #: (S,)
     finite: np.ndarray  #: (V, S) fraction of the paths that are finite at the final time
     largest_norm: np.ndarray  #: (V, S) largest |y| over paths and times, relative to |y_0|

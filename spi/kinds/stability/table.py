@@ -1,4 +1,4 @@
-"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept word."""
+"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept parameter."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence

@@ -113,7 +113,7 @@ def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def word_label(reading: Stability) -> str:
-    """The axis label of the swept word."""
+    """The axis label of the swept parameter."""
     symbol = style.SYMBOLS.get(reading.word, reading.word if len(reading.word) == 1 else None)
     return f"${symbol}$" if symbol else style.plain(reading.word.replace("_", " "))
 
