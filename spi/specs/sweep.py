@@ -36,9 +36,7 @@ def check(data: dict[str, Any]) -> None:
     """Raise the error about what is to be swept in `data`, if anything is wrong with it."""
     sweep = data["sweep"]
     if len(sweep) != 1:
-        raise wrong(
-            f"has {len(sweep)} parameters", "must have one parameter and its values, as in sweep: {s: [0.1, 1, 10]}"
-        )
+        raise wrong(f"has {len(sweep)} parameters", "must have one and its values, as in sweep: {s: [0.1, 1, 10]}")
     (word,) = sweep
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
         raise wrong(f"{shown(word)} cannot be swept", "must be a name that is not a function or constant")

@@ -24,7 +24,7 @@ def test_what_differs_from_value_to_value_is_not_described(spec):
     assert [one["scheme_label"] for one in told] == ["AP splitting", "splitting"]
 
 
-# --- the swept parameter --------------------------------------------------------------------------------------------------
+# --- the swept parameter ---------------------------------------------------------------------------------------------
 
 
 WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
@@ -38,7 +38,7 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
             [SIGMA, "[1, 1, 1]"],
             r"11: sweep: the parameter 's' is not used; use it in .* model, damping, initial, eps",
         ),
-        ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 parameters; must have one parameter .*"),
+        ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 parameters; must have one and its values.*"),
         ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
         ([WORD, "{pi: [0.5]}", SIGMA, "[pi, 1, 1]"], r"11: sweep: 'pi' cannot be swept; must be .*"),
         ([WORD, "{'a b': [0.5]}", SIGMA, "['a b', 1, 1]"], r"11: sweep: 'a b' cannot be swept; must be .*"),

@@ -55,7 +55,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     goal = goal.min(axis=1) if accuracy is None else accuracy / 2
     limit, limit_bound = _refined_limit(problem, limits, goal, rounding)
     extrapolated, doubt = extrapolate(problem.steps, weak_error)
-    # two roads to the limit: where they differ by more than the extrapolation can be blamed for, the limit is blamed
+    # two estimates of the limit; a difference above the extrapolation error is added to its bound
     limit_bound = limit_bound + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_bound.max(axis=1), 0.0)
     notes = {
         "degree": max(weak),

@@ -49,7 +49,7 @@ class Law(NamedTuple):
 
 
 class Stability(NamedTuple):
-    """What one scheme keeps of the equation at V values of the swept parameter and S step sizes, from large to small."""
+    """What one scheme keeps of the equation at V values of a parameter and S step sizes, from large to small."""
 
     about: Description
     word: str  #: the swept parameter of the spec

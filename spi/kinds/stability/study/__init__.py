@@ -1,6 +1,6 @@
 """Stability: what schemes keep of the equation where steps are large or parameters extreme.
 
-For each value of the swept parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
 largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
 fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
