@@ -64,7 +64,7 @@ docs: $(INSTALLED_TEST) ## the documentation as a site, in site/; its reference 
 
 figures: $(EXPERIMENTS) ## run and plot every experiment
 
-# Claims of a quick profile may be broken (exit code 4): the page tells which.
+# Claims of a quick profile may fail (exit code 4): the page tells which.
 gallery: $(INSTALLED) ## run every experiment (PROFILE=quick) and put all on one page, GALLERY/gallery.html, and in docs/
 	$(SPI) run --profile $(PROFILE) --out $(GALLERY) experiments/*.yaml || [ $$? -eq 4 ]
 	$(SPI) report --results $(GALLERY) --out $(GALLERY)/gallery.html

@@ -24,8 +24,8 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES
-from spi.schemes.rows import flows, substeps
 from spi.schemes.splitting import splitting
+from spi.schemes.stages import flows, substeps
 
 #: Sizes that are prime and not; of 9 and 15 modes lie on several lines.
 SIZES = (5, 7, 9, 15)
@@ -180,7 +180,7 @@ def take(name, model, h, halves, states, coins=1.0, in_python=False):
     scheme, of = STEPPERS[name], tables(model)
     steps, _, m, paths = halves.shape
     rows = [halves[:, 0] + halves[:, 1]]
-    if substeps(getattr(scheme, "rows", ())) == 2:
+    if substeps(getattr(scheme, "stages", ())) == 2:
         rows += [halves[:, 0], halves[:, 1]]
     dW, tossed = np.full((steps, len(rows) * m, LANES), np.nan), np.full((steps, LANES), np.nan)
     dW[:, :, :paths] = np.concatenate(rows, axis=1)

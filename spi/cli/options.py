@@ -11,7 +11,7 @@ from .streams import tell
 if TYPE_CHECKING:
     from ..specs import Experiment
 
-DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
+DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
 
 Specs = Annotated[
     list[Path],

@@ -12,7 +12,7 @@ import typer
 
 from .names import stored
 from .options import (
-    BROKEN,
+    CLAIM_FAILED,
     INVALID,
     As,
     Fresh,
@@ -31,7 +31,7 @@ from .signals import STOP
 from .streams import tell
 
 if TYPE_CHECKING:
-    from ..running.checkpoint import Slice
+    from ..running.checkpoint import Shard
     from ..running.runs import Limits, Watch
     from ..running.workers import Workers
     from ..specs import Experiment
@@ -52,9 +52,10 @@ def run(
     fresh: Fresh = False,
     max_time: MaxTime = None,
     checkpoint: Checkpoint = "5s",
-    part: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Compute part I of N only; `spi merge` puts them together.")
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
+    part: Annotated[str | None, typer.Option(hidden=True)] = None,
     workers: Annotated[int | None, typer.Option(help="Compute in so many processes of this machine.", min=1)] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
@@ -63,22 +64,24 @@ def run(
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
-    Exit code 4 if a claim of a spec is broken.
+    Exit code 4 if a claim of a spec failed.
     """
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..running import runs as runner
-    from ..running import slices
+    from ..running import shards
     from .progress import ProgressLine
 
-    if sum(option is not None for option in (part, workers, dask)) > 1:
-        end(INVALID, "--part, --workers and --dask exclude one another; give one of them")
-    slice_, limits = _slice(part), _limits(max_time, checkpoint)
+    if part is not None:
+        end(INVALID, f"--part is now called --shard; write --shard {part}")
+    if sum(option is not None for option in (shard, workers, dask)) > 1:
+        end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
+    mine, limits = _shard(shard), _limits(max_time, checkpoint)
     _prepare(threads)
-    if slice_ is not None:
+    if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
-                path = slices.run_slice(experiment, slice_, out, fresh, line.watch, limits)
-            tell(f"wrote {path}; `spi merge` with the same spec and options puts all parts together")
+                path = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
+            tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
         _show_each(experiments, lambda experiment, watch: runner.run(experiment, out, fresh, watch, limits, pool))
@@ -94,15 +97,15 @@ def merge(
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
-    """Put parts together that `spi run --part` computed.
+    """Merge the shards that `spi run --shard` computed.
 
     Then go on as `spi run` does.
     """
     experiments = load(specs, profile, overrides, samples, seed)
-    from ..running import slices
+    from ..running import shards
 
     _prepare(threads)
-    _show_each(experiments, lambda experiment, watch: slices.merge(experiment, out, fresh, watch))
+    _show_each(experiments, lambda experiment, watch: shards.merge(experiment, out, fresh, watch))
 
 
 def verify(
@@ -124,8 +127,8 @@ def verify(
     with ProgressLine(file.stem) as line:
         found = verify(file, chunks, line.report_chunk)
     print_verification(file, found)
-    if _broken(file.stem, storage.read(file)) or found.different:
-        raise typer.Exit(BROKEN)
+    if _any_failed(file.stem, storage.read(file)) or found.different:
+        raise typer.Exit(CLAIM_FAILED)
 
 
 def _prepare(threads: int | None) -> None:
@@ -157,14 +160,14 @@ def _seconds(option: str, text: str) -> float:
     return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
 
 
-def _slice(text: str | None) -> "Slice | None":
-    """Which part of how many."""
-    from ..running.checkpoint import Slice
+def _shard(text: str | None) -> "Shard | None":
+    """Which shard of how many."""
+    from ..running.checkpoint import Shard
 
     try:
-        return None if text is None else Slice.of(text)
+        return None if text is None else Shard.of(text)
     except ValueError:
-        end(INVALID, f"--part: is '{text}'; must be the number of a part and how many there are, as in 1/4 .. 4/4")
+        end(INVALID, f"--shard: is '{text}'; must be the number of a shard and their count, e.g. 1/4")
 
 
 @contextmanager
@@ -186,8 +189,8 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
         yield pool
 
 
-def _broken(name: str, results: "Results") -> bool:
-    """Say how the claims of an experiment were judged; whether one is broken."""
+def _any_failed(name: str, results: "Results") -> bool:
+    """Report the verdicts on the claims of an experiment; whether one failed."""
     from ..printing.claims import remarks
     from ..report import views
     from ..statistics import claims
@@ -195,7 +198,7 @@ def _broken(name: str, results: "Results") -> bool:
     judged = views.verdicts(results)
     for remark in remarks(name, judged):
         tell(remark)
-    return any(one.verdict == claims.BROKEN for one in judged)
+    return any(one.verdict == claims.FAILED for one in judged)
 
 
 def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
@@ -204,15 +207,15 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
     from ..report import views
     from .progress import ProgressLine
 
-    broken = False
+    failed = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
         views.print_tables(results)
-        broken |= _broken(experiment.name, results)
+        failed |= _any_failed(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {shlex.quote(str(path))}` draws them")
-    if broken:
-        raise typer.Exit(BROKEN)
+    if failed:
+        raise typer.Exit(CLAIM_FAILED)

@@ -62,7 +62,7 @@ def _reading(kind: str, group: Group) -> Reading:
 
 
 def verdicts(results: Results) -> list[claims.Verdict]:
-    """Whether the claims that are stored with results are kept, case by case; StorageError if they cannot be read."""
+    """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
 
 

@@ -32,15 +32,15 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Slice:
-    """Part number `number` of `count` of an experiment that is divided among several runs."""
+class Shard:
+    """Number `number` of `count` shares of an experiment that is divided among several runs."""
 
     number: int  #: from 1 on
     count: int
 
     @classmethod
-    def of(cls, text: str) -> "Slice":
-        """Read from "3/8"; ValueError if that is no slice."""
+    def of(cls, text: str) -> "Shard":
+        """Read from "3/8"; ValueError if that is not a shard."""
         number, _, count = text.partition("/")
         found = cls(int(number), int(count))
         if not 1 <= found.number <= found.count:
@@ -50,7 +50,7 @@ class Slice:
     @property
     def suffix(self) -> str:
         """What its file is called after that of the whole."""
-        return f".part-{self.number}-of-{self.count}"
+        return f".shard-{self.number}-of-{self.count}"
 
 
 class _TimeIsUp(Exception):
@@ -58,7 +58,7 @@ class _TimeIsUp(Exception):
 
 
 def sums_path(
-    experiment: specs.Experiment, out: str | Path, one: Slice | None = None, spec_hash: str | None = None
+    experiment: specs.Experiment, out: str | Path, one: Shard | None = None, spec_hash: str | None = None
 ) -> Path:
     """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>.npz``; `spec_hash` is that of another."""
     name = f"{experiment.name}-{(spec_hash or experiment.hash)[:12]}{one.suffix if one else ''}.npz"
@@ -93,15 +93,15 @@ class Checkpoint:
             for chunk in path_set.chunks(number)
         )
 
-    def slices(self) -> dict[Slice, Path]:
-        """The files of those slices of the experiment that have been begun."""
-        name = re.compile(re.escape(self.path.stem) + r"[.]part-([0-9]+)-of-([0-9]+)[.]npz")
+    def shards(self) -> dict[Shard, Path]:
+        """The files of those shards of the experiment that have been begun."""
+        name = re.compile(re.escape(self.path.stem) + r"[.]shard-([0-9]+)-of-([0-9]+)[.]npz")
         found = {file: name.fullmatch(file.name) for file in self.path.parent.glob("*.npz")}
-        return {Slice(int(match[1]), int(match[2])): file for file, match in found.items() if match}
+        return {Shard(int(match[1]), int(match[2])): file for file, match in found.items() if match}
 
     def resume(self) -> None:
-        """Take what is known from the file and from those of slices; else of a run with other numbers of samples."""
-        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.slices().values())]
+        """Take what is known from the file and from those of shards; else of a run with other numbers of samples."""
+        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.shards().values())]
         if not any(known):
             others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
             sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}

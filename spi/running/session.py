@@ -123,7 +123,7 @@ class Session:
             if (storage.about_sums(old) or {}).get("finished"):
                 storage.remove_sums(old)
         storage.previous(checkpoint.path).unlink(missing_ok=True)
-        for file in checkpoint.slices().values():
+        for file in checkpoint.shards().values():
             storage.remove_sums(file)
         return self.target
 

@@ -27,7 +27,7 @@ from ..ensemble.protocol import (
     strengths,
 )
 from ..numerics.rng import LANES
-from .rows import FINEST, Backwards, Symmetric, rows_known
+from .stages import FINEST, Backwards, Symmetric, stages_known
 
 _ALONE = 3  #: so many paths at most go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
@@ -103,7 +103,7 @@ def take_times(model, dW, lanes, width, first, end, n, times):
 
 
 @called
-def drift_row(model, backwards, symmetric, t, width, states, work):
+def drift_stage(model, backwards, symmetric, t, width, states, work):
     """All flows of the drift for the time t; returns the largest |angle|."""
     count, largest = pieces(model), 0.0
     for i in range(2 * count - 1 if symmetric else count):
@@ -115,7 +115,7 @@ def drift_row(model, backwards, symmetric, t, width, states, work):
 
 
 @called
-def noise_groups_row(model, first, end, backwards, times, width, states, work):
+def noise_groups_stage(model, first, end, backwards, times, width, states, work):
     """The flows of the groups of noises from `first` to before `end`, perhaps backwards."""
     largest = 0.0
     for i in range(end - first):
@@ -130,22 +130,22 @@ def report_large_angle(largest, report):
         report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], largest)
 
 
-def run_rows_of_large(rows, model, paths, h, dW, coins, y, work, report):
-    """Apply the rows of a composition to the first `paths` states of a block, in place."""
-    _step(rows_known(rows))(rows, model, paths, h, dW, coins, y, work, report)
+def run_stages_of_large(stages, model, paths, h, dW, coins, y, work, report):
+    """Apply the stages of a composition to the first `paths` states of a block, in place."""
+    _step(stages_known(stages))(stages, model, paths, h, dW, coins, y, work, report)
 
 
-@overload(run_rows_of_large, jit_options=INLINED)
-def _(rows, model, paths, h, dW, coins, y, work, report):
-    return _step(rows_known(rows))
+@overload(run_stages_of_large, jit_options=INLINED)
+def _(stages, model, paths, h, dW, coins, y, work, report):
+    return _step(stages_known(stages))
 
 
 @functools.lru_cache
 def _step(known):
-    """The Python function :func:`run_rows_of_large` for rows as ``rows_known`` tells them."""
-    coin = any(row.coin for row in known)
+    """The Python function :func:`run_stages_of_large` for stages as ``stages_known`` tells them."""
+    coin = any(stage.coin for stage in known)
     lines = [
-        "def step(rows, model, paths, h, dW, coins, y, work, report):",
+        "def step(stages, model, paths, h, dW, coins, y, work, report):",
         "d, m, largest, done = dimension(model), noises(model), 0.0, 0",
         "states, times = work[: d * WIDTH], work[2 * d * WIDTH : (2 * d + m) * WIDTH]",
         "scratch = work[(2 * d + m) * WIDTH :]",
@@ -158,26 +158,26 @@ def _step(known):
         "    take(y, some, width, states)",
     ]
     used = 0
-    for i, row in enumerate(known):
-        backwards = "tails" if row.coin else str(row.order is Backwards)
-        if row.part == "drift":
-            arguments = f"{backwards}, {row.order is Symmetric}, rows[{i}].fraction * h"
-            lines.append(f"    largest = max(largest, drift_row(model, {arguments}, width, states, scratch))")
+    for i, stage in enumerate(known):
+        backwards = "tails" if stage.coin else str(stage.order is Backwards)
+        if stage.part == "drift":
+            arguments = f"{backwards}, {stage.order is Symmetric}, stages[{i}].fraction * h"
+            lines.append(f"    largest = max(largest, drift_stage(model, {arguments}, width, states, scratch))")
         else:
-            lines += _noise_row(used, row, backwards)
-            used += row.length
+            lines += _noise_stage(used, stage, backwards)
+            used += stage.length
     lines += ["    put(y, some, width, states)", "    done += count", "report_large_angle(largest, report)"]
     names = {"np": np, "WIDTH": WIDTH, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
-    functions = (lanes_by_coin, group_size, take, put, take_times, drift_row, noise_groups_row, report_large_angle)
+    functions = (lanes_by_coin, group_size, take, put, take_times, drift_stage, noise_groups_stage, report_large_angle)
     names |= {f.__name__: f for f in functions}
     exec("\n    ".join(lines), names)
     return names["step"]
 
 
-def _noise_row(first, row, backwards):
-    """Lines for a row of noise whose increments begin at sub-step `first` of FINEST."""
-    end, half = first + row.length, first + row.length // 2
-    if row.order is Symmetric:
+def _noise_stage(first, stage, backwards):
+    """Lines for a stage of noise whose increments begin at sub-step `first` of FINEST."""
+    end, half = first + stage.length, first + stage.length // 2
+    if stage.order is Symmetric:
         groups = "noise_groups(model)"
         last = f"max({groups} - 1, 0)"  # there may be none
         parts = [(first, half, "0", last, "False"), (first, end, last, groups, "False"), (half, end, "0", last, "True")]
@@ -188,7 +188,7 @@ def _noise_row(first, row, backwards):
         n = FINEST
         while begin % 2 == 0 and stop % 2 == 0 and n > 1:
             begin, stop, n = begin // 2, stop // 2, n // 2
-        flows = f"noise_groups_row(model, {low}, {high}, {back}, times, width, states, scratch)"
+        flows = f"noise_groups_stage(model, {low}, {high}, {back}, times, width, states, scratch)"
         lines += [
             f"    take_times(model, dW, some, width, {begin}, {stop}, {n}, times)",
             f"    largest = max(largest, {flows})",

@@ -14,7 +14,7 @@ from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.damped import undamped
 from ..schemes import SCHEMES, Scheme, composed, with_eps
-from ..schemes.rows import compositions, has_loops
+from ..schemes.stages import compositions, has_loops
 from ..statistics.claims import Claim, Sort
 from ..systems import variables
 from ..systems.keys import MOST

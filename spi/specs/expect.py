@@ -6,7 +6,7 @@
 
 Under a scheme stand quantities, and mappings of quantities that hold for one estimator or test function, by its name,
 for so many levels of extrapolation (``extrapolate 1``), or up to a step size (``up to 2^-3``), an eps (``eps up to
-0.01``) or a value of the swept word.  Layers override it
+0.01``) or a value of the swept parameter.  Layers override it
 claim by claim: a claim that is empty (``order: null``) is dropped, and a layer that names fewer schemes, estimators or
 test functions drops the claims about the others.
 """

@@ -34,7 +34,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
-    swept = PLACES if "sweep" in keys else ()  # only together with the values of the word can these be read
+    swept = PLACES if "sweep" in keys else ()  # only together with the values of the parameter can these be read
     read = {k: Unread if k in swept else hints[k] for k in keys} | {"model": ModelPart}
     read["expect"] = Annotated[hints["expect"], AfterValidator(expect.readable)]  # also of what other layers override
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}

@@ -116,7 +116,7 @@ def _said(model: Any) -> dict[str, Any]:
 
 
 @functools.cache
-def _digest_of_makers():
+def _digest_of_makers() -> str:
     """What a definition is made into a module by."""
     return digest_of(sources("checks", "expressions", "systems"))
 

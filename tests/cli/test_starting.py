@@ -47,9 +47,11 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
     assert refusal("check", "rigid_body_strong", "--as=weak", "--seed=x").startswith("spi: rigid_body_strong_as_weak: ")
     assert refusal("merge", "rigid_body_strong") == (
-        f"spi: {Path('results/sums')}: no parts of rigid_body_strong here; "
-        "`spi run rigid_body_strong --part 1/4` computes the first of four\n"
+        f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
+        "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
     )
+    renamed = refusal("run", "rigid_body_strong", "--part", "3/8")
+    assert renamed == "spi: --part is now called --shard; write --shard 3/8\n"
     path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
     assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
     assert refusal("check", str(path), "--as=weak", "--seed=x").startswith(f"spi: {path.parent}")

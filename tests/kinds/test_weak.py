@@ -68,7 +68,7 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
             assert np.all(np.abs(found["order"] - SCHEMES[scheme].weak_order) < 0.15)
 
 
-# --- paths that leave the finite numbers -----------------------------------------------------------------------------
+# --- diverging paths -------------------------------------------------------------------------------------------------
 
 
 BLOW_UP = [

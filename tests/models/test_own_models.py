@@ -17,7 +17,7 @@ from spi import storage
 from spi.checks import model_checks
 from spi.checks.compilable import CompilationError
 from spi.models import MODELS
-from spi.running import runs, slices, verification
+from spi.running import runs, shards, verification
 from spi.running.session import Watch
 from spi.specs import SpecError, models
 
@@ -283,7 +283,7 @@ def test_a_model_that_fails_is_checked_again(top):
 
 
 def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
-    """Its results hold the text, and are verified without the file; parts, other processes and an edit."""
+    """Its results hold the text, and are verified without the file; shards, other processes and an edit."""
     experiment = oscillator()
     path = runs.run(experiment, "out")
     attributes = storage.read(path).attributes
@@ -296,8 +296,8 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     runs.run(experiment, "out", watch=Watch(tell=told.append))
     assert "very spec" in told[0]
     for number in (1, 2):
-        slices.run_slice(experiment, slices.Slice(number, 2), "parts")
-    merged = slices.merge(experiment, "parts")
+        shards.run_shard(experiment, shards.Shard(number, 2), "shards")
+    merged = shards.merge(experiment, "shards")
     whole, parts = (storage.read(file).groups[0].arrays for file in (path, merged))
     assert all(
         np.array_equal(whole[name], parts[name], equal_nan=True)

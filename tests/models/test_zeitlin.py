@@ -31,7 +31,7 @@ from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import lattice
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
 
@@ -78,7 +78,7 @@ def test_steps_of_sine_euler(name):
     h, y, coins = 0.5, states(3, 11), coins_of(11)
     half = increments(ITS_TWIN, h, 1, 11).mean(axis=1)
     ours = take(name, ITS_TWIN, h, np.stack([half, half], axis=1), y, coins).states
-    sides = compositions(STEPPERS[name].rows, SINE_EULER)
+    sides = compositions(STEPPERS[name].stages, SINE_EULER)
     for path, coin in enumerate(coins):
         with uncompiled():
             found = [composed(flows, h, tuple(y[path]), 2 * half[0, :, path]) for _, flows in sides]
