@@ -10,19 +10,19 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, class_of, field_type, inlined, number, unrolled
+from ..compiler.dispatch import INDICES, INLINED, class_of, device, field_type, number, unrolled
 from ..numerics.rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
 from .areas import areas_length, copy_areas, draw_areas, join_areas
 from .protocol import noise_indices, noises
 
 
-@inlined
+@device
 def truncation_bound(h):
     """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
     return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
 
 
-@inlined
+@device
 def first_lane(model, k, n, part):
     """Where in a row the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ... begin."""
     return ((n - 1 + part) * noises(model) + k) * LANES
@@ -151,7 +151,7 @@ class Kept(NamedTuple):
     areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
 
 
-@inlined
+@device
 def row_length(kept, model):
     """How many floats the increments of a block over a step and its sub-steps are, with its areas."""
     return (2 * number(kept.substeps) - 1) * noises(model) * LANES + areas_length(kept.areas, model)
@@ -236,13 +236,13 @@ def truncate(kept, model, dW, clipped, h):
     clip_substeps(model, dW, clipped, h, number(kept.substeps))
 
 
-@inlined
+@device
 def flip(coins, side, flipped):
     for lane in range(LANES):
         coins[flipped, lane] = -coins[side, lane]
 
 
-@inlined
+@device
 def copy(coins, source, target):
     for lane in range(LANES):
         coins[target, lane] = coins[source, lane]

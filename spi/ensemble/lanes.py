@@ -7,7 +7,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, instructions
+from ..compiler.dispatch import INLINED, intrinsic
 from ..numerics.rng import LANES
 from .protocol import dimension, large
 
@@ -25,7 +25,7 @@ def store_lane(y, lane, state):
         y[i * LANES + lane] = value
 
 
-@instructions(load_lane)
+@intrinsic(load_lane)
 def _(model, y, lane):
     if large(model):
         return None
@@ -47,7 +47,7 @@ def _(model, y, lane):
     return (lambda model, y, lane: y[lane : dimension(model) * LANES : LANES]) if large(model) else None
 
 
-@instructions(store_lane)
+@intrinsic(store_lane)
 def _(y, lane, state):
     if isinstance(state, types.Array):
         return None

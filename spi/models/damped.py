@@ -44,7 +44,7 @@ def _inner(model):
 
 
 class Damped(NamedTuple):
-    """A model with the field -gamma y added: its facts and words are those of the model, but for one more piece."""
+    """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
 
     model: Any
     damping: float  #: gamma

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, inlined
+from ..compiler.dispatch import INLINED, device
 from ..ensemble.fields import add_scaled, cross_product, dot, scaled
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, structure
@@ -30,7 +30,7 @@ _INVERSE = tuple(1.0 / j for j in range(1, 4 * _MOST + 1))
 _INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1, 4 * _MOST + 1))
 
 
-@inlined
+@device
 def action_size(model):
     """How many floats of scratch :func:`act` needs, those of v included."""
     return (2 + _MOST) * dimension(model) * LANES
@@ -68,7 +68,7 @@ def turn(model, work, y, report):
     report_angle(bits(np.sqrt(from_bits(min(largest, _INFINITE_BITS)))), report)
 
 
-@inlined
+@device
 def turn_within(angles, model, work, y):
     """Rodrigues' formula, y + (sin a / a) M y + ((1 - cos a) / a^2) M^2 y with a = |v|."""
     for lane in range(LANES):
@@ -102,7 +102,7 @@ def add_series(model, work, y, report):
             done += 1
 
 
-@inlined
+@device
 def sum_series(model, share, work, y, most):
     """Sum up exp(share M(v)) y - y, four terms at a time, at most so often.
 
@@ -133,14 +133,14 @@ def sum_series(model, share, work, y, most):
     return unfinished, fours
 
 
-@inlined
+@device
 def next_term(model, term, v, inverse, rest):
     """M(v) term / j, given 1/j in two parts."""
     moved = structure(model, term, v)
     return add_scaled(scaled(moved, inverse), rest, moved)
 
 
-@inlined
+@device
 def add_sums(model, fours, work, y):
     """Add the sums to y, or NaN in lanes where the last term was not small.
 

@@ -1,4 +1,4 @@
-"""How long a flow or a step of a model takes that does not say so: numbers that count are taken through its words.
+"""How long a flow or a step of a model takes that does not say so: numbers that count are taken through its methods.
 
 They go through the uncompiled functions once, so that an estimate costs milliseconds and depends on nothing but the
 sources: neither on the processor nor on how busy it is.
@@ -70,7 +70,7 @@ class _Counted(np.lib.mixins.NDArrayOperatorsMixin):
 
 
 class _State:
-    """What the words of a model are given: a state, increments, all of them counted."""
+    """What the methods of a model are given: a state, increments, all of them counted."""
 
     def __init__(self, model: Any):
         self.counter = _Counter()
@@ -137,7 +137,7 @@ def typical_ns(row, model):
     else:
         try:
             step = sum(flow_cost(part, k, model) for _, part, k, *_ in acting) or row.step_cost(model)
-        except Exception:  # a word of somebody's fails; what is wrong is told where it is compiled
+        except Exception:  # a method of somebody's fails; what is wrong is told where it is compiled
             step = 0.5 * (len(acting) or row.work)
     draws = len(noise_indices(model)) * substeps(row.record)
     if needs_areas(row.record) and area_pairs(model):

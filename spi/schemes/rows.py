@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 from numba import types
 
-from ..compiler.dispatch import INDICES, class_of, field_type, word
+from ..compiler.dispatch import INDICES, class_of, field_type, method
 from ..ensemble.protocol import (
     area_pairs,
     drift_angle,
@@ -36,12 +36,12 @@ from ..ensemble.protocol import (
 # The parts and orders of rows are records, so that the compiler knows them by their types.
 
 
-@word
+@method
 def flow(part, model, k, t, y, angles):
     """The flow number k of a part."""
 
 
-@word
+@method
 def angle(part, model, k, t, y):
     """The largest |angle| in it."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, field_type, inlined, number
+from ..compiler.dispatch import INDICES, INLINED, device, field_type, number
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import REPORT, noises, strengths
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
@@ -188,7 +188,7 @@ def _loop_time(of):
     return [*lines, f"    work[lane] = {time}"]
 
 
-@inlined
+@device
 def report_angle(largest, report):
     """Report the angle with these bits, if it is above pi/4."""
     if largest > _SMALL_BITS:
@@ -200,7 +200,7 @@ def report_angle(largest, report):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@device
 def sweep(part, index, model, y, t):
     """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
 
@@ -221,7 +221,7 @@ def sweep(part, index, model, y, t):
     return largest
 
 
-@inlined
+@device
 def sweep_within(angles, part, index, model, y, t):
     for lane in range(LANES):
         store_lane(y, lane, flow(part, model, number(index), of_lane(t, lane), load_lane(model, y, lane), angles))

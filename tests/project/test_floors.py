@@ -120,7 +120,7 @@ SOUND = {
     "__init__.py": "import os\n__version__ = '0'\n",
     "compiler/dispatch.py": "import numba\n",
     "numerics/rng.py": "from ..compiler import dispatch\nfrom . import elementary\n",
-    "numerics/elementary.py": "from ..compiler.dispatch import inlined\n",
+    "numerics/elementary.py": "from ..compiler.dispatch import device\n",
     "ensemble/protocol.py": "import numpy\nfrom ..numerics.rng import LANES\n",
     "models/__init__.py": "from .rigid_body import RigidBody\nfrom ..checks.registration import register_model\n",
     "models/rigid_body.py": "from ..ensemble.protocol import load\nfrom .. import __version__\n",
