@@ -15,10 +15,13 @@ import functools
 import inspect
 from typing import NamedTuple
 
-from numba import njit, typeof, types
+from numba import njit, types
 from numba.extending import lower_builtin, overload, type_callable
 
+from . import instructions
+from .generated import function_of
 from .inlining import InliningCompiler, KernelCompiler, keep_in_shared_cache, runs_uncompiled
+from .records import class_of, is_array, record_class
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
 #: infinities keep their meaning.  With ``error_model="numpy"`` a division has no branch that would stop vectorisation.
@@ -41,15 +44,27 @@ def kernel(function=None, *, parallel=False):
     return keep_in_shared_cache(njit(parallel=parallel, **_KERNEL)(function))
 
 
-def device(function=None, *, inline=True):
+def device(function=None, *, inline=True, by_type=False):
     """Decorator for a function that compiled code calls: a copy of it is compiled into its caller.
 
     With ``inline=False`` it is called instead: for a large function, not within a loop over lanes.  Called from Python
     the function is compiled by itself, so that it rounds as in kernels, and kept in the cache on disk, except within
     :func:`~.inlining.uncompiled`; ``__wrapped__`` is the bare function.
+
+    With ``by_type=True`` the decorated function returns the function that takes its place, a bare one.  It is given
+    the arguments or, in compiled code, their Numba types, see ``records.py``.
     """
     if function is None:
-        return functools.partial(device, inline=inline)
+        return functools.partial(device, inline=inline, by_type=by_type)
+    options = {**INLINED, "forceinline": inline}
+    if by_type:
+
+        @functools.wraps(function)
+        def chosen(*arguments):
+            return function(*arguments)(*arguments)
+
+        overload(chosen, jit_options=options, strict=False)(lambda *types_of_arguments: function(*types_of_arguments))
+        return chosen
     by_itself = njit(**OPTIONS)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
         keep_in_shared_cache(by_itself)
@@ -59,7 +74,6 @@ def device(function=None, *, inline=True):
         return (function if runs_uncompiled() else by_itself)(*arguments, **named)
 
     # compiled anew for each literal among the arguments, so that it is a constant when the function is optimised
-    options = {**INLINED, "forceinline": inline}
     overload(from_python, jit_options=options, strict=False, prefer_literal=True)(lambda *arguments, **named: function)
     return from_python
 
@@ -68,14 +82,18 @@ def intrinsic(function):
     """Decorator: the decorated function says what `function` is in compiled code, in instructions of LLVM.
 
     Given the Numba types of the arguments it returns a signature and a function that writes the instructions, as for
-    ``numba.extending.intrinsic``, or None for types that are not its own.  Unlike an overload this is no function that
-    has to be compiled, and Python calls `function` itself.
+    ``numba.extending.intrinsic``; ``instructions.py`` has some.  Unlike an overload this is no function that has to be
+    compiled, and Python calls `function` itself.  For other types it returns a function to be compiled instead.
     """
 
     def decorate(write):
+        def written(*types_of_arguments):
+            found = write(*types_of_arguments)
+            return (None, found) if callable(found) else (found, None)
+
         @type_callable(function)
         def types_of_call(context):
-            types_of_arguments = functools.partial(lambda *arguments: (write(*arguments) or (None,))[0])
+            types_of_arguments = functools.partial(lambda *arguments: (written(*arguments)[0] or (None,))[0])
             types_of_arguments.pysig = inspect.signature(function)
             return types_of_arguments
 
@@ -83,28 +101,10 @@ def intrinsic(function):
         def code_of_call(context, builder, signature, arguments):
             return write(*signature.args)[1](context, builder, signature, arguments)
 
+        overload(function, jit_options=INLINED, strict=False)(lambda *arguments: written(*arguments)[1])
         return write
 
     return decorate
-
-
-def record_class(numba_type):
-    """The ``NamedTuple`` class behind a Numba type, or None if it is not a record."""
-    if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple):
-        return numba_type.instance_class
-    return None
-
-
-def class_of(record):
-    """The class of a record, given the record, its class, or the Numba type of one."""
-    if isinstance(record, types.Type):
-        return record_class(record)
-    return record if isinstance(record, type) else type(record)
-
-
-def field_type(numba_type, name):
-    """The Numba type of the field `name` of a record type."""
-    return numba_type.types[numba_type.fields.index(name)]
 
 
 class Declared(NamedTuple):
@@ -156,21 +156,6 @@ def _implementation(name, cls):
     return found if inspect.isfunction(found) else None
 
 
-def _constant(record, value):
-    """The instructions of a function of a record whose value is known while compiling."""
-    return typeof(value)(record), lambda context, builder, signature, arguments: context.get_constant_generic(
-        builder, signature.return_type, value
-    )
-
-
-def _field(record, name):
-    """The instructions of a function of a record whose value is a field of it, an int."""
-    place = record.fields.index(name)
-    return types.int64(record), lambda context, builder, signature, arguments: builder.extract_value(
-        arguments[0], place
-    )
-
-
 class FieldOf(NamedTuple):
     """In place of the value of a trait: it is a field of the record, an int, known only when the kernel runs."""
 
@@ -183,7 +168,7 @@ def trait(of, **default):
     ``@trait(int, default=0)`` declares a class attribute of that type, required unless there is a default; the
     declaration carries only the documentation.  In place of the value a class may have a method that finds it, given a
     record or the Numba type of one, or :class:`FieldOf`.  ``@trait`` alone declares a function which does so for all
-    classes, see :func:`class_of` and :func:`field_type`.  A trait is asked of a record or of its class.
+    classes, see ``records.py``.  A trait is asked of a record or of its class.
     """
     if inspect.isfunction(of):
         return _trait(of, of)
@@ -215,7 +200,11 @@ def _trait(declaration, value_of):
     @intrinsic(asked)
     def asked_while_compiling(record):
         value = value_of(record)
-        return _field(record, value.field) if isinstance(value, FieldOf) else _constant(record, value)
+        return (
+            instructions.field(record, value.field)
+            if isinstance(value, FieldOf)
+            else instructions.constant(record, value)
+        )
 
     return asked
 
@@ -239,7 +228,7 @@ def _(index):
         return types.int64(index), lambda context, builder, signature, arguments: context.cast(
             builder, arguments[0], index, types.int64
         )
-    return _constant(index, INDICES.index(class_of(index)))
+    return instructions.constant(index, INDICES.index(class_of(index)))
 
 
 def unrolled(indices=None, *, each=None, total=None):
@@ -267,15 +256,12 @@ def _fold(indices, body):
     compiled_body = device(body)
     _, record, value, *others = inspect.signature(body).parameters
     others = "".join(f", {name}" for name in others)
-    loop = [
+    in_a_loop = [
         f"def in_a_loop({record}, {value}{others}):",
         f"for k in range(count({record})):",
         f"    {value} = body(k, {record}, {value}{others})",
         f"return {value}",
     ]
-    names = {"body": compiled_body, "count": getattr(indices, "count", None)}
-    exec("\n    ".join(loop), names)
-    in_a_loop = names["in_a_loop"]
 
     @functools.wraps(body)
     def f(record, value, *arguments):
@@ -285,13 +271,14 @@ def _fold(indices, body):
 
     @overload(f, jit_options=INLINED, strict=False)
     def f_while_compiling(record_type, *types_of_arguments):
+        names = {"body": compiled_body}
         if getattr(class_of(record_type), "large", False):
-            return in_a_loop
-        calls = value
+            return function_of(in_a_loop, {**names, "count": indices.count})
+        lines = [f"def {body.__name__}({record}, {value}{others}):"]
         for k in indices(record_type):
-            calls = f"body(index_{k}, {record}, {calls}{others})"
-        names = {f"index_{k}": INDICES[k]() for k in indices(record_type)}
-        return eval(f"lambda {record}, {value}{others}: {calls}", {"body": compiled_body, **names})
+            names[f"index_{k}"] = INDICES[k]()
+            lines.append(f"{value} = body(index_{k}, {record}, {value}{others})")
+        return function_of([*lines, f"return {value}"], names)
 
     return f
 
@@ -299,29 +286,20 @@ def _fold(indices, body):
 def _of_tuples(expression, total, declaration):
     names = list(inspect.signature(declaration).parameters)
     a_tuple = next(i for i, name in enumerate(names) if f"{name}[i]" in expression)
+    head = f"def {declaration.__name__}({', '.join(names)}):"
+    loop = [f"for i in range(len({names[a_tuple]})):", f"    total += {expression}"]
 
-    def write(n):
+    @functools.cache
+    def of_tuples(n):
         parts = [expression.replace("[i]", f"[{i}]") for i in range(n)]
-        body = " + ".join(parts) if total else "(" + "".join(f"{part}, " for part in parts) + ")"
-        return eval(f"lambda {', '.join(names)}: {body}")
+        result = " + ".join(parts) if total else "(" + "".join(f"{part}, " for part in parts) + ")"
+        return function_of([head, f"return {result}"], {})
 
-    loop = [
-        f"def in_a_loop({', '.join(names)}):",
-        "total = 0.0",
-        f"for i in range(len({names[a_tuple]})):",
-        f"    total += {expression}",
-        "return total",
-    ]
-    of_arrays = {}
-    exec("\n    ".join(loop), of_arrays)
-    in_a_loop = of_arrays["in_a_loop"] if total else None
-
+    @device(by_type=True)
     @functools.wraps(declaration)
-    def f(*arguments):
-        return write(len(arguments[a_tuple]))(*arguments)
+    def chosen(*arguments):
+        if total and is_array(arguments[a_tuple]):
+            return function_of([head, "total = 0.0", *loop, "return total"], {})
+        return of_tuples(len(arguments[a_tuple]))
 
-    @overload(f, jit_options=INLINED, strict=False)
-    def f_while_compiling(*arguments):
-        return in_a_loop if isinstance(arguments[a_tuple], types.Array) else write(len(arguments[a_tuple]))
-
-    return f
+    return chosen

@@ -3,10 +3,8 @@
 All functions act on one state, a tuple of d floats, and are inlined into the loops over lanes.
 """
 
-from numba import types
-from numba.extending import overload
-
-from ..compiler.dispatch import INLINED, answers, class_of, device, number, trait, unrolled
+from ..compiler.dispatch import answers, device, number, trait, unrolled
+from ..compiler.records import class_of, is_array
 from ..numerics.rng import LANES
 from .protocol import (
     add_dissipation,
@@ -61,14 +59,10 @@ def scaled_square(b, c):
     """|c b|^2."""
 
 
+@device(by_type=True)
 def smallest_component(b):
     """min_i b_i."""
-    return min(b)
-
-
-@overload(smallest_component, jit_options=INLINED)
-def _(b):
-    return (lambda b: b.min()) if isinstance(b, types.Array) else (lambda b: min(b))
+    return (lambda b: b.min()) if is_array(b) else (lambda b: min(b))
 
 
 @unrolled(each="1.0 if indices[i] == j else 0.0")

@@ -8,9 +8,9 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, class_of, device, field_type, number, unrolled
+from ..compiler.dispatch import device, number, unrolled
+from ..compiler.records import field
 from ..numerics.rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
 from .areas import areas_length, copy_areas, draw_areas, join_areas
 from .protocol import noise_indices, noises
@@ -161,15 +161,12 @@ def _unless_one(plain):
     """Decorator: `plain` takes the place of ``body(kept, ...)`` where there are no sub-steps, without a branch."""
 
     def decorate(body):
+        @device(by_type=True)
         @functools.wraps(body)
-        def f(kept, *arguments):
-            return (plain if number(kept.substeps) == 1 else body)(kept, *arguments)
+        def chosen(kept, *arguments):
+            return plain if number(field(kept, "substeps")) == 1 else body
 
-        @overload(f, jit_options=INLINED, strict=False)
-        def f_while_compiling(kept, *types_of_arguments):
-            return plain if INDICES.index(class_of(field_type(kept, "substeps"))) == 1 else body
-
-        return f
+        return chosen
 
     return decorate
 

@@ -24,11 +24,10 @@ import itertools
 from typing import Annotated
 
 import annotated_types
-from numba import types
-from numba.core import cgutils
-from numba.core.imputils import impl_ret_borrowed
 
-from ..compiler.dispatch import field_type, intrinsic, method, trait
+from ..compiler import instructions
+from ..compiler.dispatch import intrinsic, method, trait
+from ..compiler.records import field, is_none
 
 #: What the fields of a record may hold, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
@@ -117,11 +116,7 @@ def noise_indices(model):
     """The noises that are on, those whose sigma_k is not None; all of a large model."""
     if large(model):
         return tuple(range(noises(model)))
-    if isinstance(model, types.Type):
-        off = [t == types.none for t in field_type(model, "sigma").types]
-    else:
-        off = [s is None for s in model.sigma]
-    return tuple(k for k, is_off in enumerate(off) if not is_off)
+    return tuple(k for k, sigma in enumerate(field(model, "sigma")) if not is_none(sigma))
 
 
 piece_indices.count, component_indices.count = pieces, dimension
@@ -146,24 +141,7 @@ def strengths(model):
 
 @intrinsic(strengths)
 def _(model):
-    sigma = field_type(model, "sigma")
-    if large(model):
-
-        def field(context, builder, signature, arguments):
-            array = builder.extract_value(arguments[0], model.fields.index("sigma"))
-            return impl_ret_borrowed(context, builder, sigma, array)
-
-        return sigma(model), field
-
-    def code(context, builder, signature, arguments):
-        values = cgutils.unpack_tuple(builder, builder.extract_value(arguments[0], model.fields.index("sigma")))
-        floats = [
-            context.get_constant(types.float64, 0.0) if t == types.none else context.cast(builder, v, t, types.float64)
-            for v, t in zip(values, sigma.types, strict=True)
-        ]
-        return context.make_tuple(builder, signature.return_type, floats)
-
-    return types.UniTuple(types.float64, len(sigma.types))(model), code
+    return (instructions.field if large(model) else instructions.field_of_floats)(model, "sigma")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

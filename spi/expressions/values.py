@@ -6,7 +6,8 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, device, kernel, number, record_class
+from ..compiler.dispatch import INDICES, INLINED, device, kernel, number
+from ..compiler.records import record_class
 from ..ensemble.lanes import load_lane
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ..numerics.elementary import REDUCIBLE, bits, exp, log

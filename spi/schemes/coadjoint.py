@@ -7,9 +7,8 @@ B(y) v = y x v it is a rotation, by Rodrigues' formula; otherwise the exponentia
 from fractions import Fraction
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, device
+from ..compiler.dispatch import device
 from ..ensemble.fields import add_scaled, cross_product, dot, scaled
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, structure
@@ -36,13 +35,9 @@ def action_size(model):
     return (2 + _MOST) * dimension(model) * LANES
 
 
+@device(by_type=True)
 def act(model, work, y, report):
     """y becomes exp(M(v)) y, in each lane of a block; `work` begins with the states v."""
-    (turn if cross_product(model) else add_series)(model, work, y, report)
-
-
-@overload(act, jit_options=INLINED)
-def _(model, work, y, report):
     return turn if cross_product(model) else add_series
 
 

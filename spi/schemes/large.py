@@ -7,9 +7,9 @@ paths with the same coin go together.
 import functools
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, device
+from ..compiler.dispatch import device
+from ..compiler.generated import function_of
 from ..compiler.vectors import WIDTH
 from ..ensemble.protocol import (
     REPORT,
@@ -40,13 +40,9 @@ def large_work(model):
     return (2 * dimension(model) + noises(model)) * WIDTH + block_work(model)
 
 
+@device(by_type=True)
 def size_or(small, model):
     """:func:`large_work` for a large model, `small` for another: how many floats of scratch a scheme needs."""
-    return large_work(model) if large(model) else small
-
-
-@overload(size_or, jit_options=INLINED)
-def _(small, model):
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
@@ -130,13 +126,9 @@ def report_large_angle(largest, report):
         report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], largest)
 
 
+@device(by_type=True)
 def run_rows_of_large(rows, model, paths, h, dW, coins, y, work, report):
     """Apply the rows of a composition to the first `paths` states of a block, in place."""
-    _step(rows_known(rows))(rows, model, paths, h, dW, coins, y, work, report)
-
-
-@overload(run_rows_of_large, jit_options=INLINED)
-def _(rows, model, paths, h, dW, coins, y, work, report):
     return _step(rows_known(rows))
 
 
@@ -170,8 +162,7 @@ def _step(known):
     names = {"np": np, "WIDTH": WIDTH, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
     functions = (lanes_by_coin, group_size, take, put, take_times, drift_row, noise_groups_row, report_large_angle)
     names |= {f.__name__: f for f in functions}
-    exec("\n    ".join(lines), names)
-    return names["step"]
+    return function_of(lines, names)
 
 
 def _noise_row(first, row, backwards):

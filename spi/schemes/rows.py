@@ -20,9 +20,8 @@ import math
 from collections import Counter
 from typing import NamedTuple
 
-from numba import types
-
-from ..compiler.dispatch import INDICES, class_of, field_type, method
+from ..compiler.dispatch import INDICES, method
+from ..compiler.records import class_of, field
 from ..ensemble.protocol import (
     area_pairs,
     drift_angle,
@@ -161,12 +160,8 @@ def rows_known(rows):
 
 def _rows(rows):
     """The rows by their types, of rows or of the Numba type of some."""
-    compiling = isinstance(rows, types.Type)
-    for row in rows.types if compiling else rows:
-        part, order, coin, length = (
-            class_of(field_type(row, name) if compiling else getattr(row, name))
-            for name in ("part", "order", "coin", "length")
-        )
+    for row in rows:
+        part, order, coin, length = (class_of(field(row, name)) for name in ("part", "order", "coin", "length"))
         yield _Row(_NAMES[part], order, coin is Coin, INDICES.index(length))
 
 

@@ -6,16 +6,8 @@ import pytest
 from helpers import COMPILED, INITIAL, ONE_NOISE, RIGID_BODY
 from numba import TypingError, njit
 
-from spi.compiler.dispatch import (
-    INDICES,
-    OPTIONS,
-    answers,
-    class_of,
-    method,
-    number,
-    trait,
-    unrolled,
-)
+from spi.compiler.dispatch import INDICES, OPTIONS, answers, method, number, trait, unrolled
+from spi.compiler.records import class_of
 from spi.ensemble import fields
 from spi.ensemble.protocol import (
     component_indices,
