@@ -6,7 +6,7 @@ from typing import NamedTuple
 import fluids
 import numpy as np
 
-from spi.compiler.dispatch import called, kernel
+from spi.compiler.dispatch import device, kernel
 from spi.ensemble.protocol import (
     REPORT,
     add_block_drift,
@@ -41,7 +41,7 @@ STEPPERS |= {"half_noise": HALF_NOISE, "euler_maruyama": SCHEMES["euler_maruyama
 DRIFT_FLOW, NOISE_FLOW, DRIFT_FIELD, NOISE_FIELDS, ITO_CORRECTION, CASIMIRS, ENERGY, STEPS = range(8)
 
 
-@called  # as the steps are, so that they share what is compiled of the words
+@device(inline=False)  # as the steps are, so that they share what is compiled of the words
 def _answer(what, model, k, t, width, times, y, out, work):
     """One of the words; what it returns, or 0."""
     if what == DRIFT_FLOW:

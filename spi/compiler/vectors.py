@@ -14,7 +14,7 @@ from numba.core import cgutils
 from numba.core.datamodel import models, register_default
 from numba.extending import lower_builtin, type_callable
 
-from .dispatch import instructions
+from .dispatch import intrinsic
 
 WIDTH = 8  #: floats in a vector
 TILE = 2 * WIDTH  #: columns of a tile
@@ -88,7 +88,7 @@ def _pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
     return builder.bitcast(builder.gep(data, [i]), numba_vector.as_pointer())
 
 
-@instructions(borrowed)
+@intrinsic(borrowed)
 def _(array):
     def code(context, builder, signature, arguments):
         found = cgutils.create_struct_proxy(array)(context, builder, arguments[0])
@@ -98,7 +98,7 @@ def _(array):
     return array(array), code
 
 
-@instructions(load)
+@intrinsic(load)
 def _(array, i):
     def code(context, builder, signature, arguments):
         return builder.load(_pointer(context, builder, array, *arguments), align=8)
@@ -106,7 +106,7 @@ def _(array, i):
     return VECTOR(array, types.int64), code
 
 
-@instructions(store)
+@intrinsic(store)
 def _(array, i, vector):
     def code(context, builder, signature, arguments):
         builder.store(arguments[2], _pointer(context, builder, array, *arguments[:2]), align=8)
@@ -153,7 +153,7 @@ def _masked(builder, what, result, *arguments):
 _ALIGNED = ir.Constant(ir.IntType(32), 8)
 
 
-@instructions(load_pairs)
+@intrinsic(load_pairs)
 def _(array, begin, n, first):
     def code(context, builder, signature, arguments):
         (here, around), ahead = _ring(context, builder, array, *arguments)
@@ -175,7 +175,7 @@ def _(array, begin, n, first):
     return types.UniTuple(VECTOR, 2)(array, integer, integer, integer), code
 
 
-@instructions(store_pairs)
+@intrinsic(store_pairs)
 def _(array, begin, n, first, low, high, a, b):
     def code(context, builder, signature, arguments):
         (here, around), ahead = _ring(context, builder, array, *arguments[:4])
@@ -200,7 +200,7 @@ def _(array, begin, n, first, low, high, a, b):
     return types.void(array, integer, integer, integer, integer, integer, a, b), code
 
 
-@instructions(fused)
+@intrinsic(fused)
 def _(a, x, b):
     def code(context, builder, signature, arguments):
         kind = _DOUBLES if x == VECTOR else ir.DoubleType()
@@ -212,7 +212,7 @@ def _(a, x, b):
     return x(types.float64, x, x), code
 
 
-@instructions(flipped)
+@intrinsic(flipped)
 def _(vector):
     def code(context, builder, signature, arguments):
         return _shuffled(builder, arguments[0], arguments[0], list(range(WIDTH - 1, -1, -1)))
@@ -269,7 +269,7 @@ def multiply_tile(matrix, first, columns, x, x_first, stride, out, out_first, ou
             out[out_first + r * out_stride + j] = total
 
 
-@instructions(multiply_tile)
+@intrinsic(multiply_tile)
 def _(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, rows):
     number = types.int64
     signature = types.void(matrix, number, number, x, number, number, out, number, number, number)

@@ -6,9 +6,7 @@ a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on
 
 from typing import Any, NamedTuple
 
-from numba import types
-
-from ..compiler.dispatch import field_type
+from ..compiler.records import field
 from ..ensemble.fields import add_scaled
 from ..ensemble.protocol import (
     casimir_degrees,
@@ -40,11 +38,11 @@ from ..numerics.elementary import expm1
 
 def _inner(model):
     """The model that is damped, or the Numba type of it."""
-    return field_type(model, "model") if isinstance(model, types.Type) else model.model
+    return field(model, "model")
 
 
 class Damped(NamedTuple):
-    """A model with the field -gamma y added: its facts and words are those of the model, but for one more piece."""
+    """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
 
     model: Any
     damping: float  #: gamma

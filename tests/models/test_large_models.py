@@ -15,7 +15,7 @@ from model_cases import MODELS_UNDER_TEST, close
 
 from spi import systems
 from spi.checks.differences import along, derivative
-from spi.compiler.dispatch import INDICES, MOST, inlined
+from spi.compiler.dispatch import INDICES, MOST, device
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import drift_field, noise_field, unit
 from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, hamiltonian, noise_flow
@@ -171,7 +171,7 @@ def test_what_is_stated_counts(ring):
     assert typical_ns(SCHEMES["splitting"], Stated(*ring)) == pytest.approx(draws + 100.0 * (3 + ring.noises))
 
 
-@inlined
+@device
 def _twice(x):
     return x + x
 

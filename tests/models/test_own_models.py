@@ -198,9 +198,9 @@ def test_wrong_classes(top, old, new, message):
     ("old", "new", "message"),
     [
         (
-            "@inlined\ndef cross",
+            "@device\ndef cross",
             "def cross",
-            "structure, line 59, calls cross, which is not compiled into it; add @inlined",
+            "structure, line 59, calls cross, which is not compiled into it; add @device",
         ),
         ("return v[0] / i[0]", "return model.dimension * v[0]", "drift_hessian, line 76, has model.dimension, which"),
         ("return v[0] / i[0]", "return model._half(v[0])", "drift_hessian, line 76, has model._half, which compiled"),
@@ -324,7 +324,7 @@ def test_names_that_generated_modules_have_spare_a_file_no_check(oscillator):
     """What somebody wrote is looked at for what cannot be compiled, whatever it defines."""
     source = OSCILLATOR.replace("return v[1], -v[0]", "return turned(v)")
     helper = "VARIABLES = ('q', 'p')\n\n\ndef turned(v):\n    return v[1], -v[0]\n\n\nclass Oscillator"
-    with pytest.raises(SpecError, match="calls turned, which is not compiled into it; add @inlined"):
+    with pytest.raises(SpecError, match="calls turned, which is not compiled into it; add @device"):
         oscillator(source=source.replace("class Oscillator", helper))
 
 

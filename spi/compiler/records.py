@@ -1,0 +1,35 @@
+"""Questions about values and about Numba types of values alike: so one function serves Python and the compiler."""
+
+import numpy as np
+from numba import types
+
+
+def record_class(numba_type):
+    """The ``NamedTuple`` class behind a Numba type, or None if it is not a record."""
+    if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple):
+        return numba_type.instance_class
+    return None
+
+
+def class_of(record):
+    """The class of a record, given the record, its class, or the Numba type of one."""
+    if isinstance(record, types.Type):
+        return record_class(record)
+    return record if isinstance(record, type) else type(record)
+
+
+def field(record, name):
+    """The field `name` of a record, or the Numba type of the field of a Numba type of records."""
+    if isinstance(record, types.Type):
+        return record.types[record.fields.index(name)]
+    return getattr(record, name)
+
+
+def is_array(value):
+    """Whether a value, or one of a Numba type, is an array."""
+    return isinstance(value, np.ndarray | types.Array)
+
+
+def is_none(value):
+    """Whether a value, or one of a Numba type, is None."""
+    return value is None or isinstance(value, types.NoneType)
