@@ -19,7 +19,7 @@ from .keys import (
     needed_keys,
     one_of,
 )
-from .models import COMPLETE, NOT_BUILT_IN, ModelPart, is_another
+from .models import COMPLETE, ModelPart, is_another
 from .sweep import PLACES
 from .systems import overridden
 
@@ -48,7 +48,6 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     classes = zip(MODELS, COMPLETE, strict=True)
     models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
     models += [{"required": keys} for keys in (["system"], ["algebra"], ["bracket"], ["python", "name"])]
-    models += [{"properties": {"name": NOT_BUILT_IN}, "required": ["name"]}]
     alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
