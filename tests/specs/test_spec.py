@@ -77,9 +77,9 @@ def test_rigid_body_strong():
 
 
 @pytest.mark.parametrize("path", sorted(EXPERIMENTS.glob("*.yaml")), ids=lambda path: path.stem)
-@pytest.mark.parametrize("profile", ["laptop", "paper", "quick"])
-def test_all_experiments_are_valid(path, profile):
-    assert load(path, profile).cases
+def test_all_experiments_are_valid(path):
+    """Under each of their profiles, since all of a file are checked whichever is asked for."""
+    assert load(path).cases
 
 
 def test_defaults(spec):
