@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pydantic
 
-from ..ensemble.protocol import NonNegative, Positive, dimension, in_kernels, large
+from ..ensemble.protocol import NonNegative, Positive, dimension, large
 from ..exact.kolmogorov import Demands, can_solve, demands
 from ..expressions import canonical, functions_of, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
@@ -166,7 +166,7 @@ class BaseCase(Keys):
 
     @condition
     def _check_needs(self) -> Self:
-        if large(in_kernels(self.model)):
+        if large(self.model):
             self._check_large()
         for name in self.schemes_used:
             needs = self.row(name).needs
