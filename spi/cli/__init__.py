@@ -39,11 +39,6 @@ class Style(StrEnum):
     paper = "paper"
 
 
-class FilmFormat(StrEnum):
-    gif = "gif"
-    mp4 = "mp4"
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         from .. import __version__
@@ -91,7 +86,6 @@ def plot(
         str | None, typer.Option(help="Of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also a film of the vorticity: <out>/<name>.gif.")] = False,
-    film_format: Annotated[FilmFormat, typer.Option(help="Of the film; mp4 needs ffmpeg.")] = FilmFormat.gif,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage
@@ -122,7 +116,7 @@ def plot(
         if film:
             with _about(path), ProgressLine(path.stem) as line:
                 moving = views.film(results)
-                written = views.save_film(moving, out or path.parent, path.stem, film_format, line.report_frame)
+                written = views.save_film(moving, out or path.parent, path.stem, line.report_frame)
             tell(f"wrote {written}")
 
 

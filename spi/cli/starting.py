@@ -28,20 +28,18 @@ def list_(
     """
     from ..printing import catalogue
 
-    problems: list[str] = []
     invalid: list[str] = []
     if what in (None, Listed.models):
-        from ..specs.models import catalogue as known
+        from ..models import MODELS
 
-        models, problems = known()
-        catalogue.print_models(models)
+        catalogue.print_models(MODELS)
     if what in (None, Listed.schemes):
         from ..schemes import SCHEMES
 
         catalogue.print_schemes(SCHEMES)
     if what in (None, Listed.experiments):
         invalid = _list_experiments(folder)
-    for problem in (*problems, *invalid):
+    for problem in invalid:
         tell(f"spi: {problem}")
     if invalid:
         raise typer.Exit(INVALID)
