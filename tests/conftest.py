@@ -3,6 +3,7 @@
 import gc
 import hashlib
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -31,6 +32,17 @@ sys.path.extend(folder for folder in _folders if folder not in sys.path)
 os.environ["PYTHONPATH"] = os.pathsep.join([*_folders, *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
+def pytest_addoption(parser):
+    parser.addoption("--costs", metavar="FILE", help="append what each test costs to FILE, see tests/README.md")
+
+
+def pytest_configure(config):
+    if file := config.getoption("costs"):
+        from costs import Costs
+
+        config.pluginmanager.register(Costs(Path(config.invocation_params.dir, file)))
+
+
 def pytest_collection_finish():
     """What has been imported by now stays: the garbage collector, busy while kernels are compiled, may pass it by."""
     gc.collect()
@@ -44,6 +56,15 @@ def _one_process_compiles(monkeypatch):
     from spi.running import compiling
 
     monkeypatch.setattr(compiling, "processors", lambda: 1)
+
+
+@pytest.fixture(autouse=True)
+def _signals():
+    """What a command does at a signal ends with the test that calls it."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers import COMPILED
+from helpers import COMPILED, compiled_only
 
 from spi import __version__, cli
 from spi.kinds.strong import study as strong
@@ -28,8 +28,6 @@ SPI = Path(sys.executable).with_name("spi")
 TINY = ["--profile", "quick", "--samples", "9", "--set", "schemes=[euler_maruyama, splitting]"]
 TINY += [] if COMPILED else ["--set", "steps=2^-2 .. 2^-4", "--set", "reference_step=2^-5"]
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 @pytest.fixture
 def spi(tmp_path, monkeypatch, capfd):
@@ -39,7 +37,6 @@ def spi(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     if not COMPILED:
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def call(*arguments):
         capfd.readouterr()
@@ -48,9 +45,7 @@ def spi(tmp_path, monkeypatch, capfd):
             cli.main()
         return end.value.code, *capfd.readouterr()
 
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    return call
 
 
 SPEC = Path("experiments") / EXPERIMENT.name

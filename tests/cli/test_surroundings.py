@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -21,12 +20,8 @@ PATH = EXPERIMENTS / "rigid_body_qualitative.yaml"
 
 
 @pytest.fixture(autouse=True)
-def _signals_and_folder(tmp_path, monkeypatch):
+def _empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def program(*arguments, before="", out=subprocess.PIPE, **variables):

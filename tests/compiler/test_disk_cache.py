@@ -8,14 +8,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
-from helpers import COMPILED
+from helpers import compiled_only
 from own_models import OSCILLATOR
 
 import spi
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
-
 
 # --- the disk cache --------------------------------------------------------------------------------------------------
 

@@ -1,7 +1,6 @@
 """Figures for papers: their width, their letters, that no text lies on another, and that they need no colours."""
 
 import itertools
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,6 @@ from spi.drawing import page, style
 from spi.kinds.trajectory.figure import fields
 from spi.report import views
 from spi.schemes import SCHEMES
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def errors(cases):

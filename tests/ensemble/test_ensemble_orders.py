@@ -4,9 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, RIGID_BODY, SCHEMES, WithoutCorrection, simulate
+from helpers import LANES, RIGID_BODY, SCHEMES, WithoutCorrection, compiled_only, simulate
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 #: Strengths 0 rather than None, so that one compiled kernel serves it and three noises.
 ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))
 

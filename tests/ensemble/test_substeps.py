@@ -12,6 +12,7 @@ from helpers import (
     RIGID_BODY,
     Increments,
     SubIncrements,
+    compiled_only,
     composed,
     random_states,
     simulate,
@@ -27,7 +28,6 @@ from spi.schemes import SCHEMES
 from spi.schemes.rows import compositions, flows
 from spi.schemes.splitting import has_reversed_twin, splitting
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 FINEST = 8
 DRIFT, NOISE = flows("drift"), flows("noise")
 HALVES = splitting(flows("noise", fraction=1 / 2), DRIFT, flows("noise", "backwards", 1 / 2))

@@ -9,7 +9,7 @@ from pathlib import Path
 import long_time_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, RIGID_BODY, printed
+from helpers import INITIAL, RIGID_BODY, compiled_only, printed
 from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
@@ -26,9 +26,6 @@ from spi.storage.records import Part
 
 # fixtures
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 # --- in pieces -------------------------------------------------------------------------------------------------------

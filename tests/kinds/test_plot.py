@@ -1,7 +1,6 @@
 """Figures of strong errors, and what all figures share: what is drawn, not how it looks."""
 
 import copy
-import warnings
 
 import numpy as np
 import pytest
@@ -38,13 +37,6 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
 
 def save(results, folder, stem):
     return views.save(views.figure(results), folder, stem)
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 @pytest.fixture

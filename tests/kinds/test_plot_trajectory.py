@@ -1,7 +1,5 @@
 """Figures of trajectories: what is drawn, not how it looks."""
 
-import warnings
-
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -17,13 +15,6 @@ from spi.report import views
 from spi.schemes import SCHEMES
 
 T = np.arange(101) * 0.01
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def path_group(scheme, y, casimirs, **more):

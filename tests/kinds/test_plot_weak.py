@@ -2,7 +2,6 @@
 
 import copy
 import math
-import warnings
 
 import numpy as np
 import pytest
@@ -15,13 +14,6 @@ from spi.report import views
 from spi.schemes import SCHEMES
 
 THREE = ("plain", "multilevel", "kolmogorov")
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def one_scheme(scheme="splitting", panels=("errors",), **stderrs):

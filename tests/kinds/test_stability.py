@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 import stability_cases
-from helpers import COMPILED, INITIAL, printed
+from helpers import COMPILED, INITIAL, compiled_only, printed
 from stability_cases import EPS, PHI, PREDATORS, RIGID, paths_by_hand, study, summary_by_hand
 from states import check_going_on, finished, same_numbers, taken
 
@@ -24,9 +24,6 @@ from spi.storage.records import Part
 
 # fixtures
 case_of = stability_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 # --- the oracle ------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import math
 import numba
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import COMPILED, compiled_only
 from states import begun, check_going_on, finished, same_numbers
 from strong_cases import BY_HAND, case_of, clipped, fine_increments, paths_by_hand, study
 
@@ -14,8 +14,6 @@ from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import errors
 from spi.statistics.estimators import GROUPS, group_counts
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import BY_HAND, COMPILED, LANES
+from helpers import BY_HAND, COMPILED, LANES, compiled_only
 from states import begun, finished
 from weak_cases import (
     FUNCTIONS,
@@ -29,9 +29,6 @@ from spi.running import runs as runner
 from spi.running.runs import load
 from spi.schemes import SCHEMES
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- no noise --------------------------------------------------------------------------------------------------------
 
@@ -83,7 +80,6 @@ BLOW_UP = [
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_plain_counts_paths_that_blow_up():
     case = case_of(*BLOW_UP)
     found, attributes = results_of(case, "euler_maruyama", "plain")
@@ -100,7 +96,6 @@ def test_plain_counts_paths_that_blow_up():
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_plain_reports_a_reference_that_blows_up():
     case = case_of(*BLOW_UP, "model.sigma=[60, 60, 60]", "final_time=1", "steps=[2^-5, 2^-6]", "samples=100")
     found, attributes = results_of(case, "euler_maruyama", "plain")
@@ -111,7 +106,6 @@ def test_plain_reports_a_reference_that_blows_up():
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     case = case_of(*BLOW_UP, "seconds=0.5")
     found, _ = results_of(case, "euler_maruyama", "multilevel", levels_plan_of)

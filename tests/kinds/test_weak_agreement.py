@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import compiled_only
 from weak_cases import (
     FUNCTIONS,
     SPLITTINGS,
@@ -22,9 +22,6 @@ from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
 from spi.schemes import SCHEMES
 from spi.schemes.rows import compositions
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- what the twins are for ------------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, final_states
+from helpers import COMPILED, LANES, compiled_only, final_states
 from states import finished, resumed, same_numbers, snapshots, taken
 from weak_cases import (
     FUNCTIONS,
@@ -23,9 +23,6 @@ from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- multilevel ------------------------------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import COMPILED, compiled_only
 from states import check_going_on, finished, same_numbers
 from weak_cases import (
     FUNCTIONS,
@@ -19,9 +19,6 @@ from weak_cases import (
 
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import is_resolved
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- plain -----------------------------------------------------------------------------------------------------------
 

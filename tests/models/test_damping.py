@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from extending import Oscillator
 from helpers import (
-    COMPILED,
     INITIAL,
     LANES,
     RIGID_BODY,
     SCHEMES,
     LinearlyDamped,
+    compiled_only,
     final_states,
     take_step,
     take_steps,
@@ -46,7 +46,6 @@ from spi.running.runs import plans
 from spi.schemes.rows import compositions
 from spi.specs import SpecError
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 GAMMA = 0.7
 
 # --- the flow --------------------------------------------------------------------------------------------------------

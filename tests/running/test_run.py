@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from helpers import COMPILED
+from helpers import COMPILED, compiled_only
 
 from spi import storage
 from spi.ensemble import loop
@@ -25,8 +25,6 @@ MANY = 1000 if COMPILED else 300  # enough for several batches
 SCHEMES = ("euler_maruyama", "splitting")
 #: What a stopwatch says; all other numbers must repeat to the last bit.
 TIMES = ("seconds", "ns_per_step")
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 @pytest.fixture(autouse=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, final_states, take_steps
+from helpers import INITIAL, LANES, RIGID_BODY, compiled_only, final_states, take_steps
 from scipy.integrate import solve_ivp
 from strong_cases import case_of as strong_case
 from strong_cases import study
@@ -14,8 +14,6 @@ from spi.exact.kolmogorov import expectations
 from spi.kinds.strong.study.errors import _expected_order
 from spi.schemes.rows import compositions, flows
 from spi.schemes.splitting import has_reversed_twin, splitting
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
 CROOKED = "[drift 1/2, noise 1 symmetric, drift 1/2]"  # negative control: its drift is not symmetric

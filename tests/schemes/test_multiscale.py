@@ -4,7 +4,7 @@ import mpmath
 import multiscale_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, RIGID_BODY, Increments, final_states, simulate
+from helpers import COMPILED, LANES, RIGID_BODY, Increments, compiled_only, final_states, simulate
 from mpmath import mpf
 from multiscale_cases import (
     EXPLICIT,
@@ -40,8 +40,6 @@ from spi.schemes.splitting import LIE_TROTTER
 # fixtures
 generator = multiscale_cases.generator
 
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 MODELS = {
     "rigid_body": RIGID_BODY,

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import system_formulas
-from helpers import COMPILED, LANES, take_step, take_steps
+from helpers import COMPILED, LANES, compiled_only, take_step, take_steps
 from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SYSTEMS, clipped, weighted
 
 from spi.ensemble.protocol import strengths
@@ -17,7 +17,6 @@ from spi.ensemble.protocol import strengths
 generator = system_formulas.generator
 
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 FAILURES = 2  # column of a report
 
 

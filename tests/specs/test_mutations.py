@@ -1,18 +1,9 @@
 """Changed experiments: ``spi check`` takes each or refuses it in a line for each mistake, and writes nothing."""
 
 import random
-import signal
 
 import mutations
 import pytest
-
-
-@pytest.fixture(autouse=True)
-def _signals():
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 @pytest.mark.parametrize("seed", range(20))
