@@ -156,15 +156,6 @@ def test_a_message_names_the_option_that_was_given():
         assert f"{PATH}: {named}" in message and ("--set" in message) == ("--set" in arguments)
 
 
-def test_one_bad_experiment_does_not_hide_the_others():
-    Path("experiments").mkdir()
-    Path("experiments", PATH.name).write_bytes(PATH.read_bytes())
-    Path("experiments", "bad.yaml").write_text("kind: nonsense")
-    code, out, err = call("list")
-    assert code == 2 and PATH.name in out and err.startswith("spi: experiments/bad.yaml:1: kind: is 'nonsense'")
-    assert err.count("\n") == 1
-
-
 def test_what_is_wrong_with_any_of_several_specs_is_told_at_once():
     Path("bad.yaml").write_text("kind: nonsense")
     Path("empty.yaml").write_text("")

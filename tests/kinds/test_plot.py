@@ -5,7 +5,6 @@ import copy
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from strong_results import LABELS, H, strong
 from strong_results import strong_group as group_of
 from view_helpers import rendered
@@ -60,20 +59,6 @@ def test_files_and_their_bytes(results, tmp_path):
     assert first[0].read_bytes().startswith(b"%PDF") and first[1].read_bytes().startswith(b"\x89PNG")
     assert [p.read_bytes() for p in first] == [p.read_bytes() for p in second]
     assert {p.name for p in first[0].parent.iterdir()} == {"strong.pdf", "strong.png"}
-
-
-def test_interrupted_save_leaves_the_old_files(results, tmp_path, monkeypatch):
-    paths = save(results, tmp_path, "strong")
-    before = [p.read_bytes() for p in paths]
-
-    def interrupted(self, path, **_):
-        path.write(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Figure, "savefig", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        save(results, tmp_path, "strong")
-    assert [p.read_bytes() for p in paths] == before and len(list(tmp_path.iterdir())) == 2
 
 
 def test_strong_panel(results):

@@ -31,7 +31,6 @@ from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import lattice
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
-from spi.schemes.rows import compositions
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
 
@@ -62,29 +61,6 @@ def test_flows_of_sine_euler():
         assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, t, y)[0], of_drift) < 1e-13
         assert apart(moved(ITS_TWIN, NOISE_FLOW, k, np.eye(4)[k] * t, y)[0], of_noise) < 1e-13
         assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, -t, y)[0], of_drift) > 1e-2
-
-
-def composed(flows, h, y, dW):
-    """A step by flows of the built-in model, with shares of the time and of the increments."""
-    for part, k, share in flows:
-        flow, t = (drift_flow, h) if part == "drift" else (noise_flow, SIGMA[k] * dW[k])
-        y = flow(SINE_EULER, k, share * t, y, ANY_ANGLES)
-    return y
-
-
-@pytest.mark.parametrize("name", ["splitting", "splitting_order2", "splitting_symmetric"])
-def test_steps_of_sine_euler(name):
-    """With equal increments over both halves; the compositions of a scheme with a coin differ from side to side."""
-    h, y, coins = 0.5, states(3, 11), coins_of(11)
-    half = increments(ITS_TWIN, h, 1, 11).mean(axis=1)
-    ours = take(name, ITS_TWIN, h, np.stack([half, half], axis=1), y, coins).states
-    sides = compositions(STEPPERS[name].rows, SINE_EULER)
-    for path, coin in enumerate(coins):
-        with uncompiled():
-            found = [composed(flows, h, tuple(y[path]), 2 * half[0, :, path]) for _, flows in sides]
-        side = 0 if coin == 1 else len(sides) - 1
-        assert apart(ours[path], found[side]) < 1e-13
-        assert len(sides) == 1 or apart(ours[path], found[1 - side]) > 1e-4
 
 
 def test_the_equations_of_sine_euler_are_left_to_its_flows():
