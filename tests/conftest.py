@@ -5,6 +5,7 @@ import hashlib
 import os
 import signal
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,31 @@ def pytest_configure(config):
         from costs import Costs
 
         config.pluginmanager.register(Costs(Path(config.invocation_params.dir, file)))
+
+
+@pytest.hookimpl(tryfirst=True)  # before those that are slow are left out
+def pytest_collection_modifyitems(items):
+    """Cases beyond the share of their test are slow."""
+    cases = defaultdict(list)
+    for item in items:
+        if mark := item.get_closest_marker("share"):
+            cases[mark.args, item.nodeid.partition("[")[0]].append(item)
+    for (count, _), some in cases.items():
+        kept = _evenly(some, *count) if count else _each_value_once(some)
+        for item in some:
+            if item not in kept:
+                item.add_marker("slow")
+
+
+def _evenly(cases, count):
+    return [cases[i * len(cases) // count] for i in range(min(count, len(cases)))]
+
+
+def _each_value_once(cases):
+    """The diagonal of a product: of every parameter the t-th value, from the first again where it has fewer."""
+    values = [list(dict.fromkeys(column)) for column in zip(*(case.callspec._idlist for case in cases), strict=True)]
+    diagonal = {tuple(some[t % len(some)] for some in values) for t in range(max(map(len, values)))}
+    return [case for case in cases if tuple(case.callspec._idlist) in diagonal]
 
 
 def pytest_collection_finish():

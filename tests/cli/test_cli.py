@@ -398,6 +398,7 @@ class OnTerminal:
         return [line.strip() for line in re.split(r"[\r\n]+", plain) if line.strip()]
 
 
+@pytest.mark.slow
 @compiled_only
 @pytest.mark.usefixtures("_ctrl_c")
 def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):

@@ -56,6 +56,7 @@ for command in (["list"], ["schema"], ["show", "r.h5", "--format", "csv"]):
 """
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
 def test_an_output_that_is_not_unicode(encoding):
     storage.write("r.h5", strong(strong_group("splitting", case_title="σ → Ĥ"), title="Ĥ ± µ"))

@@ -6,6 +6,7 @@ import mutations
 import pytest
 
 
+@pytest.mark.share(2)
 @pytest.mark.parametrize("seed", range(20))
 def test_a_changed_experiment_is_taken_or_refused_in_plain_lines(tmp_path, seed):
     draw = random.Random(f"mutations {seed}")

@@ -76,6 +76,7 @@ def test_rigid_body_strong():
     assert json.loads(json.dumps(e.effective)) == e.effective
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("path", sorted(EXPERIMENTS.glob("*.yaml")), ids=lambda path: path.stem)
 @pytest.mark.parametrize("profile", ["laptop", "paper", "quick"])
 def test_all_experiments_are_valid(path, profile):
@@ -552,7 +553,8 @@ def load_text(text, **options):
     return load("s.yaml", text=text, **options)
 
 
-@pytest.mark.parametrize("chosen", [c for n in (1, 2, 5) for c in itertools.combinations(MISTAKES, n)])
+@pytest.mark.share(4)
+@pytest.mark.parametrize("chosen", [c for n in (5, 2, 1) for c in itertools.combinations(MISTAKES, n)])
 def test_all_mistakes_are_named_at_once_in_their_order(chosen):
     text = GOOD
     for old, new, _ in chosen:

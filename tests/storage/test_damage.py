@@ -11,6 +11,7 @@ def whole(tmp_path_factory):
     return damage.originals(tmp_path_factory.mktemp("originals"))
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("number", range(5))
 @pytest.mark.parametrize("broken", damage.DAMAGES, ids=lambda broken: broken.__name__)
 def test_a_broken_file_is_refused_in_one_line(whole, tmp_path, broken, number):
