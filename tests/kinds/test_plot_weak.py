@@ -178,6 +178,7 @@ def test_places_of_panels(cases, functions, shape):
         assert fig.axes[1].get_title().startswith("case c1, \\$5\n$\\sigma=(0.5,\\,1,\\,\\mathrm{off})$")
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
 @pytest.mark.parametrize("which", ["all", "some"])
 def test_what_is_not_finite(value, which):

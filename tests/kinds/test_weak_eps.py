@@ -172,6 +172,7 @@ def test_hollow_against_eps():
     assert legend_texts(ax)[1] == "hollow: not resolved" and legend_texts(ax)[-1].endswith("the limit of AP splitting")
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
 def test_nothing_to_see_against_eps(value):
     groups = [at_one_step(group) for group in failing(eps=(1.0, 0.1, 0.0))]

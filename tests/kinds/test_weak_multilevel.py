@@ -143,6 +143,7 @@ def test_multilevel_goes_on_from_every_state(scheme):
     assert same_numbers(finished(p), whole)
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("wish", ["seconds=0.5", "standard_error=0.0005"])
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])

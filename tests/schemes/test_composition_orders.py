@@ -40,6 +40,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
     assert found["casimir_drift"].max() < 1e-12
 
 
+@pytest.mark.slow
 @compiled_only
 def test_all_schemes_are_on_one_path():
     """With the splitting scheme as the reference errors still tend to 0, which they do not on another path."""
@@ -60,6 +61,7 @@ def without_sampling(rows, **options):
     return expectations(case.model, words, case.initial, 1.0, case.steps, list(FUNCTIONS.values()), **options)
 
 
+@pytest.mark.slow
 def test_weak_orders_without_sampling():
     palindrome, crooked = (without_sampling(rows) for rows in (PALINDROME, CROOKED))
     for found, expected in ((palindrome, 4), (crooked, 2)):
@@ -111,6 +113,7 @@ def test_a_palindrome_has_reversed_twins():
     assert np.all(np.abs(found_differences - differences) < 4.5 * np.hypot(found["error_stderr"], 2e-5))
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize(
     ("rows", "order"),
     [

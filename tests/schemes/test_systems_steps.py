@@ -108,6 +108,7 @@ def unbiased(drift):
     return abs(drift.mean()) <= 4 * drift.std(ddof=1) / math.sqrt(LANES)
 
 
+@pytest.mark.share(1)
 @compiled_only
 def test_casimirs_of_splitting_stay_for_a_million_steps(lie_poisson):
     """Constants of the flows that are merely rounded would show as a bias of 3.6e-19 a step for Maxwell-Bloch."""
