@@ -19,7 +19,7 @@ PROFILE ?= quick
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-uncompiled lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-uncompiled lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -44,8 +44,11 @@ install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
 
 demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
 
-test: $(INSTALLED_TEST) ## set up and run the tests; ROOM=specs: those of one room
+test: $(INSTALLED_TEST) ## set up and run the tests (6 minutes on two cores); ROOM=specs: those of one room
 	$(VENV)/bin/python -m pytest -n 2 --dist worksteal $(TESTS)
+
+test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products, builds, every experiment
+	$(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "" $(TESTS)
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest $(TESTS)

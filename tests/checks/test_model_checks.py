@@ -43,6 +43,7 @@ def complaints(source, **parameters):
 # --- what is right ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("scale", [1.0, 1e5, 1e-5])
 @pytest.mark.parametrize(("name", "model", "sampler"), MODELS_UNDER_TEST, ids=[row[0] for row in MODELS_UNDER_TEST])
 def test_built_in_models_pass_at_states_of_any_size(name, model, sampler, scale):

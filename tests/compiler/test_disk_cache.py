@@ -9,13 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import compiled_only
 from own_models import OSCILLATOR
 
 import spi
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
-
 
 # --- the disk cache --------------------------------------------------------------------------------------------------
 
@@ -105,6 +102,7 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
     assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
 
 
+@pytest.mark.slow
 @compiled_only
 def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_need(tmp_path):
     """An edit of their file is noticed, and a built-in model runs after the file is gone."""
@@ -179,6 +177,7 @@ print(*(ask(stored("twin", {TWIN!r}.format(sign)).Twin(1.0)) for sign in sys.arg
 """
 
 
+@pytest.mark.slow
 @compiled_only
 def test_records_of_one_name_from_two_modules_are_not_taken_for_each_other(tmp_path):
     """Neither if one process compiles for both, nor if it finds in the cache what two others have compiled."""

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import pytest
-from helpers import COMPILED, INITIAL, ONE_NOISE, RIGID_BODY
+from helpers import INITIAL, ONE_NOISE, RIGID_BODY, compiled_only
 from numba import TypingError, njit
 
 from spi.compiler.dispatch import INDICES, OPTIONS, answers, method, number, trait, unrolled
@@ -20,8 +20,6 @@ from spi.ensemble.protocol import (
     pieces,
     strengths,
 )
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
 
 compiled = njit(**OPTIONS)
 

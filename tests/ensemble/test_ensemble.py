@@ -13,6 +13,7 @@ from helpers import (
     RIGID_BODY,
     Coins,
     Increments,
+    compiled_only,
     simulate,
     take_steps,
     without_the_compiler,
@@ -23,7 +24,6 @@ from spi.ensemble.loop import add_reports, report_columns
 from spi.ensemble.protocol import REPORT, needs_areas
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 # --- what results do not depend on -----------------------------------------------------------------------------------

@@ -5,13 +5,10 @@ import itertools
 import numpy as np
 import pytest
 from ensemble_cases import TWO_NOISES, coins_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, final_states, order_2, simulate
+from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only, final_states, order_2, simulate
 
 from spi.compiler.dispatch import kernel
 from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- increments ------------------------------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from extrapolation_cases import COARSE, SYMMETRIC_CASE, group_of, symmetric
-from helpers import COMPILED, INITIAL, final_states
+from helpers import COMPILED, INITIAL, compiled_only, final_states
 from weak_cases import SPEC
 
 from spi.exact.kolmogorov import expectations
@@ -19,9 +19,6 @@ from spi.schemes.stages import compositions
 from spi.specs import SpecError
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- sampled ---------------------------------------------------------------------------------------------------------
 

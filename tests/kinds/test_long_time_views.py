@@ -15,8 +15,6 @@ from spi.kinds.long_time.keys import PANELS
 from spi.kinds.long_time.table import chance
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
 
 def test_rows_of_long_times():
     one, two = long_time_group("splitting"), long_time_group("midpoint", casimirs=2, law=False)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import stability_cases
-from helpers import COMPILED, INITIAL, RIGID_BODY
+from helpers import INITIAL, RIGID_BODY, compiled_only
 from stability_cases import PHI, PREDATORS, RIGID, paths_by_hand, rigid_euler_step, study, summary_by_hand
 from states import ignore
 
@@ -18,9 +18,6 @@ from spi.storage.records import Part
 
 # fixtures
 case_of = stability_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 # --- diverging paths, or zero ----------------------------------------------------------------------------------------

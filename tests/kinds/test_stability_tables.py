@@ -16,8 +16,6 @@ from spi.kinds.stability.table import COLUMNS
 from spi.printing import as_csv, as_json
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
 
 def cell(group, value, h):
     where = np.flatnonzero(group.coordinates["value"] == value)[0], np.flatnonzero(group.coordinates["h"] == h)[0]

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import COMPILED, compiled_only
 from states import begun, finished
 from strong_cases import case_of, paths_by_hand, study
 
@@ -14,8 +14,6 @@ from spi.kinds.state import State
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 
 @pytest.fixture(autouse=True)

@@ -3,7 +3,6 @@
 import io
 import math
 import sys
-import warnings
 
 import numpy as np
 import pytest
@@ -32,13 +31,6 @@ step: 2^-4
 schemes: [splitting]
 panels: [vorticity, spectrum, enstrophy]
 """
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def states(n, *shape):

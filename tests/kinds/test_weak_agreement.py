@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import compiled_only
 from weak_cases import (
     FUNCTIONS,
     SPLITTINGS,
@@ -22,9 +22,6 @@ from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- what antithetic paths are for ------------------------------------------------------------------------------------
 
@@ -55,6 +52,7 @@ def variance_rates(system, scheme, reversals=None):
     return (*rates, np.polyfit(np.arange(4), logarithms.T, 1)[0])
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("system", RATES)
 @pytest.mark.parametrize(
@@ -103,6 +101,7 @@ def deviations(found, stderr, value, error):
     return (np.abs(found - value) / np.hypot(stderr, error)).max()
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("scheme", SPLITTINGS)
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -141,6 +140,7 @@ def test_the_three_estimators_agree(system, scheme):
     assert np.all(off < 4 * np.hypot(levels["error_stderr"][:, -1], 1e-4) + 0.5 * lacking)
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_drift_first"])
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -168,6 +168,7 @@ def test_errors_by_differences_agree_with_those_without_sampling(system, scheme)
 
 
 @compiled_only
+@pytest.mark.share(1)
 @pytest.mark.parametrize(
     ("scheme", "order", "other", "seconds"), [("splitting", 1, 2, 0.5), ("splitting_order2", 2, 1, 4)]
 )

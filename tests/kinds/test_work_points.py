@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import work_cases
 from work_results import H
 
 from spi.kinds.work_precision.reading.work_points import (
@@ -15,9 +14,6 @@ from spi.kinds.work_precision.reading.work_points import (
     time_factor,
     work_for,
 )
-
-# fixtures
-no_warnings = work_cases.no_warnings
 
 
 def curve(error, h=H, half=None, resolved=None, seconds=None, spread=1.0):
@@ -84,7 +80,7 @@ def test_points_that_are_not_resolved():
 
 
 @pytest.mark.parametrize("bad", [np.inf, np.nan])
-def test_lost_paths_are_no_neighbours(bad, no_warnings):
+def test_lost_paths_are_no_neighbours(bad):
     error = np.array([0.01, bad, 0.05, 0.02])
     point = work_for(0.06, curve(error, H[:4], resolved=[True, False, True, True]))
     assert point.h == H[2] and point.at_most

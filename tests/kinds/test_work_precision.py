@@ -19,9 +19,6 @@ from spi.storage.records import Part
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
 
 
-pytestmark = pytest.mark.filterwarnings("error")
-
-
 # --- errors ----------------------------------------------------------------------------------------------------------
 
 

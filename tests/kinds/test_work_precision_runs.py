@@ -20,9 +20,6 @@ from spi.specs import SpecError
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
 
 
-pytestmark = pytest.mark.filterwarnings("error")
-
-
 # --- stopped and resumed ---------------------------------------------------------------------------------------------
 
 

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import work_cases
 from helpers import printed
 from matplotlib.colors import to_hex
 from work_cases import answers
@@ -13,9 +12,6 @@ from work_results import MADE_UP, H, work_group, work_results
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Results
-
-# fixtures
-no_warnings = work_cases.no_warnings
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +154,7 @@ def test_four_cases_are_a_square():
 
 
 @pytest.mark.parametrize("variables", [("error",), ("error", "error_stderr", "casimir_drift", "seconds_per_path")])
-def test_nothing_to_draw(variables, no_warnings):
+def test_nothing_to_draw(variables):
     group = work_group("one", "splitting")
     for name in variables:
         axes, values = group.variables[name]

@@ -50,6 +50,7 @@ def test_the_ring_is_what_it_says(ring):
         assert slope == pytest.approx(drift_gradient(ring, y)[j], abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_more_than_sixteen_components_compile_and_keep_their_casimirs(tmp_path):
     """By itself, with a cache of its own: no other process could load what is cached for a model of a passing file."""

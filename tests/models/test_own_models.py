@@ -3,16 +3,14 @@
 import hashlib
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import call as command
 from helpers import COMPILED
 from own_models import OSCILLATOR, check_other_processes
 
-import spi
 from spi import storage
 from spi.checks import model_checks
 from spi.checks.compilable import CompilationError
@@ -327,14 +325,6 @@ def test_names_that_generated_modules_have_spare_a_file_no_check(oscillator):
         oscillator(source=source.replace("class Oscillator", helper))
 
 
-def command(*arguments):
-    """What `spi` with these arguments answers: (exit code, stdout, stderr)."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(spi.__file__).parent.parent), "."])}
-    program = [sys.executable, "-c", "from spi.cli import main; main()", *arguments]
-    answer = subprocess.run(program, env=environment, capture_output=True, text=True, check=False, timeout=300)
-    return answer.returncode, answer.stdout, answer.stderr
-
-
 def test_the_command_line(oscillator):
     oscillator()
     code, out, _ = command("check", "s.yaml")
@@ -348,6 +338,7 @@ def test_the_command_line(oscillator):
     assert err.count("\n") == 1 and not Path("out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="about the compiler")
 def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
     """A strength that is off is None, with which nothing can be computed."""

@@ -1,7 +1,6 @@
 """The documentation: every command and every block of YAML or Python in it is what the program knows."""
 
 import shlex
-import signal
 import sys
 from pathlib import Path
 
@@ -44,7 +43,6 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def spi(folder, monkeypatch, capfd):
     """spi(argument, ...) -> (exit code, all that it prints)."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def call(*arguments):
         capfd.readouterr()
@@ -53,9 +51,7 @@ def spi(folder, monkeypatch, capfd):
             cli.main()
         return end.value.code, "".join(capfd.readouterr())
 
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    return call
 
 
 # --- blocks and commands ---------------------------------------------------------------------------------------------

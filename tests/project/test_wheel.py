@@ -46,6 +46,7 @@ def test_the_wheel_holds_all_sources_and_experiments_and_nothing_else(wheel):
     assert found == wanted, sorted(found.keys() ^ wanted.keys())
 
 
+@pytest.mark.slow
 def test_an_installed_wheel_works_in_an_empty_folder(wheel, tmp_path):
     """Without the compiler, which other tests need, and on a terminal of 80 columns without colour."""
     site, empty = tmp_path / "site", tmp_path / "empty"

@@ -12,6 +12,7 @@ if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("kind", sorted(RUNS))
 def test_a_run_that_is_killed_again_and_again_comes_to_the_same_end(tmp_path, kind, monkeypatch):
     names = "ensemble.loop.BATCH_SECONDS", "statistics.tallies.CHUNK_WORK", "running.checkpoint._SHARE"

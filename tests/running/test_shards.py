@@ -202,6 +202,7 @@ class Killer:
             os.kill(self.killed, signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_made_up_for(tmp_path, straight):
     with workers.processes(2) as pool:
         killer = Killer(lambda: list(pool.executor._processes))
@@ -234,6 +235,7 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for():
         assert not pool.stuck()
 
 
+@pytest.mark.slow
 def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
     with workers.dask("local:2") as pool:
         assert pool.size == 2

@@ -161,6 +161,7 @@ def test_a_strong_study(spec, tmp_path):
     assert np.all(np.diff(errors) < 0) and errors[-1] > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
 def test_interruptions_and_processes_change_nothing(spec, tmp_path):
     experiment = spec(TEXT)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, final_states, take_steps
+from helpers import INITIAL, LANES, RIGID_BODY, compiled_only, final_states, take_steps
 from scipy.integrate import solve_ivp
 from strong_cases import case_of as strong_case
 from strong_cases import study
@@ -14,8 +14,6 @@ from spi.exact.kolmogorov import expectations
 from spi.kinds.strong.study.errors import _expected_order
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
 CROOKED = "[drift 1/2, noise 1 symmetric, drift 1/2]"  # negative control: its drift is not symmetric
@@ -42,6 +40,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
     assert found["casimir_drift"].max() < 1e-12
 
 
+@pytest.mark.slow
 @compiled_only
 def test_all_schemes_are_on_one_path():
     """With the splitting scheme as the reference errors still tend to 0, which they do not on another path."""
@@ -62,6 +61,7 @@ def without_sampling(rows, **options):
     return expectations(case.model, words, case.initial, 1.0, case.steps, list(FUNCTIONS.values()), **options)
 
 
+@pytest.mark.slow
 def test_weak_orders_without_sampling():
     palindrome, crooked = (without_sampling(rows) for rows in (PALINDROME, CROOKED))
     for found, expected in ((palindrome, 4), (crooked, 2)):
@@ -113,6 +113,7 @@ def test_a_palindrome_has_antithetic_paths():
     assert np.all(np.abs(found_differences - differences) < 4.5 * np.hypot(found["error_stderr"], 2e-5))
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize(
     ("rows", "order"),
     [

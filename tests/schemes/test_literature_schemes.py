@@ -82,6 +82,7 @@ def by_exponentials(scheme, model, h, dW, y):
     return expm(matrix(model, step_gradient(model, h, dW, middle))) @ y
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("scheme", [EULER, MIDPOINT], ids=["euler", "midpoint"])
 @pytest.mark.parametrize("name", MODELS)
 def test_steps_of_munthe_kaas_are_exponentials_of_matrices(name, scheme, generator):
@@ -212,6 +213,7 @@ def distances(scheme, reference, model, exponents, generator):
     return np.array(found)
 
 
+@pytest.mark.share
 @pytest.mark.skipif(not COMPILED, reason="many steps")
 @pytest.mark.parametrize("scheme", [EULER, MIDPOINT], ids=["euler", "midpoint"])
 @pytest.mark.parametrize("model", [SHARED, RIGID_BODY], ids=["one noise for all", "three noises"])

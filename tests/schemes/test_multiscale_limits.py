@@ -66,6 +66,7 @@ STATIONARY = {
 }
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("u", [0.1, 1.0, 1.8, 10.0])
 @pytest.mark.parametrize("name", RULES)
 def test_law_of_the_processes(name, u, generator):

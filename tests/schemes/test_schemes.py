@@ -68,6 +68,7 @@ def test_questions_to_rows_follow_from_their_records():
 # --- Euler-Maruyama --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.0, 1e-3, 0.3])
 def test_euler_maruyama_is_the_ito_formula(model, h, generator):
     y, dW = random_states(generator), increments(generator, h + 0.1)
@@ -77,6 +78,7 @@ def test_euler_maruyama_is_the_ito_formula(model, h, generator):
         assert relative(new, y + field(model, h, dW, y)) > 1e-2
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.0, 1e-3, 0.3])
 def test_renormalised_euler_maruyama_is_a_step_put_back_on_the_sphere(model, h, generator):
     y, dW = random_states(generator), increments(generator, h + 0.1)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, take_steps
+from helpers import LANES, compiled_only, take_steps
 from states import finished
 from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SYSTEMS, clipped, weighted
 
@@ -14,9 +14,6 @@ from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import _expected_order
 from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 
 # --- the limit on common paths ---------------------------------------------------------------------------------------
 
@@ -110,6 +107,7 @@ def strong_case(name, sigma, scheme, final_time):
     )
 
 
+@pytest.mark.share(4)
 @compiled_only
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
 def test_strong_orders(name, sigma, scheme, final_time, order):

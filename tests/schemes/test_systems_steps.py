@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import system_formulas
-from helpers import COMPILED, LANES, take_step, take_steps
+from helpers import COMPILED, LANES, compiled_only, take_step, take_steps
 from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SYSTEMS, clipped, weighted
 
 from spi.ensemble.protocol import strengths
@@ -17,7 +17,6 @@ from spi.ensemble.protocol import strengths
 generator = system_formulas.generator
 
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 FAILURES = 2  # column of a report
 
 
@@ -109,6 +108,7 @@ def unbiased(drift):
     return abs(drift.mean()) <= 4 * drift.std(ddof=1) / math.sqrt(LANES)
 
 
+@pytest.mark.share(1)
 @compiled_only
 def test_casimirs_of_splitting_stay_for_a_million_steps(lie_poisson):
     """Constants of the flows that are merely rounded would show as a bias of 3.6e-19 a step for Maxwell-Bloch."""

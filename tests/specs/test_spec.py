@@ -76,6 +76,7 @@ def test_rigid_body_strong():
     assert json.loads(json.dumps(e.effective)) == e.effective
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("path", sorted(EXPERIMENTS.glob("*.yaml")), ids=lambda path: path.stem)
 def test_all_experiments_are_valid(path):
     """Under each of their profiles, since all of a file are checked whichever is asked for."""
@@ -554,7 +555,8 @@ def load_text(text, **options):
     return load("s.yaml", text=text, **options)
 
 
-@pytest.mark.parametrize("chosen", [c for n in (1, 2, 6) for c in itertools.combinations(MISTAKES, n)])
+@pytest.mark.share(4)
+@pytest.mark.parametrize("chosen", [c for n in (6, 2, 1) for c in itertools.combinations(MISTAKES, n)])
 def test_mistakes_that_are_seen_together_are_named_at_once_in_the_order_of_lines(chosen):
     text, alone = GOOD, {}
     for old, new, expected, seen in chosen:

@@ -147,6 +147,7 @@ def test_eps_that_no_scheme_uses(error, text):
     assert error(text, BOTH, SPLITTING) == expected
 
 
+@pytest.mark.share
 @EACH_KIND
 @pytest.mark.parametrize(
     ("written", "what"),

@@ -160,6 +160,7 @@ def changes(record, y0, generator):
     return (np.array(casimirs(record, tuple(y))) - before) / (2.0**-53 * size)
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 @pytest.mark.parametrize("name", LONG)
 def test_casimir_functions_only_walk(name):

@@ -67,6 +67,7 @@ def built_in():
     }
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 @pytest.mark.parametrize("name", ["rigid body", "Maxwell-Bloch", "sine-Euler"])
 def test_the_same_paths_as_the_built_in_model(name):
