@@ -48,8 +48,8 @@ def list_(
 def _list_experiments(folder: Path) -> list[str]:
     """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
     from ..printing.catalogue import print_experiments
+    from ..running import shipped
     from ..running.runs import headings
-    from ..specs import shipped
 
     found, _ = headings(map(shipped.path_of, shipped.names()))
     print_experiments("experiments that come with spi: spi run NAME", {path.stem: one for path, one in found.items()})
@@ -94,7 +94,7 @@ def new(
 
 
 def _template(which: str, target: Path) -> dict[Path, str]:
-    from ..specs import shipped
+    from ..running import shipped
 
     return {target: shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)}
 

@@ -14,8 +14,9 @@ from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
 from ..report import views
+from ..running import shipped
 from ..running.loading import load_as
-from ..specs import shipped, text_of
+from ..specs import text_of
 from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Reading, Results, by_case
 from .tables import Cell, Line, PlainTable, Recorder, Row

@@ -9,7 +9,7 @@ from ..kinds import KINDS
 from ..printing import anything
 from ..printing import claims as printed_claims
 from ..printing.text import new_console, printable
-from ..specs import shipped
+from ..running import shipped
 from ..statistics import claims
 from ..storage import StorageError, write_all
 from ..storage.records import Group, Reading, Results, by_case

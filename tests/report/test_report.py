@@ -183,7 +183,7 @@ def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
 
 
 def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, undrawn):
-    from spi.specs import shipped
+    from spi.running import shipped
 
     spec = shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")
     path = tmp_path / "rigid_body_strong.h5"
@@ -264,8 +264,7 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():
-    from spi.running import loading
-    from spi.specs import shipped
+    from spi.running import loading, shipped
 
     path = shipped.path_of("rigid_body_strong")
     text = path.read_text(encoding="utf-8")

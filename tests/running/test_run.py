@@ -349,7 +349,7 @@ def test_cost_counts_steps_of_all_cases_and_schemes():
 
 MEMORY = """
 import json, resource, sys
-from spi import runs as runner
+from spi.running import runs as runner
 from spi.running.runs import load
 
 def peak(samples):
