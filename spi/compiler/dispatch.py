@@ -20,7 +20,7 @@ from numba.extending import lower_builtin, overload, type_callable
 
 from . import instructions
 from .generated import function_of
-from .inlining import InliningCompiler, KernelCompiler, keep_in_shared_cache, runs_uncompiled
+from .inlining import TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
 from .records import class_of, is_array, record_class
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
@@ -28,10 +28,7 @@ from .records import class_of, is_array, record_class
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 #: A small function that a loop over lanes calls: one call left standing would stop vectorisation.
-INLINED = {**OPTIONS, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-INLINED["pipeline_class"] = InliningCompiler
-
-_KERNEL = {**OPTIONS, "no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
+INLINED = {**OPTIONS, **TO_INLINE, "forceinline": True}
 
 
 def kernel(function=None, *, parallel=False):
@@ -41,7 +38,7 @@ def kernel(function=None, *, parallel=False):
     """
     if function is None:
         return functools.partial(kernel, parallel=parallel)
-    return keep_in_shared_cache(njit(parallel=parallel, **_KERNEL)(function))
+    return keep_on_disk(njit(parallel=parallel, **OPTIONS, **TO_RUN)(function))
 
 
 def device(function=None, *, inline=True, by_type=False):
@@ -67,7 +64,7 @@ def device(function=None, *, inline=True, by_type=False):
         return chosen
     by_itself = njit(**OPTIONS)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
-        keep_in_shared_cache(by_itself)
+        keep_on_disk(by_itself)
 
     @functools.wraps(function)
     def from_python(*arguments, **named):
