@@ -253,12 +253,8 @@ def _fold(indices, body):
     compiled_body = device(body)
     _, record, value, *others = inspect.signature(body).parameters
     others = "".join(f", {name}" for name in others)
-    in_a_loop = [
-        f"def in_a_loop({record}, {value}{others}):",
-        f"for k in range(count({record})):",
-        f"    {value} = body(k, {record}, {value}{others})",
-        f"return {value}",
-    ]
+    head = f"def {body.__name__}({record}, {value}{others}):"
+    call = f"{value} = body({{}}, {record}, {value}{others})"
 
     @functools.wraps(body)
     def f(record, value, *arguments):
@@ -270,12 +266,11 @@ def _fold(indices, body):
     def f_while_compiling(record_type, *types_of_arguments):
         names = {"body": compiled_body}
         if getattr(class_of(record_type), "large", False):
-            return function_of(in_a_loop, {**names, "count": indices.count})
-        lines = [f"def {body.__name__}({record}, {value}{others}):"]
-        for k in indices(record_type):
-            names[f"index_{k}"] = INDICES[k]()
-            lines.append(f"{value} = body(index_{k}, {record}, {value}{others})")
-        return function_of([*lines, f"return {value}"], names)
+            loop = [f"for k in range(count({record})):", "    " + call.format("k")]
+            return function_of([head, *loop, f"return {value}"], {**names, "count": indices.count})
+        names |= {f"index_{k}": INDICES[k]() for k in indices(record_type)}
+        calls = [call.format(f"index_{k}") for k in indices(record_type)]
+        return function_of([head, *calls, f"return {value}"], names)
 
     return f
 
