@@ -233,8 +233,8 @@ def unrolled(indices=None, *, each=None, total=None):
 
     ``@unrolled(indices)`` turns ``body(index, record, value, ...)`` into ``f(record, value, ...)``: ``value`` passed
     through the body once for each k of ``indices(record)``, in order; the body gets k as ``number(index)``.  `indices`
-    maps a record, or the Numba type of one, to a tuple of ints.  Of a large model, for which ``indices.count`` says how
-    many indices there are when the kernel runs, k is an integer in a loop.
+    maps a record, or the Numba type of one, to a tuple of ints.  Of an array-state model, for which ``indices.count``
+    says how many indices there are when the kernel runs, k is an integer in a loop.
 
     ``@unrolled(each="a[i] + c * b[i]")`` makes a function of tuples of equal length (and of floats) that returns a
     tuple: the expression, in the names of the arguments of the function, is the component i.
