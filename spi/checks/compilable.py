@@ -6,7 +6,8 @@ import re
 from pathlib import Path
 
 from ..compiler import modules
-from ..compiler.inlining import is_float, is_known_to_the_compiler, is_tuple_of_floats, type_of_result
+from ..compiler.inlining import is_known_to_the_compiler, type_of_result
+from ..compiler.records import is_float, is_tuple_of_floats
 from ..ensemble.protocol import conserved, dimension
 from ..numerics.angles import ANY_ANGLES
 from .registration import vocabulary

@@ -20,7 +20,7 @@ from numba.extending import lower_builtin, overload, type_callable
 
 from . import instructions
 from .generated import function_of
-from .inlining import InliningCompiler, KernelCompiler, keep_in_shared_cache, runs_uncompiled
+from .inlining import TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
 from .records import class_of, is_array, record_class
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
@@ -28,10 +28,7 @@ from .records import class_of, is_array, record_class
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 #: A small function that a loop over lanes calls: one call left standing would stop vectorisation.
-INLINED = {**OPTIONS, "forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-INLINED["pipeline_class"] = InliningCompiler
-
-_KERNEL = {**OPTIONS, "no_cfunc_wrapper": True, "pipeline_class": KernelCompiler}
+INLINED = {**OPTIONS, **TO_INLINE, "forceinline": True}
 
 
 def kernel(function=None, *, parallel=False):
@@ -41,7 +38,7 @@ def kernel(function=None, *, parallel=False):
     """
     if function is None:
         return functools.partial(kernel, parallel=parallel)
-    return keep_in_shared_cache(njit(parallel=parallel, **_KERNEL)(function))
+    return keep_on_disk(njit(parallel=parallel, **OPTIONS, **TO_RUN)(function))
 
 
 def device(function=None, *, inline=True, by_type=False):
@@ -67,7 +64,7 @@ def device(function=None, *, inline=True, by_type=False):
         return chosen
     by_itself = njit(**OPTIONS)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
-        keep_in_shared_cache(by_itself)
+        keep_on_disk(by_itself)
 
     @functools.wraps(function)
     def from_python(*arguments, **named):
@@ -236,8 +233,8 @@ def unrolled(indices=None, *, each=None, total=None):
 
     ``@unrolled(indices)`` turns ``body(index, record, value, ...)`` into ``f(record, value, ...)``: ``value`` passed
     through the body once for each k of ``indices(record)``, in order; the body gets k as ``number(index)``.  `indices`
-    maps a record, or the Numba type of one, to a tuple of ints.  Of a large model, for which ``indices.count`` says how
-    many indices there are when the kernel runs, k is an integer in a loop.
+    maps a record, or the Numba type of one, to a tuple of ints.  Of an array-state model, for which ``indices.count``
+    says how many indices there are when the kernel runs, k is an integer in a loop.
 
     ``@unrolled(each="a[i] + c * b[i]")`` makes a function of tuples of equal length (and of floats) that returns a
     tuple: the expression, in the names of the arguments of the function, is the component i.
@@ -256,12 +253,8 @@ def _fold(indices, body):
     compiled_body = device(body)
     _, record, value, *others = inspect.signature(body).parameters
     others = "".join(f", {name}" for name in others)
-    in_a_loop = [
-        f"def in_a_loop({record}, {value}{others}):",
-        f"for k in range(count({record})):",
-        f"    {value} = body(k, {record}, {value}{others})",
-        f"return {value}",
-    ]
+    head = f"def {body.__name__}({record}, {value}{others}):"
+    call = f"{value} = body({{}}, {record}, {value}{others})"
 
     @functools.wraps(body)
     def f(record, value, *arguments):
@@ -273,12 +266,11 @@ def _fold(indices, body):
     def f_while_compiling(record_type, *types_of_arguments):
         names = {"body": compiled_body}
         if getattr(class_of(record_type), "large", False):
-            return function_of(in_a_loop, {**names, "count": indices.count})
-        lines = [f"def {body.__name__}({record}, {value}{others}):"]
-        for k in indices(record_type):
-            names[f"index_{k}"] = INDICES[k]()
-            lines.append(f"{value} = body(index_{k}, {record}, {value}{others})")
-        return function_of([*lines, f"return {value}"], names)
+            loop = [f"for k in range(count({record})):", "    " + call.format("k")]
+            return function_of([head, *loop, f"return {value}"], {**names, "count": indices.count})
+        names |= {f"index_{k}": INDICES[k]() for k in indices(record_type)}
+        calls = [call.format(f"index_{k}") for k in indices(record_type)]
+        return function_of([head, *calls, f"return {value}"], names)
 
     return f
 

@@ -7,6 +7,8 @@ from numba import typeof, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
 
+from .records import is_array
+
 
 def constant(record, value):
     """Of a function of a record: a value that is known while compiling."""
@@ -26,19 +28,21 @@ def field(record, name):
     return record.types[place](record), code
 
 
-def field_of_floats(record, name):
-    """Of a function of a record: a field of it, a tuple, as floats, with 0 for None."""
+def floats(record, name):
+    """Of a function of a record: a field of it, an array, or a tuple as floats, with 0 for None."""
     place = record.fields.index(name)
+    if is_array(record.types[place]):
+        return field(record, name)
     inner = record.types[place].types
 
     def code(context, builder, signature, arguments):
         values = cgutils.unpack_tuple(builder, builder.extract_value(arguments[0], place))
         zero = context.get_constant(types.float64, 0.0)
-        floats = [
+        numbers = [
             zero if t == types.none else context.cast(builder, value, t, types.float64)
             for value, t in zip(values, inner, strict=True)
         ]
-        return context.make_tuple(builder, signature.return_type, floats)
+        return context.make_tuple(builder, signature.return_type, numbers)
 
     return types.UniTuple(types.float64, len(inner))(record), code
 

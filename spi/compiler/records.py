@@ -33,3 +33,23 @@ def is_array(value):
 def is_none(value):
     """Whether a value, or one of a Numba type, is None."""
     return value is None or isinstance(value, types.NoneType)
+
+
+def record_classes(numba_type):
+    """The classes of all records in a type of Numba: its own, and those of what a tuple, list or array of it holds."""
+    found = {numba_type.instance_class} if isinstance(numba_type, types.BaseNamedTuple) else set()
+    if isinstance(numba_type, types.BaseTuple):
+        inner = numba_type.types
+    else:  # a container's or an optional value's
+        inner = [getattr(numba_type, name, None) for name in ("dtype", "type")]
+    return found.union(*(record_classes(one) for one in inner if isinstance(one, types.Type)))
+
+
+def is_tuple_of_floats(numba_type, length):
+    """Whether a type of Numba is that of so many floats in a tuple."""
+    return isinstance(numba_type, types.BaseTuple) and tuple(numba_type.types) == (types.float64,) * length
+
+
+def is_float(numba_type):
+    """Whether a type of Numba is that of a float."""
+    return numba_type == types.float64

@@ -67,7 +67,7 @@ def _watch_one(index, model, worst, first, level, n, y):
 
 
 def _watch_all(model, worst, first, level, n, paths, y):
-    """All Casimir functions of a path at once, as a large model finds them."""
+    """All Casimir functions of a path at once, as an array-state model finds them."""
     for lane in range(paths):
         values = casimirs(model, load_lane(model, y, lane))
         for c in range(len(values)):
@@ -80,8 +80,8 @@ def _watch_all(model, worst, first, level, n, paths, y):
 def watch_casimirs(model, worst, first, level, n, paths, y):
     """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers of step n of a level.
 
-    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of a large model
-    only the first `paths` lanes are watched.
+    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of an array-state
+    model only the first `paths` lanes are watched.
     """
     if large(model):
         return _watch_all

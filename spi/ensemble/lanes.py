@@ -11,14 +11,14 @@ from .protocol import dimension, large
 
 
 def load_lane(model, y, lane):
-    """The state of one lane as a tuple of ``dimension(model)`` floats; of a large model a view of the block."""
+    """The state of one lane as a tuple of ``dimension(model)`` floats; of an array-state model a view of the block."""
     if large(model):
         return y[lane : dimension(model) * LANES : LANES]
     return tuple(float(y[i * LANES + lane]) for i in range(dimension(model)))
 
 
 def store_lane(y, lane, state):
-    """Put a tuple of floats into one lane; of a large model an array."""
+    """Put a tuple of floats into one lane; of an array-state model an array."""
     for i in range(len(state)):
         y[i * LANES + lane] = state[i]
 

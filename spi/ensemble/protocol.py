@@ -16,8 +16,8 @@ A class must implement what is marked ``@method``; for ``@method(default=True)``
 ``@method(optional=True)`` says what only some models can.  A ``@trait`` is required unless it has a default.
 ``registration.py`` checks classes against this file.
 
-A state y is a tuple of d floats, of a large model an array.  In kernels LANES paths travel together: their states are
-one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
+A state y is a tuple of d floats, of an array-state model an array.  In kernels LANES paths travel together: their
+states are one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
 """
 
 import itertools
@@ -27,7 +27,7 @@ import annotated_types
 
 from ..compiler import instructions
 from ..compiler.dispatch import intrinsic, method, trait
-from ..compiler.records import field, is_none
+from ..compiler.records import field, is_array, is_none
 
 #: What the fields of a record may hold, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
@@ -93,7 +93,7 @@ def commuting_noises(model):
 
 @trait(bool, default=False)
 def large(model):
-    """Whether states are arrays, of any length, and flows move whole blocks; see the methods of a large model below."""
+    """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
 
 
 def piece_indices(model):
@@ -113,7 +113,7 @@ def casimir_indices(model):
 
 
 def noise_indices(model):
-    """The noises that are on, those whose sigma_k is not None; all of a large model."""
+    """The noises that are on, those whose sigma_k is not None; all of an array-state model."""
     if large(model):
         return tuple(range(noises(model)))
     return tuple(k for k, sigma in enumerate(field(model, "sigma")) if not is_none(sigma))
@@ -126,7 +126,7 @@ casimir_indices.count, noise_indices.count = conserved, noises
 def area_pairs(model):
     """((k, l), ...), k < l: the pairs of noises that are on and do not commute, whose Lévy areas schemes may need.
 
-    None of a large model, for which no scheme has areas.
+    None of an array-state model, for which no scheme has areas.
     """
     if large(model):
         return ()
@@ -135,13 +135,13 @@ def area_pairs(model):
 
 
 def strengths(model):
-    """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off; an array of a large model."""
-    return model.sigma if large(model) else tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
+    """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off; an array of an array-state model."""
+    return model.sigma if is_array(model.sigma) else tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
 
 
 @intrinsic(strengths)
 def _(model):
-    return (instructions.field if large(model) else instructions.field_of_floats)(model, "sigma")
+    return instructions.floats(model, "sigma")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -241,7 +241,7 @@ def decay_rates(model):
 
 @method(default=True)
 def in_kernels(model):
-    """The record that kernels are given; of a large model one with its tables, a class with the methods below.
+    """The record that kernels are given; of an array-state model one with its tables, a class with the methods below.
 
     Asked in Python only.
     """
@@ -272,7 +272,7 @@ def rotation_shear_rates(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Methods of a large model: of the record that ``in_kernels`` gives
+# Methods of an array-state model: of the record that ``in_kernels`` gives
 # ---------------------------------------------------------------------------------------------------------------------
 
 # Its traits may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
@@ -282,37 +282,37 @@ def rotation_shear_rates(model):
 
 
 @method
-def block_drift_flow(large_model, k, t, width, y, work):
+def block_drift_flow(array_state_model, k, t, width, y, work):
     """The flow of H_k for the time t, in place; returns the largest |angle| of a rotation, or a bound of it."""
 
 
 @method
-def block_noise_flow(large_model, group, times, width, y, work):
+def block_noise_flow(array_state_model, group, times, width, y, work):
     """The flow of the noises of a group, noise k of state j for the time times[k * width + j], in place; likewise."""
 
 
 @method
-def noise_groups(large_model):
+def noise_groups(array_state_model):
     """How many groups of noises there are, at most as many as noises."""
 
 
 @method
-def block_work(large_model):
+def block_work(array_state_model):
     """How many floats of scratch the methods of a block need."""
 
 
 @method
-def add_block_drift(large_model, t, width, y, out, work):
+def add_block_drift(array_state_model, t, width, y, out, work):
     """out + t B(y) grad H(y), in place."""
 
 
 @method
-def add_block_noises(large_model, times, width, y, out, work):
+def add_block_noises(array_state_model, times, width, y, out, work):
     """out + sum_k t_k B(y) grad Ĥ_k(y), in place, noise k of state j with t_k = times[k * width + j]."""
 
 
 @method
-def add_block_ito_correction(large_model, h, width, y, out, work):
+def add_block_ito_correction(array_state_model, h, width, y, out, work):
     """out + h/2 sum_k sigma_k^2 f_k'(y) f_k(y), f_k = B grad Ĥ_k, in place."""
 
 
@@ -335,7 +335,7 @@ def advance(scheme, model, h, dW, coins, y, work, report):
 
 @method(optional=True)
 def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-    """The same of a large model, for the first `paths` of the LANES paths; the others may stay where they are."""
+    """The same of an array-state model, for the first `paths` of the LANES paths; the others may stay as they are."""
 
 
 @trait(bool, default=False)

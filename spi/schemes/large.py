@@ -1,4 +1,4 @@
-"""A step of a large model: a few paths at a time are copied together, make the whole step, and are copied back.
+"""A step of an array-state model: a few paths at a time are copied together, make the whole step, and are copied back.
 
 Paths go ``vectors.WIDTH`` at a time, or alone where few are left; where the order of flows depends on a coin, only
 paths with the same coin go together.
@@ -42,7 +42,7 @@ def large_work(model):
 
 @device(by_type=True)
 def size_or(small, model):
-    """:func:`large_work` for a large model, `small` for another: how many floats of scratch a scheme needs."""
+    """:func:`large_work` for an array-state model, `small` for another: how many floats of scratch a scheme needs."""
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from spi.compiler.dispatch import device, kernel
-from spi.compiler.inlining import InlinedLibrary, LinkedLibrary, has_loop
+from spi.compiler.libraries import InlinedLibrary, LinkedLibrary, has_loop
 
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
 

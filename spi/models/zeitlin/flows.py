@@ -19,7 +19,8 @@ Casimirs do not drift.
 """
 
 from ...compiler.dispatch import device
-from ...compiler.vectors import TILE, WIDTH, borrowed, load, multiply_tile, store
+from ...compiler.tiles import multiply_tile
+from ...compiler.vectors import TILE, WIDTH, load, store, without_refcount
 from ...numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ...numerics.elementary import REDUCIBLE
 from ...numerics.rng import LANES
@@ -195,7 +196,7 @@ def turn(exact, lattice, k, width, y, out, work):
 
     If not `exact`, out + B(y) grad H in place of `out`.  `width` is 1 or WIDTH.  Returns a bound of the largest angle.
     """
-    y, out, work, cosets = borrowed(y), borrowed(out), borrowed(work), lattice.cosets[k]
+    y, out, work, cosets = without_refcount(y), without_refcount(out), without_refcount(work), lattice.cosets[k]
     if width == WIDTH:
         line = line_of(lattice, cosets)
         largest = _prepare(exact, line, WIDTH, work)

@@ -1,4 +1,4 @@
-"""The sine-Euler equations as kernels see them: a large model, see ``spi.ensemble.protocol``."""
+"""The sine-Euler equations as kernels see them: an array-state model, see ``spi.ensemble.protocol``."""
 
 import functools
 import math

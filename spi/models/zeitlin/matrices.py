@@ -8,7 +8,8 @@ T_m T_n = w^(+-(m x n)) T_{m+n}, whose commutators are those of the bracket.
 import numpy as np
 
 from ...compiler.dispatch import device
-from ...compiler.vectors import TILE, WIDTH, multiply_tile
+from ...compiler.tiles import multiply_tile
+from ...compiler.vectors import TILE, WIDTH
 
 
 @device(inline=False)

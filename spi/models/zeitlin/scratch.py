@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...compiler.dispatch import device
-from ...compiler.vectors import TILE, WIDTH, borrowed
+from ...compiler.vectors import TILE, WIDTH, without_refcount
 from ...numerics.rng import LANES
 
 
@@ -65,14 +65,14 @@ class Line(NamedTuple):
 def line_of(lattice, places):
     """The record of a line, its arrays on loan: `places` must be part of the lattice."""
     return Line(
-        borrowed(places),
+        without_refcount(places),
         lattice.n,
         lattice.blocks_of,
-        borrowed(lattice.order),
-        borrowed(lattice.cosines),
-        borrowed(lattice.sines),
-        borrowed(lattice.fourier),
-        borrowed(lattice.phases),
-        borrowed(lattice.phases_across),
+        without_refcount(lattice.order),
+        without_refcount(lattice.cosines),
+        without_refcount(lattice.sines),
+        without_refcount(lattice.fourier),
+        without_refcount(lattice.phases),
+        without_refcount(lattice.phases_across),
         lattice.rest,
     )
