@@ -12,7 +12,7 @@ from .running import run
 __all__ = ["Results", "expectations", "experiments", "load", "run", "trajectory"]
 
 if CACHE_PROBLEM:
-    warnings.warn(f"{CACHE_PROBLEM}; what is compiled cannot be kept for another process", stacklevel=2)
+    warnings.warn(f"{CACHE_PROBLEM}; compiled kernels cannot be saved for other processes", stacklevel=2)
 
 
 def experiments() -> list[str]:

@@ -50,7 +50,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", "-V", "-v", callback=_version, is_eager=True, help="Print it.")
+        bool, typer.Option("--version", "-V", "-v", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """A laboratory for stochastic Poisson integrators."""
@@ -80,12 +80,12 @@ def plot(
         Style, typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf.")
     ] = Style.screen,
     width: Annotated[
-        str | None, typer.Option(help="Of a figure for a paper: one or two columns, or as in 5.125in, 130mm.")
+        str | None, typer.Option(help="Width of a figure for a paper: one or two (columns), or e.g. 5.125in, 130mm.")
     ] = None,
     font: Annotated[
-        str | None, typer.Option(help="Of a figure for a paper: serif, sans or an installed TrueType family.")
+        str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
-    film: Annotated[bool, typer.Option("--film", help="Also a film of the vorticity: <out>/<name>.gif.")] = False,
+    film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage
@@ -123,7 +123,7 @@ def plot(
 @app.command()
 def show(
     source: Stored,
-    format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
+    format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
 ) -> None:
     """Print stored results to standard output."""
     from .. import storage
@@ -149,7 +149,7 @@ def check(
     seed: Seed = None,
     kind: As = None,
 ) -> None:
-    """Validate experiments and say what they would cost."""
+    """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
     from ..running.runs import cost, reports

@@ -37,8 +37,10 @@ if TYPE_CHECKING:
     from ..specs import Experiment
     from ..storage.records import Results
 
-MaxTime = Annotated[str | None, typer.Option(help="Stop after so long, as in 90s, 45m, 3h; the same command goes on.")]
-Checkpoint = Annotated[str, typer.Option(help="Keep what is done at least this often, as in 5s, 1m.")]
+MaxTime = Annotated[
+    str | None, typer.Option(help="Stop after this long (90s, 45m, 3h); run the same command again to resume.")
+]
+Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often (5s, 1m).")]
 
 
 def run(
@@ -56,9 +58,9 @@ def run(
         str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
     part: Annotated[str | None, typer.Option(hidden=True)] = None,
-    workers: Annotated[int | None, typer.Option(help="Compute in so many processes of this machine.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1)] = None,
     dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
     kind: As = None,
 ) -> None:
@@ -99,7 +101,7 @@ def merge(
 ) -> None:
     """Merge the shards that `spi run --shard` computed.
 
-    Then go on as `spi run` does.
+    Then write the results and print the table as `spi run` does.
     """
     experiments = load(specs, profile, overrides, samples, seed)
     from ..running import shards
@@ -110,12 +112,12 @@ def merge(
 
 def verify(
     source: Stored,
-    chunks: Annotated[int, typer.Option(help="How many chunks of paths to compute again, at random.", min=1)] = 8,
+    chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     threads: Threads = None,
 ) -> None:
-    """Compute some of the paths again, and compare bit for bit.
+    """Recompute some of the paths behind stored results and compare bit for bit.
 
-    They are those behind stored results, whose claims are judged as well.
+    The claims stored with the results are judged as well.
     """
     from .. import storage
     from ..printing import print_verification
@@ -132,7 +134,7 @@ def verify(
 
 
 def _prepare(threads: int | None) -> None:
-    """Use so many threads, and say what a person should know before anything is compiled."""
+    """Set the number of threads, and warn before anything is compiled."""
     from .. import CACHE_PROBLEM
     from ..ensemble.loop import use_threads
 
@@ -142,7 +144,7 @@ def _prepare(threads: int | None) -> None:
         except ValueError as error:
             end(INVALID, f"--threads: {error}")
     if CACHE_PROBLEM:
-        tell(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run")
+        tell(f"spi: {CACHE_PROBLEM}; compiled kernels cannot be saved for the next run")
 
 
 def _limits(max_time: str | None, checkpoint: str) -> "Limits":
@@ -156,7 +158,7 @@ def _seconds(option: str, text: str) -> float:
     """A time such as 90s, 45m, 3h or 1.5d."""
     found = re.fullmatch(r"([0-9]+(?:[.][0-9]+)?) *(s|m|h|d)", text.strip())
     if not found:
-        end(INVALID, f"{option}: is '{text}'; must be a number and a unit, as in 90s, 45m, 3h or 2d")
+        end(INVALID, f"{option}: is '{text}'; must be a number and a unit, e.g. 90s, 45m, 3h or 2d")
     return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
 
 
@@ -183,7 +185,7 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
             try:
                 pool = stack.enter_context(workers.dask(address))
             except ImportError:
-                end(INVALID, "--dask: Dask is not installed; say pip install 'spi[dask]'")
+                end(INVALID, "--dask: Dask is not installed; run pip install 'spi[dask]'")
             except (OSError, ValueError) as error:
                 end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
         yield pool

@@ -21,7 +21,7 @@ _SHARE = 0.01
 
 
 class Stopped(Exception):
-    """The run was interrupted, or its time was up; the same command goes on from the checkpoint."""
+    """The run was interrupted, or its time was up; the same command resumes from the checkpoint."""
 
 
 class Limits(NamedTuple):
@@ -145,7 +145,7 @@ class Checkpoint:
             except StorageError as error:
                 self.saved = time.monotonic()
                 if not self.failed:
-                    self.tell(f"warning: no checkpoint could be written: {error}; the run goes on")
+                    self.tell(f"warning: no checkpoint could be written: {error}; the run continues")
                 self.failed = True
 
     @contextlib.contextmanager
@@ -154,12 +154,12 @@ class Checkpoint:
         try:
             yield
         except (KeyboardInterrupt, _TimeIsUp) as reason:
-            why = "stopped" if isinstance(reason, KeyboardInterrupt) else "stopped, as its time is up"
+            why = "stopped" if isinstance(reason, KeyboardInterrupt) else "stopped, the time limit is reached"
             try:
                 self.save()
             except StorageError as error:
-                raise Stopped(f"{why}; what is done could not be kept: {error}") from None
-            raise Stopped(f"{why}; what is done is kept in {self.path}: the same command goes on from there") from None
+                raise Stopped(f"{why}; progress could not be saved: {error}") from None
+            raise Stopped(f"{why}; progress is saved in {self.path}: run the same command again to resume") from None
 
     def _about(self, path: Path) -> dict | None:
         about = storage.about_sums(path)

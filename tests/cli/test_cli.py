@@ -112,7 +112,7 @@ def test_from_spec_to_figure(spi):
     assert re.fullmatch("spi: rigid_body_strong: Strong errors, stochastic rigid body; about .* s once compiled", first)
     assert last == f"results: {RESULTS}; `spi plot {RESULTS}` draws them"
     assert all(
-        re.fullmatch(r"spi: rigid_body_strong: compiling \d kernels?, .* kept for later runs", c) for c in compiling
+        re.fullmatch(r"spi: rigid_body_strong: compiling \d kernels?, .* saved for later runs", c) for c in compiling
     )
     assert out.startswith("Strong errors, stochastic rigid body\n")
     assert "Euler-Maruyama: order" in out
@@ -412,7 +412,7 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
         program.wait_for("paths/s")
         program.process.send_signal(stop)
         assert program.wait() == 3
-        assert program.lines()[-1].startswith("spi: stopped; what is done is kept in ")
+        assert program.lines()[-1].startswith("spi: stopped; progress is saved in ")
         told = "".join(program.lines()).replace(" ", "")  # a terminal may have broken the line
         (checkpoint,) = (p for p in out.rglob("*") if p.suffix == ".npz")
         assert str(checkpoint) in told
@@ -474,8 +474,7 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     assert out == ""
     checkpoint = kept[0].relative_to(tmp_path)
     assert (
-        err.splitlines()[-1]
-        == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there"
+        err.splitlines()[-1] == f"spi: stopped; progress is saved in {checkpoint}: run the same command again to resume"
     )
     left = {p.name for p in kept[0].parent.iterdir()}
     assert left <= {checkpoint.name, checkpoint.name + ".previous"} and checkpoint.name in left

@@ -113,7 +113,7 @@ def test_a_missing_shard_is_named_and_can_be_run_again(tmp_path, straight):
     with pytest.raises(runner.Stopped, match=r"shard 2 of 3 is missing \(\d+ of its \d+ chunks\): run it"):
         shards.merge(strong(), tmp_path)
     stop = Stop(after=2)
-    with pytest.raises(runner.Stopped, match="the same command goes on"):
+    with pytest.raises(runner.Stopped, match="run the same command again"):
         shards.run_shard(strong(), Shard(2, 3), tmp_path, watch=Watch(report=stop))
     with pytest.raises(runner.Stopped, match="shard 2 of 3 is unfinished"):
         shards.merge(strong(), tmp_path)
@@ -249,7 +249,7 @@ def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
 
 
 def test_a_run_ends_when_its_time_is_up_and_goes_on(tmp_path, straight):
-    with pytest.raises(runner.Stopped, match=r"time is up; what is done is kept in .*npz: the same"):
+    with pytest.raises(runner.Stopped, match=r"the time limit is reached; progress is saved in .*npz: run the same"):
         runner.run(strong(), tmp_path, limits=Limits(max_seconds=0.0))
     assert numbers(runner.run(strong(), tmp_path)) == straight["rigid_body_strong"]
 
@@ -267,7 +267,7 @@ def test_a_checkpoint_that_cannot_be_written_is_no_reason_to_stop(tmp_path, stra
     limits = Limits(checkpoint_seconds=0.0)
     path = runner.run(strong(), tmp_path, watch=Watch(tell=news.append), limits=limits)
     assert len(failures) > 1 and len(news) == 1  # said once
-    assert "no space left" in news[0] and "the run goes on" in news[0]
+    assert "no space left" in news[0] and "the run continues" in news[0]
     assert numbers(path) == straight["rigid_body_strong"]
 
 
