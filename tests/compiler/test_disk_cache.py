@@ -14,9 +14,6 @@ from own_models import OSCILLATOR
 
 import spi
 
-# --- the disk cache --------------------------------------------------------------------------------------------------
-
-
 #: A small kernel of the package: the Hamiltonian of states of a model.
 ENERGIES = """
 import numpy as np

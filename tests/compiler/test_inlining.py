@@ -10,9 +10,6 @@ from spi.compiler.inlining import InlinedLibrary, LinkedLibrary, has_loop
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
 
 
-# --- functions that are only inlined ---------------------------------------------------------------------------------
-
-
 @inlined
 def _square(x):
     if x < 0.0:

@@ -49,9 +49,6 @@ BY_REFERENCE = {
 }
 
 
-# --- N = 3: the built-in model ---------------------------------------------------------------------------------------
-
-
 def test_flows_of_sine_euler():
     y = states(3, 8)
     for k, t in enumerate((0.6, -0.4, 0.8, 0.2)):
@@ -75,9 +72,6 @@ def test_the_equations_of_sine_euler_are_left_to_its_flows():
     linear = Zeitlin(3, (Noise(0.5, modes=((1, 0),), hamiltonian="linear"),))
     for other in (ITS_TWIN._replace(normalisation="zeitlin"), linear):
         assert in_kernels(other) is tables(other) and tables(other).large
-
-
-# --- flows -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
@@ -168,9 +162,6 @@ def test_paths_do_not_depend_on_how_many_there_are(n, name):
         part = take(name, model, h, dW[..., :paths], y[:paths], coins[:paths]).states
         assert np.array_equal(part, whole[:paths])
     assert len(np.unique(whole, axis=0)) == most
-
-
-# --- steps -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", SIZES if COMPILED else (5, 9))

@@ -30,9 +30,6 @@ pytestmark = pytest.mark.xdist_group("zeitlin")
 SPLITTINGS = [name for name in STEPPERS if name != "euler_maruyama"]
 
 
-# --- Poisson maps ----------------------------------------------------------------------------------------------------
-
-
 def jacobian(f, y, delta=0.005):
     """D f(y) for a function of LANES states, by central differences of eighth order."""
     d, shifts = len(y), delta * np.array([*STENCIL, *(-j for j in STENCIL)])
@@ -85,9 +82,6 @@ def test_flows_are_groups(n):
         one_by_one, at_once = moved(model, what, k, t, first)[0], moved(model, what, k, s + t, y)[0]
         assert apart(one_by_one, at_once) < 1e-14
         assert apart(moved(model, what, k, -s, first)[0], y) < 1e-14 < 1e-4 < apart(first, y)
-
-
-# --- Casimirs and energy ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", (3, *SIZES))
@@ -150,9 +144,6 @@ def test_energy_without_noise(name, order):
     assert np.log2(max(coarse) / max(fine)) / 2 == pytest.approx(order, abs=0.3)
     early, late = coarse
     assert late < 1.5 * early < 0.1  # an error that grows like time would be twice as large
-
-
-# --- strong order ----------------------------------------------------------------------------------------------------
 
 
 def ends(name, model, fine, count):
