@@ -136,6 +136,7 @@ def energy_error(name, h, time, every=25.0):
     return max(errors[:half]), max(errors[half:])
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
 @pytest.mark.parametrize(("name", "order"), [("splitting", 1), ("splitting_symmetric", 2), ("half_noise", 2)])
 def test_energy_without_noise(name, order):
