@@ -70,9 +70,6 @@ def study(case, scheme, state=None):
     return {name: values for name, (_, values) in group.variables.items()}, group
 
 
-# --- the oracle ------------------------------------------------------------------------------------------------------
-
-
 def increments(seed, channels, steps, paths, h):
     """Increments of steps h, an array [step, channel, path], by Box and Muller's method from the generator's words."""
     draw = np.arange(-(-steps // 4), dtype=np.uint64)[:, None, None]

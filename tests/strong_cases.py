@@ -33,9 +33,6 @@ def study(case, scheme):
     return {name: values for name, (_, values) in group.variables.items()}, group.attributes
 
 
-# --- the oracle ------------------------------------------------------------------------------------------------------
-
-
 @kernel
 def draw(seed, channel, draws, block, words, normals):
     for n in range(draws):

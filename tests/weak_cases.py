@@ -70,9 +70,6 @@ def has_order(found, order):
     return np.all((found["order_low"] <= order) & (order <= found["order_high"]))
 
 
-# --- plain -----------------------------------------------------------------------------------------------------------
-
-
 def values_by_hand(case, scheme, seed=None):
     """h -> the values of each test function at the final time, an array [function, path]; h_ref included."""
     doublings = [0, *(round(math.log2(h / case.reference_step)) for h in reversed(case.steps))]
@@ -91,9 +88,6 @@ def values_by_hand(case, scheme, seed=None):
     with np.errstate(all="ignore"):
         values = [np.array([f(states) for f in FUNCTIONS.values()]) for states in y[..., : case.samples]]
     return dict(zip(sizes, values, strict=True))
-
-
-# --- multilevel ------------------------------------------------------------------------------------------------------
 
 
 def levels_after(p, blocks):

@@ -2,8 +2,6 @@
 
 from itertools import takewhile
 
-# --- readings --------------------------------------------------------------------------------------------------------
-
 
 def answers(text):
     """Of each table of requested errors the cells of its rows."""

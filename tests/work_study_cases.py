@@ -57,9 +57,6 @@ def same(a, b):
     return np.array_equal(a, b, equal_nan=True)
 
 
-# --- times -----------------------------------------------------------------------------------------------------------
-
-
 class Clock:
     """In the place of the processor's clock and of `integrate`: a step of a path takes `rates` units, in turn."""
 

@@ -40,9 +40,6 @@ def complaints(source, **parameters):
     return check_model(record, states_around(INITIAL[name], record))
 
 
-# --- what is right ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.share
 @pytest.mark.parametrize("scale", [1.0, 1e5, 1e-5])
 @pytest.mark.parametrize(("name", "model", "sampler"), MODELS_UNDER_TEST, ids=[row[0] for row in MODELS_UNDER_TEST])
@@ -73,8 +70,6 @@ def test_the_heavy_top_passes(inertia):
     record = modules.stored("checked", TOP).HeavyTop(inertia, weight=10.0)
     assert check_model(record, states_around(INITIAL["HeavyTop"], record)) == []
 
-
-# --- what is wrong ---------------------------------------------------------------------------------------------------
 
 _DERIVATIVES = "its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
 
@@ -150,9 +145,6 @@ def test_angles_that_are_made_to_add_up_are_noted():
     assert source.count(old) == 1
     (first, *_) = complaints(source.replace(old, new))
     assert first.startswith("noise_angle, k = 1, is ")
-
-
-# --- their surroundings ----------------------------------------------------------------------------------------------
 
 
 def test_states_have_no_zeros_and_populations_stay_positive():

@@ -195,12 +195,6 @@ def test_list_check_and_schema(spi):
     assert list(files()) == [str(SPEC)]
 
 
-def test_list_in_a_folder_without_experiments(spi):
-    code, out, err = spi("list", "--experiments", "nowhere")
-    assert (code, err) == (0, "")
-    assert "rigid_body" in out
-
-
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 #: What is wrong -> (text of the experiment, what stands there instead, key in the message, remedy in the message);
@@ -293,13 +287,6 @@ def test_folders_that_cannot_be_written_are_refused(spi):
         assert message.startswith(f"spi: cannot write {out}/")
         assert "--out" in message
     assert files() == before
-
-
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc here")
-def test_a_folder_of_the_system_is_refused(spi):
-    message = one_line(spi("run", SPEC, *TINY, "--out", "/proc/results"))
-    assert "cannot write /proc/results/rigid_body_strong.h5" in message
-    assert "--out" in message
 
 
 def test_results_of_another_spec_are_refused(spi):

@@ -96,9 +96,6 @@ def test_a_leak_would_be_noticed(left_out, found):
     assert found in list(leaks(KERNELS - {left_out}))
 
 
-# --- a cache that cannot be written ----------------------------------------------------------------------------------
-
-
 def start(cache, folder, *command, **variables):
     """What a Python program that keeps its kernels in the folder `cache` writes on stdout and on stderr."""
     environment = {**os.environ, "SPI_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent), **variables}

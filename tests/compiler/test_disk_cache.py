@@ -14,9 +14,6 @@ from own_models import OSCILLATOR
 
 import spi
 
-# --- the disk cache --------------------------------------------------------------------------------------------------
-
-
 #: A small kernel that asks a model.
 ENERGY_KERNEL = """
 from spi.compiler.dispatch import kernel

@@ -10,9 +10,6 @@ from spi.compiler.libraries import InlinedLibrary, LinkedLibrary, has_loop
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
 
 
-# --- functions that are only inlined ---------------------------------------------------------------------------------
-
-
 @device
 def _square(x):
     if x < 0.0:

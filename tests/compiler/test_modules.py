@@ -100,9 +100,6 @@ print(json.dumps([spi.CACHE_PROBLEM, module.__file__, subprocess.run(command, st
         assert child_said.split() == ["2.5"]
 
 
-# --- what identifies code --------------------------------------------------------------------------------------------
-
-
 def test_digests(tmp_path, monkeypatch):
     own = modules.stored("plain", PLAIN)
     assert modules.digest(RigidBody) is None and not modules.is_foreign(RigidBody)

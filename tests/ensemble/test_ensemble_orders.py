@@ -10,9 +10,6 @@ from helpers import LANES, RIGID_BODY, SCHEMES, WithoutCorrection, compiled_only
 ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))
 
 
-# --- the right limit -------------------------------------------------------------------------------------------------
-
-
 PATHS = 512
 LEVELS = tuple(range(7))  # h = 2^-10, ..., 2^-4
 

@@ -10,8 +10,6 @@ from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only
 from spi.compiler.dispatch import kernel
 from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
 
-# --- increments ------------------------------------------------------------------------------------------------------
-
 
 @kernel
 def draw(seed, channel, draws, block, words, normals):
@@ -82,9 +80,6 @@ def test_noises_paths_and_seeds_are_different():
     columns = np.concatenate([one, other], axis=1).reshape(one.shape[0], -1)
     correlations = np.corrcoef(columns.T)[np.triu_indices(columns.shape[1], 1)]
     assert np.abs(correlations).max() < 6 / np.sqrt(one.shape[0])  # of 73536 pairs
-
-
-# --- coins -----------------------------------------------------------------------------------------------------------
 
 
 @kernel

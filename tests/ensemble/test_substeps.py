@@ -41,8 +41,6 @@ def whole(model=RIGID_BODY, **options):
     return simulate(Increments(), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
 
 
-# --- the path --------------------------------------------------------------------------------------------------------
-
 OPTIONS = {"h": 2.0**-7, "steps": 32 if COMPILED else 8, "doublings": (0, 1, 2, 3), "first_block": 2}
 
 
@@ -122,9 +120,6 @@ def test_a_reversed_path_has_its_sub_steps_in_reversed_order(n):
     assert np.array_equal(plain, over(n, 0, h=2.0**-5, steps=8)[0])
     assert np.array_equal(turned, over(n, n - 1, h=2.0**-5, steps=8)[0])
     assert np.array_equal(plain, turned) == (n == 1)
-
-
-# --- schemes ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,6 @@ from spi.specs import SpecError
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part
 
-# --- sampled ---------------------------------------------------------------------------------------------------------
-
 
 def test_plain_combines_the_values_of_each_path():
     """By hand: values of all steps on the same paths, combined, and standard errors of the combined values."""
@@ -85,9 +83,6 @@ def test_sampling_agrees_with_expectations_without_sampling():
         of_expectation = np.abs(found["expectation"][0] - right[:3]) / found["expectation_stderr"][0]
         assert of_expectation.max() < 4
         assert abs(found["reference"][0] - right[-1]) < 4 * found["expectation_stderr"][0].max()
-
-
-# --- work and precision ----------------------------------------------------------------------------------------------
 
 
 def test_an_extrapolated_path_is_timed_at_all_its_steps():

@@ -1,15 +1,11 @@
 """The long-time study: integration in pieces, and the growth and bias of errors."""
 
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import long_time_cases
 import numpy as np
 import pytest
-from helpers import INITIAL, RIGID_BODY, compiled_only
+from helpers import INITIAL, RIGID_BODY, compiled_only, without_the_compiler
 from long_time_cases import initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
@@ -23,9 +19,6 @@ from spi.storage.records import Part
 
 # fixtures
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
-
-
-# --- in pieces -------------------------------------------------------------------------------------------------------
 
 
 def check_pieces(name, eps=None):
@@ -46,11 +39,7 @@ def check_pieces(name, eps=None):
 def test_pieces_with_coins_and_with_memory_give_the_same_bits():
     """Without the compiler, which would take longer than the few steps."""
     program = "from test_long_time import *; check_pieces('splitting_order2'); check_pieces('ap_splitting', 0.5)"
-    tests = Path(__file__).parents[1]
-    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    assert without_the_compiler(f"{program}; print(1)")
 
 
 @compiled_only
@@ -111,9 +100,6 @@ def test_stops_are_records_and_then_snapshots(case_of):
     assert set(plan.records) <= set(stops)
     assert np.diff(stops[4:-1]).tolist() == [2**11] * (2**13 - 1) and stops[-1] == plan.case.step_count
     assert all(n % STEPS_PER_TOSS == 0 for n in stops)
-
-
-# --- growth and bias, of errors made by hand -------------------------------------------------------------------------
 
 
 RECORDS = 128 << np.arange(15)

@@ -22,9 +22,6 @@ from spi.storage.records import Part
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
 
 
-# --- the law on the sphere -------------------------------------------------------------------------------------------
-
-
 def fibonacci(n):
     """Points that fill the unit sphere evenly, (3, n)."""
     z, phi = (2 * np.arange(n) + 1) / n - 1, np.arange(n) * math.pi * (math.sqrt(5) - 1)
@@ -95,9 +92,6 @@ def test_bins_have_everything_inside_and_nothing_outside():
     counts = np.zeros((4, BINS, 2))
     law.count(np.array([[np.nan, np.inf]] * 3), counts)
     assert not counts.any()
-
-
-# --- the law of long paths -------------------------------------------------------------------------------------------
 
 
 LONG = ("steps=[1/4]", "step_count=2^14", "samples=256")

@@ -54,9 +54,6 @@ def test_printed_long_times_of_two_casimirs_and_none():
     )
 
 
-# --- figures of long times -------------------------------------------------------------------------------------------
-
-
 def test_long_times():
     groups = [long_time_group(scheme) for scheme in SCHEMES]
     fig = views.figure(long_time(*groups))

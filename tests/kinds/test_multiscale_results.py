@@ -12,9 +12,6 @@ from spi.storage.records import Description
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 
 
-# --- from a spec to results ------------------------------------------------------------------------------------------
-
-
 def groups_of(experiment, folder):
     return {(g.case, g.variant): g for g in storage.read(run(experiment, folder)).groups}
 

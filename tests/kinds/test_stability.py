@@ -1,15 +1,12 @@
 """The stability study against a plain NumPy computation from the same increments; all seeds are fixed."""
 
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import stability_cases
-from helpers import COMPILED, INITIAL, compiled_only
+from helpers import COMPILED, INITIAL, compiled_only, without_the_compiler
 from stability_cases import EPS, PHI, RIGID, paths_by_hand, study, summary_by_hand
 from states import check_going_on, taken
 
@@ -20,9 +17,6 @@ from spi.storage.records import Part
 
 # fixtures
 case_of = stability_cases.case_of
-
-
-# --- the oracle ------------------------------------------------------------------------------------------------------
 
 
 def check_against_numpy(case, scheme, eps=lambda point: None):
@@ -52,9 +46,6 @@ def check_against_numpy(case, scheme, eps=lambda point: None):
         doubt = np.hypot(stderr, found["truth_bound"][i][farthest[:, 0]])
         np.testing.assert_allclose(found["law_distance_stderr"][i], doubt, rtol=1e-9)
     return found, group
-
-
-# --- everything that is stored, against the oracle -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", pytest.param("midpoint", marks=compiled_only)])
@@ -99,12 +90,7 @@ def check_eps(folder):
 
 def test_swept_eps_is_what_plain_numpy_finds(tmp_path):
     """Without the compiler, which would take longer than the few steps."""
-    program = f"import test_stability; test_stability.check_eps({str(tmp_path)!r})"
-    tests = Path(__file__).parents[1]
-    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    assert without_the_compiler(f"import test_stability; test_stability.check_eps({str(tmp_path)!r}); print(1)")
 
 
 def test_one_path_has_no_standard_errors(case_of):
@@ -112,9 +98,6 @@ def test_one_path_has_no_standard_errors(case_of):
     assert (found["error"] > 0).all() and np.isfinite(found["law_distance"]).all()
     for name in ("error_stderr", "expectation_stderr", "law_distance_stderr"):
         assert np.isnan(found[name]).all()
-
-
-# --- on what the results may not depend ------------------------------------------------------------------------------
 
 
 def test_going_on_from_the_middle_gives_the_same_bits(case_of):

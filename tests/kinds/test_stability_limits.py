@@ -20,9 +20,6 @@ from spi.storage.records import Part
 case_of = stability_cases.case_of
 
 
-# --- diverging paths, or zero ----------------------------------------------------------------------------------------
-
-
 @compiled_only
 def test_explosions_are_counted_and_never_left_out(case_of):
     """Of Euler-Maruyama some paths stay finite: their numbers must not stand for all."""
@@ -74,9 +71,6 @@ def test_populations_stay_positive_only_by_splitting(case_of):
                 assert least < 0 and found["positive"][i].min() < 0.9
         if scheme == "splitting":
             assert (found["positive"][0] == 1).all()
-
-
-# --- the law ---------------------------------------------------------------------------------------------------------
 
 
 @compiled_only

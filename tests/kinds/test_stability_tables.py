@@ -22,9 +22,6 @@ def cell(group, value, h):
     return REGIMES[read(group).regimes[where]]
 
 
-# --- regimes ---------------------------------------------------------------------------------------------------------
-
-
 def test_regime_of_each_cell():
     explicit, implicit, splitting = (stability_group(scheme) for scheme in SCHEMES)
     assert cell(explicit, 30.0, 1.0) == "paths diverged"
@@ -106,9 +103,6 @@ def test_largest_step_with_all_smaller_ones(good, found):
     h, expected = np.array([1.0, 0.5, 0.25, 0.125]), (math.nan if found[0] is None else found[0], found[1])
     for order in (slice(None), slice(None, None, -1)):
         assert largest_step(h[order], np.array(good)[order]) == pytest.approx(expected, nan_ok=True)
-
-
-# --- tables ----------------------------------------------------------------------------------------------------------
 
 
 def test_rows_of_stability():

@@ -19,9 +19,6 @@ def _no_stopwatch_without_the_compiler(monkeypatch):
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
-# --- the oracle ------------------------------------------------------------------------------------------------------
-
-
 def group_of_paths(samples):
     return np.array([np.argmax(group_counts(p + 1) - group_counts(p)) for p in range(samples)])
 
@@ -36,9 +33,6 @@ def stderr_by_hand(squares):
     mean = sum(m / n * p for m, p in zip(sizes, pseudo, strict=True))
     terms = [(p - mean) ** 2 / (n / m - 1) for m, p in zip(sizes, pseudo, strict=True)]
     return math.sqrt(np.mean(terms))
-
-
-# --- the whole study against the oracle ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("truncate", ["true", "false"])
@@ -96,9 +90,6 @@ def test_standard_errors_are_those_of_a_root_of_a_mean(samples):
     delta = distance.std(ddof=1) / (2 * math.sqrt(distance.mean() * case.samples))
     groups = np.count_nonzero(group_counts(case.samples))
     assert abs(found["error_final_stderr"][0] / delta - 1) < 3 / math.sqrt(2 * (groups - 1)) + 0.1
-
-
-# --- on what the results may not depend ------------------------------------------------------------------------------
 
 
 def test_seeds_matter_and_orders_of_schemes_do_not():

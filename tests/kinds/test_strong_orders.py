@@ -22,9 +22,6 @@ def _no_stopwatch_without_the_compiler(monkeypatch):
         monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
-# --- diverging paths -------------------------------------------------------------------------------------------------
-
-
 @compiled_only
 def test_blow_up_is_counted_and_left_out_of_the_fit():
     """One step size is far too large for Euler-Maruyama; nearly all of its paths overflow, in y or in |y|^2."""
@@ -77,9 +74,6 @@ def test_a_reference_that_blows_up_is_reported():
     assert np.isnan(attributes["order_ci"]).all()
 
 
-# --- few samples -----------------------------------------------------------------------------------------------------
-
-
 def test_one_sample_has_an_error_but_no_standard_error():
     found, attributes = study(case_of("schemes=[splitting]", "samples=1"), "splitting")
     assert (found["error"] > 0).all()
@@ -100,9 +94,6 @@ def test_too_few_samples_are_said_to_be_too_few():
     said = re.fullmatch(r"in brackets: not resolved, would need about (\d+) samples", attributes["note"])
     assert float(said[1]) == float(f"{needed:.1g}")
     assert attributes["points_in_fit"] == np.count_nonzero(found["resolved"])
-
-
-# --- what the paper says ---------------------------------------------------------------------------------------------
 
 
 def contains(attributes, order):
@@ -130,9 +121,6 @@ def test_order_with_one_noise_is_one():
     _, attributes = study(case, "splitting")
     assert contains(attributes, 1.0)
     assert attributes["expected_order"] == 1.0
-
-
-# --- the rest --------------------------------------------------------------------------------------------------------
 
 
 def test_an_implicit_scheme_reports_on_its_solver():

@@ -167,12 +167,6 @@ def test_disagreement(results):
     assert math.isnan(next(r["agreement"] for r in views.rows(results) if r["estimator"] == "multilevel"))
 
 
-def test_agreement_of_other_steps(results):
-    results.groups[2].coordinates["h"] = H * 4
-    records = [record for record in views.rows(results) if record["estimator"] == "multilevel"]
-    assert [math.isnan(record["agreement"]) for record in records[:6]] == [False] * 4 + [True] * 2
-
-
 def test_long_labels_with_eps(results):
     """eps has a line of its own, and its number is not torn from it."""
     results.groups[0].attributes.update(scheme_label="semi-implicit Euler-Maruyama", eps=0.001)

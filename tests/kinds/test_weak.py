@@ -25,8 +25,6 @@ from spi.kinds.weak.study.sums import ROUND
 from spi.schemes import SCHEMES
 from spi.storage.records import Part
 
-# --- no noise --------------------------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
 def test_without_noise_nothing_is_left_to_chance(scheme):
@@ -58,9 +56,6 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
     if COMPILED:
         for found in (levels, in_plain):
             assert np.all(np.abs(found["order"] - SCHEMES[scheme].weak_order) < 0.15)
-
-
-# --- diverging paths -------------------------------------------------------------------------------------------------
 
 
 BLOW_UP = [
@@ -117,9 +112,6 @@ def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     assert 0 < lost[0] < found["difference_samples"][0] and not lost[1:].any()
     assert not np.isfinite(found["error"][:, 0]).any() and np.isfinite(found["error"][:, 1:]).all()
     assert found["difference_samples"][0] == 2 * ROUND * LANES < found["difference_samples"][1:].max()
-
-
-# --- through the one path from a spec to a file ----------------------------------------------------------------------
 
 
 def test_cost_is_known_before_and_progress_on_the_way():

@@ -23,9 +23,6 @@ from spi.exact.kolmogorov import expectations
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 
-# --- what antithetic paths are for ------------------------------------------------------------------------------------
-
-
 RATES = {
     "rigid_body": ["steps=2^-3 .. 2^-9", "reference_step=2^-10"],
     # with weak noise only small steps show it, since the error of the drift alone has variance O(h^2)
@@ -75,9 +72,6 @@ def test_the_variance_of_a_level_falls_with_the_square_of_the_step_with_twins_an
     assert np.all((low - bend < expected) & (expected < high + bend))
     assert np.all(np.abs(rate - expected) < 2 * bend)
     assert np.all(low > 1.5) if expected == 2 else np.all(high < 1.5)
-
-
-# --- the estimators agree --------------------------------------------------------------------------------------------
 
 
 COARSE = ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
@@ -162,9 +156,6 @@ def test_errors_by_differences_agree_with_those_without_sampling(system, scheme)
     assert np.abs(distances(found["difference_mean"], scheme)).max() > 6
     value, bound, _ = exact(system, scheme)
     assert deviations(found["expectation"], found["expectation_stderr"], value[:, :-1], bound[:, :-1]) < 4
-
-
-# --- orders ----------------------------------------------------------------------------------------------------------
 
 
 @compiled_only

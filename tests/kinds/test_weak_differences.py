@@ -20,9 +20,6 @@ SIDES = AS_TOSSED, COINS_TURNED
 SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1]}"
 
 
-# --- what is computed ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("scheme", "keys", "differs"),
     [

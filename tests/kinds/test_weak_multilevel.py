@@ -24,9 +24,6 @@ from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS
 
-# --- multilevel ------------------------------------------------------------------------------------------------------
-
-
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 
 

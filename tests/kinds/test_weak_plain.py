@@ -18,8 +18,6 @@ from weak_cases import (
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import is_resolved
 
-# --- plain -----------------------------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize("samples", [200, 511] if COMPILED else [70])
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])

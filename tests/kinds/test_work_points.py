@@ -25,9 +25,6 @@ def curve(error, h=H, half=None, resolved=None, seconds=None, spread=1.0):
     return WorkCurve(h, error, half, resolved, seconds, seconds / spread, seconds * spread)
 
 
-# --- the time for an error -------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize("target", [0.0317, 0.01, 2.5e-3])
 def test_power_laws_are_met_exactly(order, target):
@@ -129,9 +126,6 @@ def test_interval_of_a_median():
         low, high = interval_of_median(middle, low, high, repeats)
         assert least < np.mean((low <= 1) & (high >= 1)) < most
     assert interval_of_median(2.0, 1.0, 3.0, 1000) == (1.0, 3.0)
-
-
-# --- the cheapest ----------------------------------------------------------------------------------------------------
 
 
 def point(seconds, spread=1.1, at_most=False):

@@ -20,9 +20,6 @@ from spi.specs import SpecError
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
 
 
-# --- stopped and resumed ---------------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def one_step(spec):
     """An experiment whose times are measured at one step size, three times."""
@@ -81,9 +78,6 @@ def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, m
         assert progress.stderr == errors[-1].stderr > 0
 
 
-# --- through the one path from a spec to a file ----------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("few_steps")
 def test_a_run_writes_errors_and_times(spec, tmp_path):
     cases = "cases:\n  - name: paths\n  - {name: laws, functions: y1^2, estimators: [kolmogorov]}\n"
@@ -99,9 +93,6 @@ def test_a_run_writes_errors_and_times(spec, tmp_path):
         assert set(group.variables) >= {"error", "error_stderr", "resolved", "seconds_per_path", "ns_per_step"}
     direct = group_of(spec(STRONG, overrides=["schemes=[splitting]"]), "splitting")
     assert same(paths.variables["error"][1], direct.variables["error"][1])
-
-
-# --- specs -----------------------------------------------------------------------------------------------------------
 
 
 def test_defaults(spec):

@@ -128,12 +128,6 @@ def test_a_scheme_without_casimirs_beside_others():
     assert not series(fig.axes[1], "splitting")
 
 
-def test_five_cases_leave_one_place_free():
-    fig = views.figure(work_results(["one", "two", "three", "four", "five"], ["splitting"]))
-    assert len(fig.axes) == 10
-    assert len({round(ax.get_position().x0, 3) for ax in fig.axes}) == 3
-
-
 def test_times_that_differ_little_have_more_ticks():
     group = work_group("one", "splitting")
     for name in ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"):

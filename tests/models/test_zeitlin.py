@@ -50,9 +50,6 @@ BY_REFERENCE = {
 }
 
 
-# --- N = 3: the built-in model ---------------------------------------------------------------------------------------
-
-
 def test_flows_of_sine_euler():
     y = states(3, 8)
     for k, t in enumerate((0.6, -0.4, 0.8, 0.2)):
@@ -85,9 +82,6 @@ def test_steps_of_sine_euler(name):
         side = 0 if coin == 1 else len(sides) - 1
         assert apart(ours[path], found[side]) < 1e-13
         assert len(sides) == 1 or apart(ours[path], found[1 - side]) > 1e-4
-
-
-# --- flows -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
@@ -178,9 +172,6 @@ def test_paths_do_not_depend_on_how_many_there_are(n, name):
         part = take(name, model, h, dW[..., :paths], y[:paths], coins[:paths]).states
         assert np.array_equal(part, whole[:paths])
     assert len(np.unique(whole, axis=0)) == most
-
-
-# --- steps -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", SIZES if COMPILED else (5, 9))

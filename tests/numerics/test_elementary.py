@@ -53,9 +53,6 @@ def multiples_of_half_pi(numbers):
 SPECIAL_ANGLES = np.array([0.0, DENORMAL, -DENORMAL, 5 * DENORMAL, TINY, -TINY, 1e-300, 1e-160, 1e-20, 1e-8, -1e-8])
 
 
-# --- sine and versine ------------------------------------------------------------------------------------------------
-
-
 def test_small_angles():
     x = np.concatenate(
         [
@@ -159,9 +156,6 @@ def test_a_versine_from_a_rounded_cosine_is_noticed():
     assert error > 1e6
     assert_accurate(x, call(sin_versine_small, x, 2)[1], versine)
     assert_accurate(x, call(sin_versine, x, 2)[1], versine)
-
-
-# --- bits ------------------------------------------------------------------------------------------------------------
 
 
 def test_bits_are_those_of_the_number():

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 from kills import numbers
-from repeats import Interruptions
 from strong_cases import draw
 from zeitlin_cases import take
 
@@ -35,9 +34,6 @@ samples: 200
 """
 #: The same model, whose noises are all on the shell 1.
 SAME = Zeitlin(5, (Noise(0.5, modes=((1, 0), (1, 1), (0, 1), (-1, 1))),))
-
-
-# --- specs -----------------------------------------------------------------------------------------------------------
 
 
 def model(text):
@@ -130,9 +126,6 @@ def test_good_specs(spec):
     assert runner.reports(experiment) == {} and runner.cost(experiment).seconds < 60
 
 
-# --- a study ---------------------------------------------------------------------------------------------------------
-
-
 def increments_of(count, m, seed=0):
     """Those of the first block of paths over `count` steps of size 1 / count, [step, noise, path]."""
     draws = -(-count // STEPS_PER_DRAW)
@@ -159,6 +152,20 @@ def test_a_strong_study(spec, tmp_path):
     np.testing.assert_allclose(group.arrays["error_final"], errors, rtol=1e-12)
     assert np.all(group.arrays["casimir_drift"] < 1e-13) and not group.arrays["nonfinite"].any()
     assert np.all(np.diff(errors) < 0) and errors[-1] > 1e-4
+
+
+class Interruptions:
+    """Interrupts a run after every few reports of something new."""
+
+    def __init__(self, after):
+        self.after, self.known = after, set()
+
+    def __call__(self, progress):
+        place = progress.case, progress.part, progress.done
+        if place not in self.known:
+            self.known.add(place)
+            if len(self.known) % self.after == 0:
+                raise KeyboardInterrupt
 
 
 @pytest.mark.slow

@@ -19,9 +19,6 @@ PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
 CROOKED = "[drift 1/2, noise 1 symmetric, drift 1/2]"  # negative control: its drift is not symmetric
 
 
-# --- strong ----------------------------------------------------------------------------------------------------------
-
-
 @compiled_only
 @pytest.mark.parametrize(("sigma", "order", "other"), [((1.0, 0.0, 0.0), 1.0, 0.5), ((1.0, 1.0, 1.0), 0.5, 1.0)])
 def test_strong_orders_of_noise_in_halves(sigma, order, other):
@@ -49,9 +46,6 @@ def test_all_schemes_are_on_one_path():
     _, attributes = study(strong_case(*own, *steps, "reference_scheme=splitting"), "halves")
     low, high = attributes["order_ci"]
     assert 0.8 < low <= high < 1.2
-
-
-# --- weak ------------------------------------------------------------------------------------------------------------
 
 
 def without_sampling(rows, **options):
@@ -142,8 +136,6 @@ def test_theory_is_silent_without_noise():
     assert np.isnan(weak_case(*own, "model.sigma=[0, 0, 0]").row("own").weak_order)
     assert weak_case(*own, "model.sigma=[0, 0, 1]").row("own").weak_order == 1
 
-
-# --- without noise ---------------------------------------------------------------------------------------------------
 
 FIRST = 1 / (2 - 2 ** (1 / 3))
 STRANG = splitting(flows("drift", "symmetric"), flows("noise"))

@@ -13,9 +13,6 @@ from spi.schemes.splitting import LIE_TROTTER, ORDER_2
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
-# --- Poisson maps ----------------------------------------------------------------------------------------------------
-
-
 DELTA = 2e-4
 POINTS = 4  # a block holds 4 points with 1 + 2 * 6 states each
 
@@ -84,9 +81,6 @@ def test_comparators_are_no_poisson_maps(name, model, generator):
     The exponentials of Munthe-Kaas keep the coadjoint orbits, but are those of a v that depends on the state.
     """
     assert poisson_defect(SCHEMES[name].record, model, 0.5, generator) > 1e-3
-
-
-# --- Casimirs --------------------------------------------------------------------------------------------------------
 
 
 def casimir_errors(scheme, h, steps, seed=5):

@@ -15,8 +15,6 @@ from spi.kinds.strong.study.errors import _expected_order
 from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
 
-# --- the limit on common paths ---------------------------------------------------------------------------------------
-
 
 def by_heun(system, h, dW):
     """Heun's method, which converges to the Stratonovich solution; plain NumPy, with the printed fields."""
@@ -61,9 +59,6 @@ def test_schemes_have_the_same_limit(name):
     with np.errstate(all="ignore"):  # negative control
         wrong = [distance(by_explicit_euler(system, h, dW), exact) for h, dW in coarse.items()]
     assert wrong[1] > 3 * near and wrong[1] > 0.6 * wrong[0]
-
-
-# --- strong orders ---------------------------------------------------------------------------------------------------
 
 
 # (system, sigma, scheme, final time, order).  With one noise, which commutes with itself, splitting and midpoint have

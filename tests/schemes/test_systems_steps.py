@@ -20,9 +20,6 @@ generator = system_formulas.generator
 FAILURES = 2  # column of a report
 
 
-# --- one step of each scheme -----------------------------------------------------------------------------------------
-
-
 @pytest.fixture(params=SYSTEMS.values(), ids=SYSTEMS.keys())
 def system(request):
     return request.param
@@ -79,9 +76,6 @@ def test_step_of_midpoint_satisfies_its_equation(lie_poisson, h, generator):
     field, noise = system.fields(0.5 * (y + new))
     assert relative(new, y + h * field + weighted(system, dW, noise)) < 1e-13
     assert report[FAILURES] == 0
-
-
-# --- Casimirs --------------------------------------------------------------------------------------------------------
 
 
 CHUNK = 5000

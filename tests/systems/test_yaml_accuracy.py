@@ -65,8 +65,6 @@ def test_products_with_numbers_of_two_parts():
         assert max(float(abs(high * mpmath.mpf(x) - c * x) / x) for x in (1.0, 1.5)) > 1e-17
 
 
-# --- motions of so(2,1), by linear functions of all three kinds ------------------------------------------------------
-
 BOOSTS = given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1})  # {y1, y2} = y3, {y2, y3} = -y1, {y3, y1} = -y2
 Y = (0.3, -0.7, 1.1)
 
@@ -131,8 +129,6 @@ def test_rotations_by_large_angles(t, tolerance):
     """As the angle is rounded: by half a unit of its last place."""
     assert relative_error("y1 + y2/3 + 2*y3", (1, mpmath.mpf(1) / 3, 2), t) < tolerance
 
-
-# --- Casimir functions over many steps -------------------------------------------------------------------------------
 
 SPLITTING = SCHEMES["splitting"].record
 STEPS, H = 100_000, 1e-3
