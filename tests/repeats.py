@@ -21,10 +21,10 @@ from pathlib import Path
 from kills import numbers
 
 from spi.ensemble import loop
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import shards, workers
 from spi.running.checkpoint import Shard
-from spi.running.runs import Stopped, Watch, load
+from spi.running.run import Stopped, Watch, load
 from spi.statistics import tallies
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"

@@ -13,7 +13,7 @@ from states import finished
 
 from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES, philox
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 RIGID = """\

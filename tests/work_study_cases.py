@@ -12,7 +12,7 @@ from spi.ensemble.loop import thread_count
 from spi.kinds import KINDS
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
-from spi.running.runs import load
+from spi.running.run import load
 
 SPEC = """\
 kind: {kind}

@@ -15,7 +15,7 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
     there are none of that name.
     """
     if source.suffix in SPECS:
-        from ..running.runs import results_of
+        from ..running.run import results_of
 
         return results_of(source, folder)
     from ..report.views import named

@@ -15,7 +15,7 @@ from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
 from ..report import views
 from ..running import shipped
-from ..running.loading import load_as
+from ..running.load import load_as
 from ..specs import text_of
 from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Reading, Results, by_case

@@ -13,7 +13,7 @@ from strong_results import strong, strong_group
 from spi import storage
 from spi.kinds import KINDS
 from spi.running import shipped
-from spi.running.runs import load
+from spi.running.run import load
 from spi.specs import SpecError
 
 NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments").glob("*.yaml"))

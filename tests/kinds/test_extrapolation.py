@@ -16,7 +16,7 @@ from spi.kinds.weak import claims, reading
 from spi.kinds.weak import study as weak
 from spi.models import RigidBodySharedNoise
 from spi.report import views
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC

@@ -13,7 +13,7 @@ from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.extrapolated import errors_at_steps, shares, shares_above
 from spi.kinds.work_precision import study as work_precision
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
 from spi.specs import SpecError

@@ -13,7 +13,7 @@ from work_study_cases import STRONG, WEAK, Clock, group_of, same
 from spi import storage
 from spi.kinds.state import State
 from spi.kinds.strong import study as strong
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.specs import SpecError
 
 # fixtures

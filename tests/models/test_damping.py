@@ -42,7 +42,7 @@ from spi.ensemble.protocol import (
 from spi.models import RigidBody
 from spi.models.damped import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES
-from spi.running.runs import plans
+from spi.running.run import plans
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
 

@@ -14,8 +14,9 @@ from own_models import OSCILLATOR, check_other_processes
 from spi import storage
 from spi.checks import model_checks
 from spi.checks.compilable import CompilationError
-from spi.running import runs, shards, verification
-from spi.running.session import Watch
+from spi.running import run as runs
+from spi.running import shards, verify
+from spi.running.run import Watch
 from spi.specs import SpecError, models
 
 TOP = Path(__file__).parents[1].joinpath("heavy_top.py").read_text(encoding="utf-8")
@@ -308,7 +309,7 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     with pytest.raises(storage.StorageError, match="results of another spec"):
         runs.results_of("s.yaml", "out")
     Path("my_model.py").unlink()
-    found = verification.verify(path, 1)
+    found = verify.verify(path, 1)
     assert found.checked and not found.different
 
 

@@ -15,8 +15,8 @@ from spi import storage
 from spi.ensemble import loop
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
-from spi.running import runs as runner
-from spi.running.runs import Limits, Watch, load
+from spi.running import run as runner
+from spi.running.run import Limits, Watch, load
 from spi.storage import StorageError
 
 EXPERIMENT = Path(__file__).parents[2] / "experiments" / "rigid_body_strong.yaml"
@@ -349,8 +349,8 @@ def test_cost_counts_steps_of_all_cases_and_schemes():
 
 MEMORY = """
 import json, resource, sys
-from spi.running import runs as runner
-from spi.running.runs import load
+from spi.running import run as runner
+from spi.running.run import load
 
 def peak(samples):
     wanted = load(sys.argv[1], "quick", ["schemes=[euler_maruyama]", f"samples={samples}"])

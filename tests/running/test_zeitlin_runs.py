@@ -13,9 +13,9 @@ from zeitlin_cases import take
 from spi import storage
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import workers
-from spi.running.runs import Stopped, Watch
+from spi.running.run import Stopped, Watch
 from spi.specs import SpecError
 
 pytestmark = pytest.mark.xdist_group("zeitlin")

@@ -15,7 +15,7 @@ from spi.expressions.arithmetic import NumberError, parse
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
-from spi.running.runs import layers, load
+from spi.running.run import layers, load
 from spi.specs import SpecError
 
 GOOD = """\

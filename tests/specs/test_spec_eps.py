@@ -5,7 +5,7 @@ import json
 import pytest
 
 from spi.kinds import KINDS
-from spi.running.runs import layers
+from spi.running.run import layers
 from spi.schemes import SCHEMES, scheme_entry
 
 WEAK = """\

@@ -14,7 +14,7 @@ from spi.ensemble import loop
 from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest
 from spi.storage import sums
 

@@ -14,7 +14,7 @@ from spi import systems
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
 
 SPEC = """\

@@ -12,7 +12,7 @@ from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, digest
 from ..storage import StorageError
 from ..storage.records import Results
-from .loading import load, name_of, plans
+from .load import load, name_of, plans
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
 CAUSES = {
