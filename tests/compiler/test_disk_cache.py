@@ -148,13 +148,13 @@ def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
 
     first = folder()
     assert first.parent == tmp_path / "cache"
-    os.utime(tmp_path / "spi" / "rng.py", (0, 0))
+    os.utime(tmp_path / "spi" / "numerics" / "rng.py", (0, 0))
     (tmp_path / "spi" / "notes.txt").write_text("no source")
     assert folder() == first
     with open(tmp_path / "spi" / "schemes" / "midpoint.py", "a") as file:
         file.write("\n")
     second = folder()
-    (tmp_path / "spi" / "rng.py").rename(tmp_path / "spi" / "rng2.py")
+    (tmp_path / "spi" / "numerics" / "rng.py").rename(tmp_path / "spi" / "numerics" / "rng2.py")
     assert len({first, second, folder()}) == 3
 
 
