@@ -131,8 +131,8 @@ WRONG_SPECS = [
     ("my_top.py", "[x]", "python: is a list; must be the path of a Python file"),
     (" name: HeavyTop,", "", "name: missing key 'name'; add name: the class in my_top.py, one of HeavyTop"),
     ("Top", "Tops", "name: is 'HeavyTops', for which there is no class in my_top.py; did you mean 'HeavyTop'?"),
-    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is no class derived from NamedTuple; correct my_top"),
-    ("inertia:", "inertai:", "inertai: is no known key; did you mean 'inertia'?"),
+    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is not a class derived from NamedTuple; correct my_top"),
+    ("inertia:", "inertai:", "inertai: is not a known key; did you mean 'inertia'?"),
     ("2/3]}", "x]}", "inertia: entry 3 is 'x' (unknown word 'x'); must be a number"),
     ("2/3]}", "2/3], weight: [1]}", "weight: is a list; must be a number"),
 ]
@@ -392,7 +392,7 @@ def test_a_registered_model_is_used_by_its_name(installed, spec):
     assert len(experiment.effective["cases"]["main"]["model"]["code"]) == 16
     with pytest.raises(SpecError, match=r"s.yaml:2: model.name: is 'sprin'; did you mean 'spring'\?"):
         spec(text.replace("spring", "sprin"))
-    with pytest.raises(SpecError, match=r"s.yaml:2: model.sgima: is no known key; did you mean 'sigma'\?"):
+    with pytest.raises(SpecError, match=r"s.yaml:2: model.sgima: is not a known key; did you mean 'sigma'\?"):
         spec(text.replace("sigma", "sgima"))
     code, out, err = command("list")
     assert (code, err) == (0, "") and "spring" in out and "rigid_body" in out
@@ -411,9 +411,8 @@ def test_a_broken_package_is_no_obstacle(installed, spec):
     assert code == 0 and "maxwell_bloch" in out
     first, second = err.splitlines()
     start = "which the package package_b registers as package_b:"
-    assert (
-        first == f"spi: the model 'bad', {start}Bad, fails: TypeError: model 'bad' is no class derived from NamedTuple"
-    )
+    wrong = "TypeError: model 'bad' is not a class derived from NamedTuple"
+    assert first == f"spi: the model 'bad', {start}Bad, fails: {wrong}"
     assert second.startswith(f"spi: the model 'gone', {start}Gone, fails: AttributeError: ")
     with pytest.raises(
         SpecError, match=r"s.yaml:2: model.name: is 'gone', which the package package_b .* repair or remove what"

@@ -120,7 +120,7 @@ WRONG = [
     (spin("(y1 + y2)^3", "sqrt(y1^2 + y3^2)"), ("hamiltonian",), "'sqrt(y1^2 + y3^2)' depends on y1 and y3"),
     ("{algebra: so(3)}", ("hamiltonian",), "missing key 'hamiltonian'; add hamiltonian: H, a formula"),
     ("{algebra: so(3), hamiltonian: [y1, y2]}", ("hamiltonian",), "must be one formula"),
-    ("{algebra: so(3), hamiltonian: {y1: y2}}", ("hamiltonian",), "is no text; must be one formula"),
+    ("{algebra: so(3), hamiltonian: {y1: y2}}", ("hamiltonian",), "is not a string; must be one formula"),
     # noises
     (
         spin("y1", more=", noises: [y3, y1^2 + y2]"),

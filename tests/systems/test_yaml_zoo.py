@@ -163,10 +163,10 @@ def test_a_wrong_sign_in_a_motion_is_found(name, quick):
     [
         ("heavy top", "return abs(a1)", "return 0.99 * abs(a1)", "drift_angle, k = 0, is"),
         ("heavy top", "conserved = 2", "conserved = 1", "casimirs has 2 functions"),
-        ("heavy top", "y[0] * y[3] +", "y[0] * y[3] -", "is no Casimir function"),
+        ("heavy top", "y[0] * y[3] +", "y[0] * y[3] -", "is not a Casimir function"),
         ("heavy top", "t * model.weight", "t * 2.0 * model.weight", "drift_flow: its derivatives at t = 0"),
         ("so(2,1)", "sinh_coshm1(a1)", "sinh_coshm1(1.001 * a1)", "does not solve its equation"),
-        ("Toda", "expm1(", "(1.0 + 1e-6) * expm1(", "noise_flow, k = 0, is no flow"),
+        ("Toda", "expm1(", "(1.0 + 1e-6) * expm1(", "noise_flow, k = 0, is not a flow"),
         ("bracket with parameters", "model.a * y[2]", "model.b * y[2]", ""),
     ],
 )
