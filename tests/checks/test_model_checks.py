@@ -151,7 +151,7 @@ def test_angles_that_are_made_to_add_up_are_noted():
     assert first.startswith("noise_angle, k = 1, is ")
 
 
-# --- their surroundings ----------------------------------------------------------------------------------------------
+# --- their environment -----------------------------------------------------------------------------------------------
 
 
 def test_states_have_no_zeros_and_populations_stay_positive():

@@ -8,7 +8,7 @@ import pytest
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from yaml_cases import ZOO, definition
+from yaml_cases import SYSTEMS, definition
 
 from spi.systems.definition import DefinitionError, define, strengths
 from spi.systems.text import NumberError, Symbols, addends, entries, expression, names, whole
@@ -215,7 +215,8 @@ def test_strengths(sigma, keys, message):
 # --- mutated definitions ---------------------------------------------------------------------------------------------
 
 SMALL = [
-    ZOO[name][0] for name in ("rigid body", "heavy top", "e(2)", "Toda", "bracket with parameters", "ring of 4 spins")
+    SYSTEMS[name][0]
+    for name in ("rigid body", "heavy top", "e(2)", "Toda", "bracket with parameters", "ring of 4 spins")
 ]
 PARTS = (
     "",
