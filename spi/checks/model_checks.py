@@ -179,7 +179,7 @@ def _structure(model, y):
         both = [derivative_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units]
         gradient = np.array([changed for changed, _ in both])
         if differ(B @ gradient, 0.0 * y[0], _DIFFERENCES, np.linalg.norm(B) * gradient, [s for _, s in both]):
-            yield f"casimirs, number {c}, is no Casimir function: structure(its gradient) is not 0"
+            yield f"casimirs, number {c}, is not a Casimir function: structure(its gradient) is not 0"
 
 
 def _gradients(model, y):
@@ -272,7 +272,7 @@ def _commuting(model, y):
     flows = list(_flows_of(model, "noise", noises(model), noise_flow, noise_angle))
     for pair in commuting_noises(model):
         if pair not in itertools.combinations(range(len(flows)), 2):
-            yield f"commuting_noises has {pair}, which is no pair (k, l) of noises with 0 <= k < l < {len(flows)}"
+            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {len(flows)}"
             continue
         first, second = (flows[k] for k in pair)
         s, t = (
@@ -310,13 +310,13 @@ def _exactness(model, flow, y, rate):
         yield f"{flow} is not finite at t = {t:.3g}, y = {_shown(y)}"
         return
     if differ(flow.act(s, there), flow.act(s + t, y), _EXACT, there, y):
-        yield f"{flow} is no flow: after times t and s it is not where it is after t + s"
+        yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
         return
     units = _unit_vectors(model)
     before, after = (_matrix([structure(model, z, e) for e in units]) for z in (y, there))
     jacobian = np.array([derivative_along(lambda z: flow.act(t, z), y, e)[0] for e in units]).T
     if differ(jacobian @ before @ jacobian.T, after, _DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before):
-        yield f"{flow} is no Poisson map: it changes the structure"
+        yield f"{flow} is not a Poisson map: it changes the structure"
     sizes = [casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
     for c, (was, now) in enumerate(zip(casimirs(model, y), casimirs(model, there), strict=True)):
         if differ(was, now, _EXACT, *(size[c] for size in sizes)):

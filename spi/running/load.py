@@ -51,7 +51,7 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
     """
     if kind not in KINDS:
-        raise specs.SpecError(f"--as: '{kind}' is no kind of experiment; {suggestion(kind, KINDS)}")
+        raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
     source = load(path)
     if source.kind == kind:
         return load(path, profile, overrides)

@@ -106,7 +106,7 @@ def load(
     """
     told = called or str(path)
     if profile not in PROFILES:
-        raise SpecError(f"{told}: --profile: '{profile}' is no known profile; {suggestion(profile, PROFILES)}")
+        raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
     named, faults = Files(path, files), Faults()
@@ -206,7 +206,7 @@ def _cases(
             for document, loc in above:
                 by_name = document.at(loc).get("cases", {})
                 if other := next((other for other in by_name if other not in owners), None):
-                    document.fail((*loc, "cases", other), f"is no known case; {suggestion(other, owners)}")
+                    document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
                 layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
             merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
             data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}

@@ -69,7 +69,7 @@ class BaseCase(Keys):
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
-    compositions: key_of(Compositions, "schemes of your own, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
+    compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)

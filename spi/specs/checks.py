@@ -25,7 +25,7 @@ def check_multiple(end: float, h: float, key: str, has: str) -> None:
     """The final time must be a multiple of h."""
     if h > end * (1 + ROUNDING) or abs(round(end / h) * h - end) > ROUNDING * end:
         lower = max(math.floor(end / h), 1) * h
-        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
+        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is not a multiple"
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 

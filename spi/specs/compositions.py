@@ -81,7 +81,7 @@ def _read(value: dict[str, Any]) -> dict[str, Stages]:
 
 def _stages(name: str, texts: Any) -> Stages:
     if not re.match(NAME, name):
-        raise wrong("is no name of a composition", "must consist of letters, digits and _", name)
+        raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
         raise wrong("is the name of a scheme", "give the composition another name", name)
     if not isinstance(texts, list):
@@ -96,7 +96,7 @@ def _stages(name: str, texts: Any) -> Stages:
     try:
         splitting(*stages)
     except ValueError as error:
-        raise wrong("is no whole step", f"{error}", name) from None
+        raise wrong("is not a whole step", f"{error}", name) from None
     return tuple(stages)
 
 

@@ -124,7 +124,7 @@ def claims(case: Any) -> tuple[Claim, ...]:
         place = _Place(("expect", scheme))
         with mistakes.apart():
             if scheme not in case.schemes:
-                raise wrong("is none of the schemes", suggestion(scheme, case.schemes), *place.path)
+                raise wrong("is not a known scheme", suggestion(scheme, case.schemes), *place.path)
             right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
             found += _claims(case, scheme, _mapping(stated, right, place), place)
     mistakes.report()
@@ -157,7 +157,7 @@ def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place
         return place._replace(limits=(*place.limits, (name, largest)), text=text)
     if key not in scopes:
         right = suggestion(key, (*case.quantities, *scopes))
-        raise wrong("is nothing that can be expected here", right, *place.path)
+        raise wrong("is not a known quantity", right, *place.path)
     return place._replace(scopes=(*place.scopes, key))
 
 

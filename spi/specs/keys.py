@@ -74,7 +74,7 @@ def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mappi
     """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
     unknown = [key for key in data if key not in known]
     meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
-    faults = [wrong("is no known key", suggestion(key, known), key) for key in unknown]
+    faults = [wrong("is not a known key", suggestion(key, known), key) for key in unknown]
     for key, field in needed.items():
         if key not in data and key not in meant:
             faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
@@ -252,7 +252,7 @@ def _by_name(value: Any) -> Any:
     for name in value if isinstance(value, dict) else ():
         if not re.match(NAME, name):
             with mistakes.apart():
-                raise wrong("is no name of a function", "must consist of letters, digits and _", name)
+                raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     mistakes.report()
     return {"phi": value} if isinstance(value, str) else value
 

@@ -136,7 +136,7 @@ def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch
     ("options", "message"),
     [
         (["--width", "one"], "--width: is for figures in the style paper only; ask for that style as well"),
-        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is no installed TrueType family"),
+        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is not an installed TrueType family"),
         (["--style", "paper", "--width", "three"], "--width: is 'three'; must be one or two"),
     ],
 )

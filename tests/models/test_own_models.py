@@ -129,8 +129,8 @@ WRONG_SPECS = [
     ("my_top.py", "[x]", "python: is a list; must be the path of a Python file"),
     (" name: HeavyTop,", "", "name: missing key 'name'; add name: the class in my_top.py, one of HeavyTop"),
     ("Top", "Tops", "name: is 'HeavyTops', for which there is no class in my_top.py; did you mean 'HeavyTop'?"),
-    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is no class derived from NamedTuple; correct my_top"),
-    ("inertia:", "inertai:", "inertai: is no known key; did you mean 'inertia'?"),
+    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is not a class derived from NamedTuple; correct my_top"),
+    ("inertia:", "inertai:", "inertai: is not a known key; did you mean 'inertia'?"),
     ("2/3]}", "x]}", "inertia: entry 3 is 'x' (unknown word 'x'); must be a number"),
     ("2/3]}", "2/3], weight: [1]}", "weight: is a list; must be a number"),
 ]

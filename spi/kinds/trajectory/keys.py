@@ -70,7 +70,7 @@ class Case(BaseCase):
     def _check_every(self) -> Self:
         steps, d = round(self.final_time / self.step), dimension(self.model)
         if steps % self.every:
-            what = f"is {self.every}, of which the number of steps, {steps}, is no multiple"
+            what = f"is {self.every}, of which the number of steps, {steps}, is not a multiple"
             raise wrong(what, f"take {math.gcd(steps, self.every)}, which divides both", "every")
         if (self.steps_stored + 1) * d > _MOST_NUMBERS:
             what = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"

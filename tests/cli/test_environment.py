@@ -76,7 +76,7 @@ def test_without_a_home_folder():
     done = program("run", PATH, *TINY, before=no_home, **none)
     assert done.returncode == 0
     first, *_, last = done.stderr.decode().splitlines()
-    assert "home" in first and "cannot be kept" in first
+    assert "home" in first and "cannot be saved" in first
     assert last.startswith("results: ")
 
 
@@ -149,8 +149,8 @@ def test_the_name_of_an_experiment_gives_a_hint_of_its_file():
 
 def test_a_message_names_the_option_that_was_given():
     for arguments, named in (
-        (("--samples", "5"), "--samples: samples: is no known key"),
-        (("--set", "samples=5"), "--set samples: is no known key"),
+        (("--samples", "5"), "--samples: samples: is not a known key"),
+        (("--set", "samples=5"), "--set samples: is not a known key"),
         (("--seed", "x"), "--seed: seed: is 'x'"),
     ):
         message = refusal("check", PATH, *arguments)
