@@ -25,7 +25,7 @@ from ..schemes import SCHEMES
 from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows, has_loops
 from ..schemes.splitting import splitting
 from .keys import NAME, entries_in, shown, suggestion, wrong
-from .mistakes import Mistakes
+from .mistakes import every
 
 Rows = tuple[Flows, ...]
 
@@ -71,12 +71,7 @@ def _fraction(text: str) -> float:
 
 def _read(value: dict[str, Any]) -> dict[str, Rows]:
     """The mapping {name: texts of rows} as {name: rows}."""
-    read, mistakes = {}, Mistakes()
-    for name, texts in value.items():
-        with mistakes.apart():
-            read[name] = _rows(name, texts)
-    mistakes.report()
-    return read
+    return dict(zip(value, every(_rows, value.items()), strict=True))
 
 
 def _rows(name: str, texts: Any) -> Rows:
@@ -88,11 +83,7 @@ def _rows(name: str, texts: Any) -> Rows:
         raise wrong(f"is {shown(texts)}", "must be a list of rows, as in [noise 1/2, drift 1, noise 1/2]", name)
     if len(texts) > _MOST_ROWS:
         raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_ROWS}", name)
-    rows, mistakes = [], Mistakes()
-    for n, text in enumerate(texts):
-        with mistakes.apart():
-            rows.append(_row(text, name, n))
-    mistakes.report()
+    rows = every(_row, ((text, name, n) for n, text in enumerate(texts)))
     try:
         splitting(*rows)
     except ValueError as error:
