@@ -42,7 +42,7 @@ from .keys import (
     shown,
     wrong,
 )
-from .mistakes import Mistakes
+from .mistakes import every
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
@@ -276,14 +276,11 @@ class FunctionsCase(ErrorCase):
 
     @condition("functions", "model")
     def _check_functions(self) -> Self:
-        trees, mistakes = {}, Mistakes()
-        for name, text in self.functions.items():
-            with mistakes.apart():
-                trees[name] = self._tree(name, text)
-        mistakes.report()
+        trees = every(self._tree, self.functions.items())
         if not self.variables:
             return self
-        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
+        return self.model_copy(update={"functions": texts})
 
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""

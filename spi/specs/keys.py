@@ -21,7 +21,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
-from .mistakes import Mistakes, again, details
+from .mistakes import again, details, every
 
 #: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
 ESTIMATORS = ("plain", "multilevel", "kolmogorov")
@@ -84,7 +84,7 @@ def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mappi
 def condition(*keys: str) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
     """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between `keys`.
 
-    Where several entries of a key can be wrong it raises them all, as :class:`Mistakes` collects them.  It returns the
+    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It returns the
     record, or a copy with what it makes of it.  The conditions of a class are tried in the order in which they are
     defined, those of its bases first, once all keys can be read.  After one that is not met those that have a key in
     common with it are left out, so that what depends on a mistake is not reported as another.
@@ -248,12 +248,12 @@ NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 def _by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
-    mistakes = Mistakes()
-    for name in value if isinstance(value, dict) else ():
+
+    def check(name: str) -> None:
         if not re.match(NAME, name):
-            with mistakes.apart():
-                raise wrong("is not a valid name", "must consist of letters, digits and _", name)
-    mistakes.report()
+            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
+
+    every(check, ((name,) for name in value) if isinstance(value, dict) else ())
     return {"phi": value} if isinstance(value, str) else value
 
 
