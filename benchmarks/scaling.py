@@ -14,8 +14,8 @@ from pathlib import Path
 
 from spi.ensemble.loop import use_threads
 from spi.kinds.state import State
-from spi.running import engine, slices, workers
-from spi.running.checkpoint import Limits, Slice
+from spi.running import engine, shards, workers
+from spi.running.checkpoint import Limits, Shard
 from spi.running.compiling import processors
 from spi.running.loading import Source, load, plans
 from spi.statistics import tallies
@@ -52,10 +52,10 @@ def in_parts(wanted, count):
         each = []
         for number in range(1, count + 1):
             began = time.perf_counter()
-            slices.run_slice(wanted, Slice(number, count), folder, limits=Limits(1e9))
+            shards.run_shard(wanted, Shard(number, count), folder, limits=Limits(1e9))
             each.append(time.perf_counter() - began)
         began = time.perf_counter()
-        slices.merge(wanted, folder)
+        shards.merge(wanted, folder)
         return max(each), time.perf_counter() - began
 
 

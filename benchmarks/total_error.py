@@ -3,7 +3,7 @@
     python benchmarks/total_error.py [--errors 1e-4 1e-5]
 
 The problem is that of experiments/rigid_body_extrapolated.yaml.  Compared are plain sampling and multilevel differences
-with reversed twins, of the schemes of weak order 2, extrapolated or not.  The bias at each step size is known without
+with antithetic paths, of the schemes of weak order 2, extrapolated or not.  The bias at each step size is known without
 sampling; variances and times of samples are measured.  A line tells the smallest step for which
 bias^2 + variance / samples = error^2 takes the least time, that time and, if it is less than --longest seconds, how far
 one such run came out from the truth.

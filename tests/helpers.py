@@ -252,7 +252,7 @@ def take_step(scheme, model, h, dW, y, coins=None):
 
 
 def composed(model, flows, h, y, dW):
-    """One step of one path, or of arrays of them, by the flows of ``schemes.rows.compositions``, uncompiled."""
+    """One step of one path, or of arrays of them, by the flows of ``schemes.stages.compositions``, uncompiled."""
     for part, k, share in flows:
         if part == "drift":
             y = drift_flow(model, k, share * h, y, ANY_ANGLES)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import fluids
 import numpy as np
 
-from spi.compiler.dispatch import called, kernel
+from spi.compiler.dispatch import device, kernel
 from spi.ensemble.protocol import (
     REPORT,
     add_block_drift,
@@ -24,8 +24,8 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES
-from spi.schemes.rows import flows, substeps
 from spi.schemes.splitting import splitting
+from spi.schemes.stages import flows, substeps
 
 #: Sizes that are prime and not; of 9 and 15 modes lie on several lines.
 SIZES = (5, 7, 9, 15)
@@ -41,7 +41,7 @@ STEPPERS |= {"half_noise": HALF_NOISE, "euler_maruyama": SCHEMES["euler_maruyama
 DRIFT_FLOW, NOISE_FLOW, DRIFT_FIELD, NOISE_FIELDS, ITO_CORRECTION, CASIMIRS, ENERGY, STEPS = range(8)
 
 
-@called  # as the steps are, so that they share what is compiled of the words
+@device(inline=False)  # as the steps are, so that they share what is compiled of the words
 def _answer(what, model, k, t, width, times, y, out, work):
     """One of the words; what it returns, or 0."""
     if what == DRIFT_FLOW:
@@ -173,7 +173,7 @@ def take(name, model, h, halves, states, coins=1.0, in_python=False):
     scheme, of = STEPPERS[name], tables(model)
     steps, _, m, paths = halves.shape
     rows = [halves[:, 0] + halves[:, 1]]
-    if substeps(getattr(scheme, "rows", ())) == 2:
+    if substeps(getattr(scheme, "stages", ())) == 2:
         rows += [halves[:, 0], halves[:, 1]]
     dW, tossed = np.full((steps, len(rows) * m, LANES), np.nan), np.full((steps, LANES), np.nan)
     dW[:, :, :paths] = np.concatenate(rows, axis=1)

@@ -21,9 +21,9 @@ from spi.ensemble.protocol import large
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.printing.text import fraction
+from spi.running import shipped
 from spi.running.loading import layers
 from spi.schemes import SCHEMES
-from spi.specs import shipped
 from spi.specs.keys import text_in
 from spi.systems.keys import KEYS as SYSTEM_KEYS
 
@@ -34,8 +34,8 @@ EXIT_CODES = {
     options.DONE: "done",
     options.FAILED: "failed",
     options.INVALID: "wrong usage, or an invalid spec",
-    options.STOPPED: "stopped; the same command goes on where it stopped",
-    options.BROKEN: "done, but a claim of a spec is broken, or results differ from what is computed again",
+    options.STOPPED: "stopped; run the same command again to resume",
+    options.CLAIM_FAILED: "done, but a claim failed, or recomputed results differ",
 }
 #: What a bare number under ``expect`` means.
 SENSES = {"equal": "this number", "at most": "at most this number", "at least": "at least this number"}

@@ -15,7 +15,7 @@ _LONG_NAMES = {
     "error": "error",
     "error_final": "error at the final time",
     "casimir_drift": "largest change of a Casimir",
-    "nonfinite": "paths that left the finite numbers",
+    "nonfinite": "diverged paths (NaN or infinity)",
     "expectation": "expectation of the test function",
     "reference": "expectation at the reference step",
     "hamiltonian": "Hamiltonian",

@@ -68,7 +68,7 @@ class ProgressLine:
 
     def report_compiling(self, number: int, total: int, name: str) -> None:
         STOP.check()
-        kept = "" if CACHE_PROBLEM else ", kept for later runs"
+        kept = "" if CACHE_PROBLEM else ", saved for later runs"
         if self.bar:
             self._show(self.bar, None, f"{self.name}: compiling {name}{kept}", total, number - 1)
         elif not self.told:

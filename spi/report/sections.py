@@ -14,9 +14,10 @@ from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
 from ..report import views
+from ..running import shipped
 from ..running.loading import load_as
-from ..specs import shipped, text_of
-from ..statistics.claims import KEPT, VERDICTS, Verdict
+from ..specs import text_of
+from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Reading, Results, by_case
 from .tables import Cell, Line, PlainTable, Recorder, Row
 
@@ -52,8 +53,8 @@ class Section(NamedTuple):
     paper_figure: int | None
     asks: str  #: what the experiment asks; empty if its spec does not say
     told: Facts  #: the title of a case and what came out of it; one without a title if there is one case
-    verdicts: dict[str, int]  #: how many claims are kept, not decided and broken; empty if there are none
-    complaints: list[tuple[str, str]]  #: of each claim that is not kept the verdict, and what is to be said
+    verdicts: dict[str, int]  #: how many claims passed, are inconclusive and failed; empty if there are none
+    complaints: list[tuple[str, str]]  #: of each claim that did not pass: the verdict and its details
     orders: PlainTable | None
     items: list[PlainTable | Line]  #: what `spi show` prints
     cost: Facts
@@ -119,9 +120,9 @@ def _counted(judged: Iterable[Verdict]) -> dict[str, int]:
 
 def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
     for one in judged:
-        if one.verdict != KEPT:
+        if one.verdict != PASSED:
             came_out = printed_claims.came_out(one)
-            yield one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; what came out: {came_out}"
+            yield one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out}"
 
 
 def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> PlainTable | None:

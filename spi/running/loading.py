@@ -9,10 +9,10 @@ from typing import NamedTuple
 from .. import specs
 from ..kinds import KINDS
 from ..kinds.plans import Plan
-from ..specs import shipped
 from ..specs.document import text_of
 from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from . import shipped
 
 
 @functools.cache

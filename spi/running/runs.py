@@ -54,7 +54,7 @@ def run(
     checkpoint = session.checkpoint
     if not fresh:
         if storage.is_finished(session.target, identity(experiment)):
-            watch.tell(f"{session.target} holds the results of this very spec; nothing is computed (--fresh does)")
+            watch.tell(f"{session.target} already has the results of this spec; use --fresh to recompute them")
             return session.target
         checkpoint.resume()
     watch.report_beginning(experiment.title, session.cost())

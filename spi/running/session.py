@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import SOURCE_DIGEST, __version__, specs, storage
+from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..kinds.plans import KernelCall, Plan
@@ -123,7 +123,7 @@ class Session:
             if (storage.about_sums(old) or {}).get("finished"):
                 storage.remove_sums(old)
         storage.previous(checkpoint.path).unlink(missing_ok=True)
-        for file in checkpoint.slices().values():
+        for file in checkpoint.shards().values():
             storage.remove_sums(file)
         return self.target
 
@@ -165,7 +165,7 @@ def identity(experiment: specs.Experiment) -> dict[str, Any]:
         "model_code": _code(experiment),
         "expect": experiment.expect,
         "profile": experiment.profile,
-        "source_digest": SOURCE_DIGEST,
+        "source_digest": NUMBERS_DIGEST,
     }
 
 

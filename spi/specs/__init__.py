@@ -13,7 +13,6 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from functools import partial, reduce
 from itertools import chain
 from pathlib import Path
@@ -114,26 +113,15 @@ def load(
     file: Any = None
     with faults:
         file = _valid(kinds.file.validate_python, document.data, [(document, ())])
-    if file is None:
-        with suppress(Exception), faults:  # what else is wrong, as far as that can be told of a file that is invalid
-            kind = document.data["kind"]
-            last = _last(kinds.profiles[kind], told, overrides, faults)
-            for above in ([], last):
-                _cases(kinds.cases[kind], named, document, _owners(document, ""), faults, above)
-        faults.raise_all()
+    faults.raise_all()
     title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
-    owners: dict[str, Owner] = {}
-    with faults:
-        owners = _owners(document, title)
+    owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
     last = _last(kinds.profiles[file.kind], told, overrides, faults)
-    read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
-    if faults.messages:
-        with suppress(Exception), faults:  # what else is wrong, as far as that can be told beside a wrong override
-            read(profiles.get(profile, []) + last)
     faults.raise_all()
+    read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
     each = [read(above) for above in ([], *profiles.values())]
     cases = read(profiles.get(profile, []) + last)
     faults.raise_all()
@@ -192,12 +180,13 @@ def _owners(document: Document, title: str) -> dict[str, Owner]:
 
 
 def _last(profile_class: type[Keys], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
-    """The layers that overrides are; those whose values are wrong stay, so that it is known what else they say."""
+    """The layers that overrides are; adds to `faults` what is wrong with any of them."""
     layers: list[Layer] = []
     for one in overrides:
         with faults:
-            layers.append((override(told, one), ()))
-            _valid(profile_class.model_validate, layers[-1][0].data, layers[-1:])
+            layer = override(told, one), ()
+            _valid(profile_class.model_validate, layer[0].data, [layer])
+            layers.append(layer)
     return layers
 
 

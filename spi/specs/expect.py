@@ -6,7 +6,7 @@
 
 Under a scheme stand quantities, and mappings of quantities that hold for one estimator or test function, by its name,
 for so many levels of extrapolation (``extrapolate 1``), or up to a step size (``up to 2^-3``), an eps (``eps up to
-0.01``) or a value of the swept word.  Layers override it
+0.01``) or a value of the swept parameter.  Layers override it
 claim by claim: a claim that is empty (``order: null``) is dropped, and a layer that names fewer schemes, estimators or
 test functions drops the claims about the others.
 """
@@ -17,7 +17,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator
-from pydantic_core import PydanticCustomError
 
 from ..expressions.arithmetic import NumberError, parse
 from ..statistics.claims import EQUAL, Claim
@@ -49,19 +48,16 @@ def _number(text: str) -> float:
 
 
 def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
-    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it.
-
-    In the place of a number that cannot be read stands the error about it, which is raised by :func:`claims` together
-    with the others, and by :func:`readable`.
-    """
-    if isinstance(value, dict):
-        return {key: _read(inner, (*path, key)) for key, inner in value.items() if inner is not None}
-    if not path:
-        return {} if value is None else value
-    try:
-        return _stated(value, path)
-    except PydanticCustomError as error:
-        return error
+    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
+    if not isinstance(value, dict):
+        return _stated(value, path) if path else {} if value is None else value
+    read, mistakes = {}, Mistakes()
+    for key, inner in value.items():
+        with mistakes.apart():
+            if inner is not None:
+                read[key] = _read(inner, (*path, key))
+    mistakes.report()
+    return read
 
 
 def _stated(value: Any, path: tuple[str, ...]) -> Stated:
@@ -76,19 +72,6 @@ def _stated(value: Any, path: tuple[str, ...]) -> Stated:
     if stated.tolerance < 0 or (sense and tolerance):
         raise wrong(f"is {shown(value)}", _RIGHT, "expect", *path)
     return stated
-
-
-def readable(expect: dict[str, Any]) -> dict[str, Any]:
-    """An ``expect`` as it is; raises the error with all numbers in it that cannot be read, if there are any."""
-    mistakes = Mistakes()
-    for value in expect.values():
-        with mistakes.apart():
-            if isinstance(value, dict):
-                readable(value)
-            elif isinstance(value, PydanticCustomError):
-                raise value
-    mistakes.report()
-    return expect
 
 
 Expect = Annotated[
@@ -130,21 +113,18 @@ class _Place(NamedTuple):
 
 
 def claims(case: Any) -> tuple[Claim, ...]:
-    """The claims of a case; raises the error for pydantic about all that cannot be read or is not known.
-
-    Where the schemes of the case are wrong, so that it has no such key, claims may be about any.
-    """
+    """The claims of a case; raises the error for pydantic about all that is not known."""
     if case.expect and not case.quantities:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"
         )
     found: list[Claim] = []
-    mistakes, schemes = Mistakes(), getattr(case, "schemes", case.expect)
+    mistakes = Mistakes()
     for scheme, stated in case.expect.items():
         place = _Place(("expect", scheme))
         with mistakes.apart():
-            if scheme not in schemes:
-                raise wrong("is none of the schemes", suggestion(scheme, schemes), *place.path)
+            if scheme not in case.schemes:
+                raise wrong("is none of the schemes", suggestion(scheme, case.schemes), *place.path)
             right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
             found += _claims(case, scheme, _mapping(stated, right, place), place)
     mistakes.report()
@@ -183,8 +163,6 @@ def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place
 
 def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
     """What stands at a place, if that is a mapping."""
-    if isinstance(value, PydanticCustomError):
-        raise value
     if not isinstance(value, dict):
         raise wrong(f"is {shown(value.text)}", right, *place.path)
     return value
@@ -192,8 +170,6 @@ def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
 
 def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Claim:
     sort = case.quantities[name]
-    if isinstance(value, PydanticCustomError):
-        raise value
     if isinstance(value, dict):
         raise wrong(f"is {shown(value)}", _RIGHT, *place.path)
     if "h" in dict(place.limits) and not sort.per_step:

@@ -176,9 +176,9 @@ def test_an_interrupted_run_goes_on(monkeypatch, capsys):
 
     with monkeypatch.context() as patched:
         patched.setattr(progress.Line, "_report", interrupt)
-        with pytest.raises(KeyboardInterrupt, match=r"kept in results.*the same call goes on"):
+        with pytest.raises(KeyboardInterrupt, match=r"saved in results.*run the same call again"):
             spi.run("rigid_body_strong", **TINY, progress=True)
-        with pytest.raises(KeyboardInterrupt, match="nothing is kept"):
+        with pytest.raises(KeyboardInterrupt, match="nothing is saved"):
             spi.run("rigid_body_strong", **TINY, progress=True, out=None)
     assert list(Path("results/sums").glob("rigid_body_strong-*"))
     expected = spi.run("rigid_body_strong", **TINY, out=None)

@@ -10,7 +10,7 @@ from own_models import OSCILLATOR
 
 from spi.checks.model_checks import check_model, states_around
 from spi.compiler import modules
-from spi.compiler.dispatch import inlined
+from spi.compiler.dispatch import device
 from spi.compiler.inlining import uncompiled
 from spi.models import LotkaVolterra, RigidBodySharedNoise
 
@@ -158,7 +158,7 @@ def test_states_have_no_zeros_and_populations_stay_positive():
 def test_inlined_functions_run_as_plain_python_within_a_block():
     seen = []
 
-    @inlined
+    @device
     def noted(x):
         seen.append(x)
         return x

@@ -112,7 +112,7 @@ def test_from_spec_to_figure(spi):
     assert re.fullmatch("spi: rigid_body_strong: Strong errors, stochastic rigid body; about .* s once compiled", first)
     assert last == f"results: {RESULTS}; `spi plot {RESULTS}` draws them"
     assert all(
-        re.fullmatch(r"spi: rigid_body_strong: compiling \d kernels?, .* kept for later runs", c) for c in compiling
+        re.fullmatch(r"spi: rigid_body_strong: compiling \d kernels?, .* saved for later runs", c) for c in compiling
     )
     assert out.startswith("Strong errors, stochastic rigid body\n")
     assert "Euler-Maruyama: order" in out
@@ -399,7 +399,7 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
         program.wait_for("paths/s")
         program.process.send_signal(stop)
         assert program.wait() == 3
-        assert program.lines()[-1].startswith("spi: stopped; what is done is kept in ")
+        assert program.lines()[-1].startswith("spi: stopped; progress is saved in ")
         told = "".join(program.lines()).replace(" ", "")  # a terminal may have broken the line
         (checkpoint,) = (p for p in out.rglob("*") if p.suffix == ".npz")
         assert str(checkpoint) in told
@@ -461,8 +461,7 @@ def test_a_stopped_run_says_so_without_a_terminal_too(tmp_path, stop):
     assert out == ""
     checkpoint = kept[0].relative_to(tmp_path)
     assert (
-        err.splitlines()[-1]
-        == f"spi: stopped; what is done is kept in {checkpoint}: the same command goes on from there"
+        err.splitlines()[-1] == f"spi: stopped; progress is saved in {checkpoint}: run the same command again to resume"
     )
     left = {p.name for p in kept[0].parent.iterdir()}
     assert left <= {checkpoint.name, checkpoint.name + ".previous"} and checkpoint.name in left
@@ -474,31 +473,31 @@ def claiming(text):
 
 
 @compiled_only
-def test_a_broken_claim_is_exit_code_4_and_is_shown(spi):
+def test_a_failed_claim_is_exit_code_4_and_is_shown(spi):
     code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: 0, casimir_drift: 1e-12"))
-    assert code == 0 and out.count(" kept") == 2 and "claims: 2 kept" in err
+    assert code == 0 and out.count(" passed") == 2 and "claims: 2 passed" in err
     before = RESULTS.read_bytes()
     code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: at least 1, casimir_drift: 1e-12"))  # no --fresh
-    assert code == 4 and out.count(" kept") == 1 and out.count(" broken") == 1 and RESULTS.read_bytes() != before
-    assert "claims: 1 kept, 1 broken" in err and "splitting: nonfinite at least 1; what came out: 0" in err
+    assert code == 4 and out.count(" passed") == 1 and out.count(" failed") == 1 and RESULTS.read_bytes() != before
+    assert "claims: 1 passed, 1 failed" in err and "splitting: nonfinite at least 1; result: 0" in err
     code, shown, _ = spi("show", RESULTS)
-    assert code == 0 and " broken" in shown  # without the spec at hand
+    assert code == 0 and " failed" in shown  # without the spec at hand
     code, shown, _ = spi("show", RESULTS, "--format", "csv")
-    assert {row["claim[nonfinite]"] for row in csv.DictReader(io.StringIO(shown))} == {"", "broken"}
+    assert {row["claim[nonfinite]"] for row in csv.DictReader(io.StringIO(shown))} == {"", "failed"}
     assert spi("plot", RESULTS)[0] == 0
 
 
 @compiled_only
 def test_a_claim_that_nothing_decides_is_a_warning(spi):
     code, out, err = spi("run", SPEC, *TINY, "--set", "steps=[2^-4]", *claiming("order: 1/2"))
-    assert code == 0 and " not decided" in out and "claims: 1 not decided" in err
-    assert "not decided: case main: splitting: order 1/2; what came out: not resolved" in err
+    assert code == 0 and " inconclusive" in out and "claims: 1 inconclusive" in err
+    assert "inconclusive: case main: splitting: order 1/2; result: not resolved" in err
 
 
 @compiled_only
-def test_all_experiments_of_a_command_are_run_before_a_broken_claim_ends_it(spi):
+def test_all_experiments_of_a_command_are_run_before_a_failed_claim_ends_it(spi):
     other = SPEC.with_name("other.yaml")
     other.write_bytes(SPEC.read_bytes())
     code, _, err = spi("run", SPEC, other, *TINY, *claiming("nonfinite: at least 1"))
-    assert code == 4 and err.count("claims: 1 broken") == 2
+    assert code == 4 and err.count("claims: 1 failed") == 2
     assert RESULTS.exists() and RESULTS.with_name("other.h5").exists()

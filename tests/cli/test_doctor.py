@@ -65,7 +65,7 @@ def test_a_run_that_fails_is_one_line_and_exit_code_1(monkeypatch, error):
 
     monkeypatch.setattr(doctor, "run", fail)
     code, out, err = call("doctor")
-    assert (code, err) == (1, "spi: something is wrong, see above\n")
+    assert (code, err) == (1, "spi: a test failed, see above\n")
     assert out.splitlines()[-1].startswith(f"wrong    numbers   the small run failed ({error})")
 
 

@@ -175,7 +175,7 @@ def test_kernels_are_not_said_to_be_kept_where_they_cannot_be(monkeypatch, capsy
     monkeypatch.setattr(progress, "CACHE_PROBLEM", problem)
     progress.ProgressLine("mine").report_compiling(1, 2, "splitting")
     told = capsys.readouterr().err
-    assert "mine: compiling 2 kernels, some seconds each" in told and ("kept for later runs" in told) == kept
+    assert "mine: compiling 2 kernels, some seconds each" in told and ("saved for later runs" in told) == kept
 
 
 WEAK = """\

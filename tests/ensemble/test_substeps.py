@@ -22,8 +22,8 @@ from spi.ensemble.protocol import substeps
 from spi.models import MaxwellBloch
 from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW, draw_normals
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions, flows
-from spi.schemes.splitting import has_reversed_twin, splitting
+from spi.schemes.splitting import has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows
 
 FINEST = 8
 DRIFT, NOISE = flows("drift"), flows("noise")
@@ -177,7 +177,7 @@ def test_the_kernel_uses_up_each_process_in_the_order_of_its_flows():
     y, parts = random_states(generator), 0.3 * generator.standard_normal((FINEST, 2, LANES))
     coins = generator.choice([-1.0, 1.0], LANES)
     new, _ = take_step(MIXED, MODEL, h, row_of(parts), y, coins)
-    heads, tails = (acting for _, acting in compositions(MIXED.rows, MODEL))
+    heads, tails = (acting for _, acting in compositions(MIXED.stages, MODEL))
 
     def expected(parts):
         lanes = (
@@ -193,12 +193,12 @@ def test_the_kernel_uses_up_each_process_in_the_order_of_its_flows():
 @pytest.mark.parametrize("truncate", [False, True])
 @pytest.mark.parametrize("scheme", [HALVES, PALINDROME], ids=["halves", "palindrome"])
 def test_paths_follow_from_the_increments(scheme, truncate):
-    """Also those of reversed twins; truncated at h = 1/4 some increments are."""
+    """Also those of antithetic paths; truncated at h = 1/4 some increments are."""
     h, steps, reversals = 2.0**-4, 8, (0, 2, 0, 1)
     options = {"h": h, "steps": steps, "doublings": (0, 1), "truncate": truncate}
     found = simulate(scheme, h=h, steps=steps, doublings=(0, 0, 1, 1), reversals=reversals, truncate=truncate)[0][:, 0]
     halves = [over(2, part, **options) for part in (0, 1)]
-    ((_, acting),) = compositions(scheme.rows, RIGID_BODY)
+    ((_, acting),) = compositions(scheme.stages, RIGID_BODY)
     wrong = 0.0
     for level, reversal in enumerate(reversals):
         s = level // 2
@@ -231,7 +231,7 @@ def test_a_palindrome_is_reversed_by_reversing_its_increments():
         new, _ = take_step(scheme, RIGID_BODY, h, row, y)
         return np.abs(take_step(scheme, RIGID_BODY, -h, back, new)[0] - y).max()
 
-    assert has_reversed_twin(PALINDROME) and turned_back(PALINDROME) < 1e-12
+    assert has_antithetic_path(PALINDROME) and turned_back(PALINDROME) < 1e-12
     crooked = splitting(DRIFT, flows("noise", "symmetric"))
-    assert not has_reversed_twin(crooked) and turned_back(crooked) > 0.01
-    assert not has_reversed_twin(HALVES)  # its drift is not symmetric
+    assert not has_antithetic_path(crooked) and turned_back(crooked) > 0.01
+    assert not has_antithetic_path(HALVES)  # its drift is not symmetric

@@ -14,7 +14,7 @@ from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBody
 from spi.models.rigid_body import rotate
 from spi.numerics.angles import sin_versine
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 
 class Spin(NamedTuple):

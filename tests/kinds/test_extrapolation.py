@@ -19,14 +19,14 @@ from spi.report import views
 from spi.running.runs import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
-from spi.schemes.rows import compositions, flows, is_own_reverse
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
+from spi.schemes.stages import compositions, flows, is_own_reverse
 from spi.specs import SpecError
-from spi.statistics.claims import KEPT, judge
+from spi.statistics.claims import PASSED, judge
 from spi.statistics.richardson import Extrapolation, places, weights
 from spi.storage.records import Results
 
-CROOKED = (*SYMMETRIC.rows[:2], flows("drift", fraction=1 / 2))
+CROOKED = (*SYMMETRIC.stages[:2], flows("drift", fraction=1 / 2))
 
 
 @pytest.mark.parametrize("exponents", [(), (2,), (2, 4), (2, 4, 6), (1, 2, 3), (2, 3, 4), (0.5,)])
@@ -60,17 +60,17 @@ def test_exponents_follow_from_the_rows():
     def exponents(row, model=RIGID_BODY):
         return weak_exponents(row, model, 3)
 
-    assert exponents(SCHEMES["splitting_symmetric"]) == exponents(composed("own", SYMMETRIC.rows, 2.0)) == (2, 4, 6)
+    assert exponents(SCHEMES["splitting_symmetric"]) == exponents(composed("own", SYMMETRIC.stages, 2.0)) == (2, 4, 6)
     assert exponents(SCHEMES["splitting_order2"]) == (2, 3, 4)
     assert exponents(SCHEMES["splitting_order2"], ONE_NOISE) == (2, 4, 6)  # one noise is in the same order reversed
     assert exponents(SCHEMES["splitting"]) == exponents(SCHEMES["euler_maruyama"]) == (1, 2, 3)
     assert exponents(composed("crooked", CROOKED, 1.0)) == (1, 2, 3)
     shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
     assert exponents(SCHEMES["splitting_symmetric"], shared) is None  # its flows are not exact
-    assert exponents(ALL_SCHEMES["ap_splitting"]) is exponents(composed("own", SYMMETRIC.rows, float("nan"))) is None
+    assert exponents(ALL_SCHEMES["ap_splitting"]) is exponents(composed("own", SYMMETRIC.stages, float("nan"))) is None
 
 
-@pytest.mark.parametrize("rows", [SYMMETRIC.rows, ORDER_2.rows, LIE_TROTTER.rows, CROOKED])
+@pytest.mark.parametrize("rows", [SYMMETRIC.stages, ORDER_2.stages, LIE_TROTTER.stages, CROOKED])
 @pytest.mark.parametrize("model", [RIGID_BODY, ONE_NOISE], ids=["three noises", "one noise"])
 def test_what_equals_itself_reversed_is_undone_by_the_step_backwards(rows, model):
     """P(-h) P(h) = 1 with matrices in place of the generators of the flows, and only then."""
@@ -167,15 +167,15 @@ def test_orders_4_6_and_8_without_sampling():
     expect = "expect={splitting_symmetric: {extrapolate 0: {order: 2 +- 0.05}, extrapolate 1: {order: 4 +- 0.05}}}"
     claimed = symmetric("functions=sin(2*pi*y1)", *COARSE, "extrapolate=[0, 1]", "estimators=[kolmogorov]", expect)
     verdicts = judge(claimed.claims, claims.quantities(tell))
-    assert [one.verdict for one in verdicts] == [KEPT, KEPT] and verdicts[1].found.about.extrapolate == 1
+    assert [one.verdict for one in verdicts] == [PASSED, PASSED] and verdicts[1].found.about.extrapolate == 1
     swapped = [one._replace(scopes=other.scopes) for one, other in pairwise([*claimed.claims, claimed.claims[0]])]
-    assert KEPT not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
+    assert PASSED not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
 
 
 def test_a_scheme_that_is_not_symmetric_gains_one_order_at_a_time():
     """The scheme of order 2 feels its coins where the noise is strong; weights of even powers do not help it."""
     model, steps = RIGID_BODY._replace(noise_inertia=(2.0, 4.0, 6.0)), [2.0**-k for k in range(2, 7)]
-    word = compositions(ORDER_2.rows, model)
+    word = compositions(ORDER_2.stages, model)
     found = expectations(model, word, INITIAL, 1.0, steps, [lambda y: y[0] ** 2], accuracy=1e-9)
 
     def order(exponents):

@@ -14,8 +14,8 @@ from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.extrapolated import errors_at_steps, shares, shares_above
 from spi.kinds.work_precision import study as work_precision
 from spi.running.runs import load
-from spi.schemes.rows import compositions
 from spi.schemes.splitting import SYMMETRIC
+from spi.schemes.stages import compositions
 from spi.specs import SpecError
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part
@@ -68,7 +68,7 @@ def test_sampling_agrees_with_expectations_without_sampling():
     """Order 4 against values found without sampling, all measured against the reference, which is extrapolated, too."""
     case = symmetric(*COARSE, "model.noise_inertia=[2, 4, 6]", "extrapolate=[0, 1]", "samples=131072", "seconds=0.5")
     every = [*case.steps, 2**-4, 2**-5]
-    exact = expectations(case.model, compositions(SYMMETRIC.rows, case.model), INITIAL, 1.0, every,
+    exact = expectations(case.model, compositions(SYMMETRIC.stages, case.model), INITIAL, 1.0, every,
                          [lambda y: y[0] ** 2], accuracy=1e-8)  # fmt: skip
     right, wrong = (Extrapolation.of(every, exponents).combined(exact.value)[0] for exponents in ((2,), (3,)))
     lacks = 1 - (case.reference_step / np.array(case.steps[1:])) ** 4

@@ -14,7 +14,7 @@ from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
 from spi.kinds.state import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
-from spi.schemes import scheme_row
+from spi.schemes import scheme_entry
 from spi.storage.records import Part
 
 # fixtures
@@ -22,7 +22,7 @@ load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
 
 
 def check_pieces(name, eps=None):
-    scheme, model = scheme_row(name, eps).record, RIGID_BODY._replace(sigma=(1.0, 0.7, None))
+    scheme, model = scheme_entry(name, eps).record, RIGID_BODY._replace(sigma=(1.0, 0.7, None))
     start, n, more = initial_rows(scheme, model, INITIAL, 1), STEPS_PER_TOSS, 2 * STEPS_PER_DRAW
     whole = rows_after(scheme, model, start, 0.1, 0, n + more)
     first = rows_after(scheme, model, start, 0.1, 0, n)
@@ -50,7 +50,7 @@ def test_records_are_those_of_integration_in_one_go(case_of, scheme):
     records = [128, 256, 512, 640]
     assert group.coordinates["n"].tolist() == records
     assert group.coordinates["h"].tolist() == list(case.steps) == [1 / 32, 1 / 64]
-    record, c0 = scheme_row(scheme).record, sum(v * v for v in INITIAL)
+    record, c0 = scheme_entry(scheme).record, sum(v * v for v in INITIAL)
     for i, h in enumerate(case.steps):
         for k, n in enumerate(records):
             rows = rows_after(record, case.model, initial_rows(record, case.model, case.initial, 2), h, 0, n)

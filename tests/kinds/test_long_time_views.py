@@ -120,7 +120,7 @@ def test_lost_everywhere():
         group.variables[name][1][:] = np.nan
     fig = views.figure(long_time(group))
     assert len(fig.axes) == 3 + 4 + 4
-    assert any("paths lost at all" in text for legend in legends(fig) for text in legend)
+    assert any("paths diverge at every" in text for legend in legends(fig) for text in legend)
     assert "nan" in printed(long_time(group))
 
 

@@ -76,7 +76,7 @@ def test_strong_panel(results):
     assert legend_texts(ax) == [
         *(f"{label}: order 0.51 [0.49, 0.53]" for label in LABELS.values()),
         *("slope 1/2", "slope 1", "pale: not resolved, left out of the fit"),
-        "paths left the finite numbers or nearly so",
+        "paths diverged (NaN or infinity) or nearly so",
     ]
 
 

@@ -41,7 +41,7 @@ def bloch(case, panels=("casimirs",), **attributes):
 
 
 def prey(panels=("phase", "populations", "hamiltonian")):
-    """Euler-Maruyama leaves the quadrant, at t = 0.5 jumps, and leaves the finite numbers at t = 0.61."""
+    """Euler-Maruyama leaves the quadrant, at t = 0.5 jumps, and diverges at t = 0.61."""
     good = np.column_stack([1.5 + np.sin(6 * T), 1.5 + np.cos(6 * T)])
     bad = good.copy()
     bad[:, 0] -= np.where(T > 0.305, 20 * (T - 0.305), 0)
@@ -135,9 +135,9 @@ def test_path_that_leaves_the_quadrant_and_the_finite_numbers(tmp_path):
     phase, first, second, energy = fig.axes
     assert (phase.get_xlabel(), phase.get_ylabel()) == ("$y_{1}$", "$y_{2}$")
     assert first.get_ylim()[0] > -4 and first.get_ylim()[1] < 4  # not squashed
-    assert notes(first) >= {"negative population", "Euler-Maruyama not finite from $t=0.61$"}
+    assert notes(first) >= {"negative population", "Euler-Maruyama diverged from $t=0.61$"}
     assert "negative population" not in notes(second) and "Euler-Maruyama leaves at $t=0.5$" in notes(second)
-    assert notes(phase) >= {"start", "negative population", "Euler-Maruyama not finite from $t=0.61$"}
+    assert notes(phase) >= {"start", "negative population", "Euler-Maruyama diverged from $t=0.61$"}
     assert any(note.startswith("Euler-Maruyama not defined from $t=0.4") for note in notes(energy))
     assert np.isfinite(drawn(first, "splitting").get_ydata()).all()
     save(trajectories(*prey()), tmp_path, "prey")
@@ -266,7 +266,7 @@ def test_the_shared_legend_is_clear_of_the_labels_of_axes(noted):
     """Also where claims stand under the figure, for which the layout engine no longer keeps room for it."""
     fig = views.figure(trajectories(*bloch("one", ("casimirs", "casimirs", "casimirs"))))
     if noted:
-        style.note_under(fig, [("Claims kept: all of them.", "black")])
+        style.note_under(fig, [("Claims passed: all of them.", "black")])
     fig.draw_without_rendering()
     (legend,) = fig.legends
     labels = [ax.xaxis.label.get_window_extent() for ax in fig.axes]

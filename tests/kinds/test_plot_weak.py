@@ -198,7 +198,7 @@ def test_paths_that_blow_up():
     group.variables["error_stderr"][1][0, :2] = 1e30, np.nan
     group.variables["resolved"][1][0, :2] = False
     (ax,) = views.figure(weak(group)).axes
-    assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths left the finite numbers or nearly so"
+    assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths diverged (NaN or infinity) or nearly so"
     (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0, 1.0])
     assert edge.get_xdata().tolist() == [2**-3, 2**-4]
 

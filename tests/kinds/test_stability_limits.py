@@ -12,8 +12,8 @@ from spi.kinds.stability import study as stability
 from spi.kinds.state import State
 from spi.models import MaxwellBloch
 from spi.running import engine
-from spi.schemes import scheme_row
-from spi.schemes.rows import compositions
+from spi.schemes import scheme_entry
+from spi.schemes.stages import compositions
 from spi.storage.records import Part
 
 # fixtures
@@ -90,7 +90,7 @@ def test_law_distance_is_nothing_for_small_steps_and_clear_for_large_ones(case_o
 def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     case = case_of(RIGID, f"sweep={{s: [{sigma}]}}")
     model = case.sweep.cases[0].model
-    flows = compositions(scheme_row("splitting").composition, model)
+    flows = compositions(scheme_entry("splitting").composition, model)
     wanted = kolmogorov.expectations(model, flows, INITIAL, 1.0, [0.5, 0.25, 0.125], PHI, 1e-6)
     limit, error = kolmogorov.exact_expectations(model, INITIAL, 1.0, PHI, 1e-6)
     assert error.max() < 1e-6

@@ -24,7 +24,7 @@ def cell(group, value, h):
 
 def test_regime_of_each_cell():
     explicit, implicit, splitting = (stability_group(scheme) for scheme in SCHEMES)
-    assert cell(explicit, 30.0, 1.0) == "paths lost"
+    assert cell(explicit, 30.0, 1.0) == "paths diverged"
     assert cell(explicit, 3.0, 0.5) == "not bounded"
     assert cell(explicit, 1.0, 1.0) == "Casimir lost"
     assert cell(explicit, 0.3, 1.0) == "bounded, not accurate"
@@ -38,8 +38,8 @@ def test_regime_of_each_cell():
 @pytest.mark.parametrize(
     "name, value, regime",
     [
-        ("finite", 511 / 512, "paths lost"),
-        ("finite", math.nan, "paths lost"),
+        ("finite", 511 / 512, "paths diverged"),
+        ("finite", math.nan, "paths diverged"),
         ("failures", 11, "solver fails"),
         ("failures", 10, "accurate"),
         ("largest_norm", 2.01, "not bounded"),

@@ -75,7 +75,7 @@ def test_printed_levels(results):
     text = printed(results)
     assert "splitting, multilevel, phi: levels" in text and "splitting, weak order 2, multilevel: levels" in text
     assert "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95\n" in text
-    assert text.count("; with reversed twins") == 1 and "kurtosis 5" not in text and "disagree" not in text
+    assert text.count("; with antithetic paths") == 1 and "kurtosis 5" not in text and "disagree" not in text
     rows = [line.split() for line in text.splitlines() if line.startswith("2^-3, 2^-4")]
     assert rows[0] == ["2^-3,", "2^-4", "3.125e-2", "±", "0.014e-2", "5.00e-3", "5", "0.25", "1.00e6", "0.08"]
 
@@ -126,7 +126,7 @@ def test_nonfinite_paths(results):
 def test_lost_references(results):
     assert "reference paths" not in printed(results)
     results.groups[0].attributes["reference_nonfinite"] = 3
-    assert printed(results).count("    3 reference paths left the finite numbers") == 1
+    assert printed(results).count("    3 reference paths diverged (NaN or infinity)") == 1
 
 
 def test_one_point_per_estimator():
@@ -179,7 +179,7 @@ def test_differences():
     text = printed(weak(group))
     lines = text.splitlines()
     assert lines.count("    differences to splitting_order2: variance h^1.00 [0.90, 1.10]") == 2
-    levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with reversed twins"
+    levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with antithetic paths"
     assert text.count(levels) == 2
     assert "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2); corrected" in text
     for function in ("phi", "square"):

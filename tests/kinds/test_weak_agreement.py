@@ -21,7 +21,7 @@ from weak_cases import (
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 RATES = {
     "rigid_body": ["steps=2^-3 .. 2^-9", "reference_step=2^-10"],
@@ -57,11 +57,11 @@ def variance_rates(system, scheme, reversals=None):
     [
         ("splitting", None, 1),
         ("splitting_order2", None, 2),
-        # Negative controls: no twins; and twins with their coins turned but the increments left in their order.
+        # Negative controls: no antithetic paths; then antithetic ones with coins turned but increments in their order.
         ("splitting_order2", (AS_TOSSED,) * 4, 1),
         ("splitting_order2", (AS_TOSSED, COINS_TURNED) * 2, 1),
     ],
-    ids=["splitting", "twins", "no twins", "coins turned only"],
+    ids=["splitting", "antithetic", "not antithetic", "coins turned only"],
 )
 def test_the_variance_of_a_level_falls_with_the_square_of_the_step_with_twins_and_else_linearly(
     system, scheme, reversals, expected

@@ -28,7 +28,7 @@ SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_iner
         ("euler_maruyama", (), True),
         ("midpoint", ("truncate_noise=true", "steps=[2^-3]"), True),
         ("own", ("compositions={own: [drift 1, noise 1 coin]}",), True),
-        ("splitting_order2", (), False),  # these have reversed twins
+        ("splitting_order2", (), False),  # these have antithetic paths
         ("own", ("compositions={own: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]}",), False),
         ("own", ("compositions={own: [drift 1, noise 1]}", "model.sigma=[0, 0, 0]"), False),  # no theory
         ("ap_splitting", ("eps=0.1",), False),  # another limit

@@ -128,7 +128,7 @@ def test_against_eps():
     assert ax.get_title() == "$h=2^{-3}$" and ax.get_ylabel().startswith("weak error")
     assert legend_texts(ax) == [
         *("AP splitting", "explicit Euler-Maruyama", "semi-implicit Euler-Maruyama", "splitting"),
-        *("paths left the finite numbers", r"$h=2\,\varepsilon^2$"),
+        *("paths diverged (NaN or infinity)", r"$h=2\,\varepsilon^2$"),
         r"$\varepsilon<\sqrt{h_{\mathrm{ref}}}$: the reference shows the scheme's own limit",
     ]
     for container, group in zip(ax.containers, (results.groups[i] for i in (0, 3, 6)), strict=True):

@@ -30,7 +30,7 @@ TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 def levels_by_hand(case, scheme, blocks):
     """[(coarse - fine, fine) for each level]; at the largest step the value, and that of ordinary paths alone.
 
-    Arrays [function, path]; with twins.
+    Arrays [function, path]; with antithetic paths for the scheme of order 2.
     """
     record, twins, levels = SCHEMES[scheme].record, scheme == "splitting_order2", []
     count = round(math.log2(max(case.steps) / case.reference_step))

@@ -109,6 +109,7 @@ ESTIMATORS = "add estimators: some of plain, multilevel, kolmogorov"
     ("text", "message"),
     [
         (STRONG + "estimators: [plain]\n", "9: estimators: is for weak errors; leave it out, or give functions"),
+        (STRONG + "estimators: [kolmogorov]\n", "9: estimators: is for weak errors; leave it out, or give functions"),
         (STRONG + "functions: y1\n", f"1: estimators: missing key 'estimators'; {ESTIMATORS}"),
         (
             "functions: {a: y1, b: y2}\nestimators: [multilevel]\nseconds: 1\n",

@@ -111,7 +111,7 @@ def test_legends(figure):
     schemes = [f"{label}: order 0.51 [0.49, 0.53]" for label, *_ in MADE_UP.values()]
     unchanged = "the Casimirs have not changed at all"
     assert texts[0] == [*schemes, "requested errors", unchanged]
-    assert texts[1] == [*schemes, "requested errors", "paths left the finite numbers or nearly so", unchanged]
+    assert texts[1] == [*schemes, "requested errors", "paths diverged (NaN or infinity) or nearly so", unchanged]
     assert texts[2][5:] == ["requested errors", "pale: not resolved, left out of the fit"]
     assert all(ax.get_legend() is None for ax in figure.axes[:3])
 

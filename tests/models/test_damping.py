@@ -43,7 +43,7 @@ from spi.models import RigidBody
 from spi.models.damped import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES
 from spi.running.runs import plans
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 from spi.specs import SpecError
 
 GAMMA = 0.7

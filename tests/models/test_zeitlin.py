@@ -23,7 +23,7 @@ from zeitlin_cases import (
 )
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import drift_flow, in_kernels, noise_flow
+from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
@@ -31,6 +31,7 @@ from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import lattice
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
+from spi.schemes.stages import compositions
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
 
@@ -60,18 +61,27 @@ def test_flows_of_sine_euler():
         assert apart(moved(ITS_TWIN, DRIFT_FLOW, k, -t, y)[0], of_drift) > 1e-2
 
 
-def test_the_equations_of_sine_euler_are_left_to_its_flows():
-    """The record for kernels is a small model with its parameters; other equations of N = 3 take the general code."""
-    y = tuple(fluids.random_state(3))
-    ours = in_kernels(ITS_TWIN)
-    assert ours.sigma == SIGMA and not getattr(ours, "large", False)
-    with uncompiled():
-        assert drift_flow(ours, 1, 0.3, y, ANY_ANGLES) == drift_flow(SINE_EULER, 1, 0.3, y, ANY_ANGLES)
-    assert in_kernels(Zeitlin(3)).sigma == (None,) * 4
-    assert in_kernels(Zeitlin(3, (Noise(0.5, modes=((-1, -1),)),))).sigma == (None, 0.5, None, None)
-    linear = Zeitlin(3, (Noise(0.5, modes=((1, 0),), hamiltonian="linear"),))
-    for other in (ITS_TWIN._replace(normalisation="zeitlin"), linear):
-        assert in_kernels(other) is tables(other) and tables(other).large
+def composed(flows, h, y, dW):
+    """A step by flows of the built-in model, with shares of the time and of the increments."""
+    for part, k, share in flows:
+        flow, t = (drift_flow, h) if part == "drift" else (noise_flow, SIGMA[k] * dW[k])
+        y = flow(SINE_EULER, k, share * t, y, ANY_ANGLES)
+    return y
+
+
+@pytest.mark.parametrize("name", ["splitting", "splitting_order2", "splitting_symmetric"])
+def test_steps_of_sine_euler(name):
+    """With equal increments over both halves; the compositions of a scheme with a coin differ from side to side."""
+    h, y, coins = 0.5, states(3, 11), coins_of(11)
+    half = increments(ITS_TWIN, h, 1, 11).mean(axis=1)
+    ours = take(name, ITS_TWIN, h, np.stack([half, half], axis=1), y, coins).states
+    sides = compositions(STEPPERS[name].stages, SINE_EULER)
+    for path, coin in enumerate(coins):
+        with uncompiled():
+            found = [composed(flows, h, tuple(y[path]), 2 * half[0, :, path]) for _, flows in sides]
+        side = 0 if coin == 1 else len(sides) - 1
+        assert apart(ours[path], found[side]) < 1e-13
+        assert len(sides) == 1 or apart(ours[path], found[1 - side]) > 1e-4
 
 
 @pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])

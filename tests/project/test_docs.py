@@ -56,7 +56,7 @@ def test_blocks_and_commands(page, folder):
 
 SPEC = ROOT.joinpath("experiments", "lotka_volterra_positivity.yaml").read_text(encoding="utf-8")
 GOOD = f"""
-See `spi plot FILE` and `spi run --part`; `results.plot()` is no command, and neither is `import spi`.
+See `spi plot FILE` and `spi run --shard`; `results.plot()` is no command, and neither is `import spi`.
 
 ```yaml
 {SPEC}```
@@ -75,7 +75,7 @@ sizes: {{n: 3}}
 ```sh
 make demo
 spi run lotka_volterra_positivity --set seed=2 --max-time 3h    # the experiment
-seq 4 | parallel spi run SPEC --part {{}}/4
+seq 4 | parallel spi run SPEC --shard {{}}/4
 ```
 
 ```python
@@ -98,12 +98,12 @@ def test_a_page_without_mistakes(folder):
         ("<!-- within: rigid_body_strong -->", "", "is no whole spec"),
         ("--max-time", "--maxtime", "no such option: --maxtime"),
         ("--set seed=2", "--set sede=2", "sede"),
-        ("--part {{}}/4", "--prat {{}}/4", "--prat"),
+        ("--shard {{}}/4", "--prat {{}}/4", "--prat"),
         ("spi run lotka_volterra_positivity", "spi run lotka_volterra", "lotka_volterra: no such file"),
         ("spi run lotka", "spi ran lotka", "no such command"),
         ("make demo", "mkae demo", "calls none of spi, make"),
         ("`spi plot FILE`", "`spi plot FILE --flim`", "no such option: --flim"),
-        ("`spi run --part`", "`spi rnu --part`", "no such command"),
+        ("`spi run --shard`", "`spi rnu --shard`", "no such command"),
         ("`spi plot FILE`", "`spi plot results/rigid_bdoy_strong.h5`", "no experiment is called rigid_bdoy_strong"),
         ("1 + 1 == 2", "1 + 1 == 3", "page.md"),
         ("1 + 1 == 2", "1 + 1 === 2", "page.md"),

@@ -151,13 +151,13 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
     assert not re.search(r"details[^{}]*{[^}]*display: *none", text)
 
 
-def test_broken_claims_are_shown(stored, tmp_path, undrawn):
+def test_failed_claims_are_shown(stored, tmp_path, undrawn):
     text = page_of(stored[:1], tmp_path / "report.html")
-    assert '<span class="kept">1 kept</span>, <span class="bad">1 broken</span>' in text
-    assert "three: splitting, noise first (slpI): nonfinite at least 1; what came out: 0" in text
+    assert '<span class="passed">1 passed</span>, <span class="bad">1 failed</span>' in text
+    assert "three: splitting, noise first (slpI): nonfinite at least 1; result: 0" in text
     storage.write(stored[0], strong_results(expect=claims.as_text([claim("casimir_drift", 1e-12)])))
     text = page_of(stored[:1], tmp_path / "report.html")
-    assert '<span class="kept">1 kept</span>.' in text and "broken" not in text.partition("</head>")[2]
+    assert '<span class="passed">1 passed</span>.' in text and "failed" not in text.partition("</head>")[2]
 
 
 def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):
@@ -183,7 +183,7 @@ def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
 
 
 def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, undrawn):
-    from spi.specs import shipped
+    from spi.running import shipped
 
     spec = shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")
     path = tmp_path / "rigid_body_strong.h5"
@@ -264,8 +264,7 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():
-    from spi.running import loading
-    from spi.specs import shipped
+    from spi.running import loading, shipped
 
     path = shipped.path_of("rigid_body_strong")
     text = path.read_text(encoding="utf-8")

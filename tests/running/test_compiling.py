@@ -30,7 +30,7 @@ START = """
 import itertools, json, sys
 import numpy as np
 from kernels import total, value
-from spi import compiling
+from spi.running import compiling
 from spi.kinds.plans import KernelCall
 
 compiling.processors = lambda: 3
@@ -129,7 +129,7 @@ except KeyboardInterrupt:
 
 
 RUN = """
-from spi import runs
+from spi.running import runs
 from spi.ensemble.loop import integrate
 only_workers()
 experiment = runs.load("SPEC", "quick", ["schemes=[euler_maruyama, splitting]"])
@@ -158,7 +158,7 @@ def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program
 #: Loads what the calls of all plans need, then runs them; prints the kernels of which there were more then.
 CALLS_OF_PLANS = """
 import json, sys
-from spi import engine, runs
+from spi.running import engine, runs
 from spi.ensemble.loop import integrate
 from spi.kinds.state import State
 from spi.kinds.trajectory.study import invariants

@@ -173,7 +173,7 @@ def test_a_finished_spec_computes_nothing(tmp_path):
     before = path.read_bytes()
     assert runner.run(wanted, tmp_path, watch=Watch(report=reports, tell=news.append)) == path
     assert path.read_bytes() == before
-    assert not reports and len(news) == 1 and "nothing is computed" in news[0]
+    assert not reports and len(news) == 1 and "use --fresh to recompute" in news[0]
     runner.run(wanted, tmp_path, fresh=True, watch=Watch(report=reports))
     assert reports.done(SCHEMES[0])[:2] == [0, 5]
 
@@ -230,7 +230,7 @@ def uninterrupted(tmp_path_factory):
 @pytest.mark.parametrize(("scheme", "after"), [("euler_maruyama", 1), ("splitting", 2)])
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, uninterrupted, scheme, after):
     first, wanted = Reports(scheme, after), experiment(f"samples={MANY}")
-    with pytest.raises(runner.Stopped, match="the same command goes on"):
+    with pytest.raises(runner.Stopped, match="run the same command again"):
         runner.run(wanted, tmp_path, watch=Watch(report=first))
     checkpoint = runner.sums_path(wanted, tmp_path)
     assert files(tmp_path) == {checkpoint}
@@ -349,7 +349,7 @@ def test_cost_counts_steps_of_all_cases_and_schemes():
 
 MEMORY = """
 import json, resource, sys
-from spi import runs as runner
+from spi.running import runs as runner
 from spi.running.runs import load
 
 def peak(samples):

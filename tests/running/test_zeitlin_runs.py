@@ -11,12 +11,10 @@ from strong_cases import draw
 from zeitlin_cases import take
 
 from spi import storage
-from spi.models import SineEuler
-from spi.models.zeitlin import Noise, Zeitlin, ZeitlinThree
+from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
 from spi.running import runs as runner
 from spi.running import workers
-from spi.running.loading import plans
 from spi.running.runs import Stopped, Watch
 from spi.specs import SpecError
 
@@ -126,16 +124,6 @@ def test_good_specs(spec):
     assert [process.form for process in case.model.processes] == ["quadratic", "cosine", "sine"]
     experiment = spec(TEXT, MODEL, "{name: zeitlin, n: 5}", "schemes: [splitting]", "schemes: [splitting_symmetric]")
     assert runner.reports(experiment) == {} and runner.cost(experiment).seconds < 60
-
-
-def test_runs_of_three_modes_are_those_of_sine_euler(spec):
-    """The record that kernels get has the same flows, dimension and parameters, so that all bits are the same."""
-    three = "{name: zeitlin, n: 3, noise: {modes: [[1, 0], [0, 1]], sigma: 0.5}}"
-    plan, *_ = plans(spec(TEXT, MODEL, three, INITIAL, "0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8"))
-    assert plan.model == ZeitlinThree((0.5, None, 0.5, None))
-    assert isinstance(plan.initial, tuple)
-    for name in ("drift_flow", "noise_flow", "drift_angle", "noise_angle", "hamiltonian", "structure"):
-        assert getattr(ZeitlinThree, name) is getattr(SineEuler, name)
 
 
 def increments_of(count, m, seed=0):

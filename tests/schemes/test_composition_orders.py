@@ -12,8 +12,8 @@ from weak_cases import case_of as weak_case
 from spi.ensemble.protocol import structure
 from spi.exact.kolmogorov import expectations
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes.rows import compositions, flows
-from spi.schemes.splitting import has_reversed_twin, splitting
+from spi.schemes.splitting import has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows
 
 PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
 CROOKED = "[drift 1/2, noise 1 symmetric, drift 1/2]"  # negative control: its drift is not symmetric
@@ -90,12 +90,12 @@ def test_sampling_agrees_with_expectations_without_sampling():
 
 
 @compiled_only
-def test_a_palindrome_has_reversed_twins():
+def test_a_palindrome_has_antithetic_paths():
     """The variance of a level falls like h^2, and its errors have order 2 and are those found without sampling."""
     own = [f"compositions={{own: {PALINDROME}, crooked: {CROOKED}}}", "schemes=[own, crooked]"]
     case = weak_case(*own, "steps=2^-1 .. 2^-4", "reference_step=2^-6", "seconds=2", "functions=y1^2")
     found, attributes = results_of(case, "own", "multilevel")
-    assert attributes["twins"] and not has_reversed_twin(case.row("crooked").record)
+    assert attributes["twins"] and not has_antithetic_path(case.row("crooked").record)
     assert np.all(np.abs(found["level_variance_rate"] - 2) < 0.4)
     assert has_order(found, 2) and not has_order(found, 1)
     exact = expectations(

@@ -115,7 +115,7 @@ def test_euler_maruyama_does_not_keep_them_unless_renormalised():
         assert errors.max() < 1e-13
 
 
-@pytest.mark.parametrize("h", [1e-12, 1e-3, 1.0])  # angles of 1e-4, 1e5 and 1e8: all but one of the roads to a sine
+@pytest.mark.parametrize("h", [1e-12, 1e-3, 1.0])  # angles of 1e-4, 1e5 and 1e8: all but one range of the sine
 @pytest.mark.parametrize("scheme", [LIE_TROTTER, ORDER_2], ids=["lie_trotter", "order2"])
 def test_casimir_of_one_step_far_from_the_origin(scheme, h, generator):
     """It is kept to rounding whatever the angles: 6 rotations, or 13, each by a few roundings of 1e-16."""

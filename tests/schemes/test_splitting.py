@@ -100,7 +100,7 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
         assert relative(new[others], expected[others]) < 1e-15
 
 
-ROADS = {
+RANGES = {
     "tiny": (TINY_ANGLES, [1e-9, 0.02, 2.0**-5]),
     "small": (SMALL_ANGLES, [2.0**-5, 0.3, SMALL]),
     "reduced": (REDUCED_ANGLES, [SMALL, 1.0, 22.0, 1e3, 355.0 / 113.0 * 1e5, 1e6, REDUCIBLE]),
@@ -108,10 +108,10 @@ ROADS = {
 }
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_flows_are_accurate_to_the_ends_of_each_road(road, generator):
+@pytest.mark.parametrize("case", RANGES)
+def test_flows_are_accurate_to_the_ends_of_each_range(case, generator):
     """No accuracy is lost, up to the very ends of the ranges and beyond: 2 units in the last place of the length."""
-    angles, sizes = ROADS[road]
+    angles, sizes = RANGES[case]
     for size in sizes:
         for angle in (np.nextafter(size, 0.0), size, -size):
             axis = int(generator.integers(3))

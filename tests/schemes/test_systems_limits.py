@@ -12,7 +12,7 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes import SCHEMES, scheme_row
+from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
 
 
@@ -93,7 +93,7 @@ def strong_case(name, sigma, scheme, final_time):
         steps=tuple(2.0**-n for n in range(5, 14)),
         reference_step=2.0**-exponent,
         reference_scheme=None,
-        row=scheme_row,
+        row=scheme_entry,
         reference_record=lambda eps: None,
         schemes=(scheme,),
         truncate_noise=name == "maxwell_bloch",
@@ -120,7 +120,7 @@ def test_strong_orders(name, sigma, scheme, final_time, order):
 
 @compiled_only
 def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
-    """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
+    """Until T = 1 some of 500 paths diverge (NaN or infinity) at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
     group = plan.group(finished(plan))

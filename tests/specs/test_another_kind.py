@@ -21,7 +21,7 @@ SOURCES = [
 #: (source, kind) -> what is said where no experiment can be made.
 REFUSED = {
     ("rigid_body_ap_weak", "long_time"): "cases?.schemes: has a multiscale scheme; use schemes without eps",
-    ("zeitlin_strong", "stability"): "zeitlin_strong: --as stability: is zeitlin; give a word to sweep",
+    ("zeitlin_strong", "stability"): "zeitlin_strong: --as stability: is zeitlin; choose a parameter to sweep",
 }
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from spi.kinds import KINDS
 from spi.running.runs import layers
-from spi.schemes import SCHEMES, scheme_row
+from spi.schemes import SCHEMES, scheme_entry
 
 WEAK = """\
 kind: weak
@@ -90,7 +90,7 @@ def test_eps_is_set_from_outside_by_profiles_and_by_cases(spec, text):
 
 def test_rows_of_schemes_get_their_eps():
     for name, row in SCHEMES.items():
-        found = scheme_row(name, 0.25)
+        found = scheme_entry(name, 0.25)
         if row.multiscale:
             assert found.record.eps == 0.25
             assert found.label == row.label  # a result stores its eps beside the label

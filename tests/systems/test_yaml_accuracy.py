@@ -12,7 +12,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, noise_flow
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.elementary import expm1
-from spi.systems.motions import sinh_coshm1, times
+from spi.numerics.motions import sinh_coshm1, times
 
 mpmath.mp.dps = 50  # of this file
 

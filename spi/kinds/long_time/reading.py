@@ -49,7 +49,7 @@ class LongTimes(NamedTuple):
     growth_high: np.ndarray  #: (S, C)
     bias: np.ndarray  #: (S, C) mean error at the end, per step
     bias_stderr: np.ndarray  #: (S, C)
-    nonfinite: np.ndarray  #: (S,) paths that left the finite numbers
+    nonfinite: np.ndarray  #: (S,) diverged paths (NaN or infinity)
     solver: Solver | None  #: (S,) each; None for an explicit scheme
     law: Law | None  #: None where the stationary law is not known
     samples: int  #: paths

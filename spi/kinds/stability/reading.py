@@ -9,7 +9,7 @@ from spi.storage.records import Description, Group, Solver
 #: From good to bad; a scheme is in the worst regime that applies.
 REGIMES = (
     *("accurate", "bounded, not accurate", "not positive"),
-    *("Casimir lost", "not bounded", "solver fails", "paths lost"),
+    *("Casimir lost", "not bounded", "solver fails", "paths diverged"),
 )
 
 FAILING = 1e-3  #: of the solves: more failures than that, and what is integrated is another scheme
@@ -49,11 +49,11 @@ class Law(NamedTuple):
 
 
 class Stability(NamedTuple):
-    """What one scheme keeps of the equation at V values of the swept word and S step sizes, from large to small."""
+    """What one scheme keeps of the equation at V values of a parameter and S step sizes, from large to small."""
 
     about: Description
-    word: str  #: the swept word of the spec
-    values: np.ndarray  #: (V,) of the swept word
+    word: str  #: the swept parameter of the spec
+    values: np.ndarray  #: (V,) of the swept parameter
     h: np.ndarray  #: (S,)
     finite: np.ndarray  #: (V, S) fraction of the paths that are finite at the final time
     largest_norm: np.ndarray  #: (V, S) largest |y| over paths and times, relative to |y_0|

@@ -12,13 +12,13 @@ class StrongErrors(NamedTuple):
 
     about: Description
     h: np.ndarray  #: (S,)
-    error: np.ndarray  #: (S,) sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2), infinite where paths were lost
+    error: np.ndarray  #: (S,) sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2), infinite where paths diverged
     error_stderr: np.ndarray  #: (S,)
     error_final: np.ndarray  #: (S,) the same at the final time
     error_final_stderr: np.ndarray  #: (S,)
     resolved: np.ndarray  #: (S,) bool, whether the error stands clear of its standard error
     casimir_drift: np.ndarray  #: (S, casimirs) largest |C(y_h(t_n)) - C(y_0)| over paths and times
-    nonfinite: np.ndarray  #: (S,) paths that left the finite numbers
+    nonfinite: np.ndarray  #: (S,) diverged paths (NaN or infinity)
     ns_per_step: np.ndarray  #: (S,) nanoseconds per step and path on one thread
     seconds: np.ndarray  #: (S,) the same for all steps of all paths
     largest_angle: float  #: of a rotation, in rad; 0 if none exceeded pi/4
@@ -28,7 +28,7 @@ class StrongErrors(NamedTuple):
     samples: int
     reference_step: float
     reference_scheme: str | None  #: None where each scheme is its own reference
-    reference_nonfinite: int  #: paths of the reference that left the finite numbers
+    reference_nonfinite: int  #: diverged paths of the reference (NaN or infinity)
     note: str  #: on points that are not resolved
 
 

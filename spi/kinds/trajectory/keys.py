@@ -59,14 +59,14 @@ class Case(BaseCase):
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
-    @condition
+    @condition("step", "schemes")
     def _check_step(self) -> Self:
         check_count(self.final_time, self.step, "step")
         check_multiple(self.final_time, self.step, "step", "is")
         check_schemes(self, self.schemes, self.step, "step")
         return self
 
-    @condition
+    @condition("every", "step")
     def _check_every(self) -> Self:
         steps, d = round(self.final_time / self.step), dimension(self.model)
         if steps % self.every:
@@ -78,7 +78,7 @@ class Case(BaseCase):
             raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
         return self
 
-    @condition
+    @condition("times", "every", "step")
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
         between = self.every * self.step
@@ -103,7 +103,7 @@ class Case(BaseCase):
             what = f"is {quantity(t)}, no multiple of {quantity(between)}, the time between stored states"
             raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(lower + between)}", "times", i)
 
-    @condition
+    @condition("panels", "model")
     def _check_panels(self) -> Self:
         mistakes = Mistakes()
         for i, panel in enumerate(self.panels):

@@ -21,7 +21,7 @@ class Trajectory(NamedTuple):
 
     about: Description
     t: np.ndarray  #: (N + 1,)
-    y: np.ndarray  #: (N + 1, d), from where the path is lost on not finite
+    y: np.ndarray  #: (N + 1, d), not finite from where the path diverged
     hamiltonian: np.ndarray  #: (N + 1,) H(y_n)
     casimirs: np.ndarray  #: (N + 1, C)
     casimir_changes: np.ndarray  #: (N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)

@@ -1,6 +1,6 @@
 """Stability: what schemes keep of the equation where steps are large or parameters extreme.
 
-For each value of the swept word the same Brownian paths are run at all step sizes.  Of every path the study keeps the
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
 largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
 fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
@@ -39,7 +39,7 @@ def plan(case: Any, part: Part) -> "StabilityPlan":
 
 
 def _point(case: Any, scheme: str) -> BlocksPlan:
-    """The paths of one scheme for a case without the swept word."""
+    """The paths of one scheme for a case without the swept parameter."""
     eps = case.eps[0] if case.row(scheme).multiscale else None
     reference = case.reference_record(eps)
     schemes = [case.row(scheme, eps).record, reference]
@@ -50,7 +50,7 @@ def _point(case: Any, scheme: str) -> BlocksPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityPlan(Blockwise):
-    """One scheme at all step sizes for all values of the swept word."""
+    """One scheme at all step sizes for all values of the swept parameter."""
 
     case: Any  #: ``spi.kinds.stability.keys.Case``
     part: Part
@@ -123,7 +123,7 @@ class StabilityPlan(Blockwise):
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
     def description(self) -> dict[str, Any]:
-        """The attributes that say what was integrated, whatever the value of the swept word."""
+        """The attributes that say what was integrated, whatever the value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
         return dict(item for item in first.items() if all(item in other.items() for other in others))
 

@@ -55,12 +55,12 @@ class Levels(NamedTuple):
     kurtosis: np.ndarray  #: (F, L)
     consistency: np.ndarray  #: (F, L) Giles' check, above 1 with probability 0.3 %
     samples: np.ndarray  #: (L,)
-    nonfinite: np.ndarray  #: (L,) samples that left the finite numbers
+    nonfinite: np.ndarray  #: (L,) diverged samples (NaN or infinity)
     seconds: np.ndarray  #: (L,) of processor time per sample
     mean_rate: np.ndarray | None  #: (F, 3) p in mean = C h^p, and its 95 % interval
     variance_rate: np.ndarray | None  #: (F, 3) the same of the variance
     cost_rate: float  #: p in seconds = C h^-p
-    twins: bool  #: whether each path has a reversed twin
+    twins: bool  #: whether sampled with antithetic paths
 
 
 class Differences(NamedTuple):
@@ -72,7 +72,7 @@ class Differences(NamedTuple):
     kurtosis: np.ndarray  #: (F, S)
     consistency: np.ndarray  #: (F, S) of its expectations with those of its levels, above 1 with probability 0.3 %
     samples: np.ndarray  #: (S,)
-    nonfinite: np.ndarray  #: (S,) samples that left the finite numbers
+    nonfinite: np.ndarray  #: (S,) diverged samples (NaN or infinity)
     seconds: np.ndarray  #: (S,) of processor time per sample
     variance_rate: np.ndarray  #: (F, 3) p in variance = C h^p, and its 95 % interval
 
@@ -100,7 +100,7 @@ class WeakErrors(NamedTuple):
     stages: Stages | None
     levels: Levels | None  #: None but for multilevel; of the scheme of weak order 2 where there are differences to it
     differences: Differences | None  #: None where errors are sums of the scheme's own levels
-    nonfinite: np.ndarray | None  #: (S,) paths that left the finite numbers; None but for plain
+    nonfinite: np.ndarray | None  #: (S,) diverged paths (NaN or infinity); None but for plain
     reference_nonfinite: int  #: the same of the reference
 
     @property

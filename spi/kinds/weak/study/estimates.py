@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from spi.numerics.rng import LANES
-from spi.schemes.splitting import has_reversed_twin
+from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
 from spi.storage.records import Group, Order, Variables
 
@@ -90,7 +90,7 @@ def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
         "wall_seconds": seconds,
         "ns_per_step": 1e9 * float(levels.cpu_seconds.sum() / steps),
         "compared_with": "",
-        "twins": has_reversed_twin(p.scheme),
+        "twins": has_antithetic_path(p.scheme),
         "control": "the limit without sampling" if p.control else "",
         "control_bound": levels.more.control_bound,
         "level_cost_rate": _cost_rate(_coarse(p), per_sample[:-1]),

@@ -19,10 +19,10 @@ class WorkPrecision(NamedTuple):
     functions: tuple[str, ...]  #: the test function of weak errors as text; empty for strong ones
     exact: bool  #: whether nothing was sampled
     h: np.ndarray  #: (S,)
-    error: np.ndarray  #: (S,) without its sign, not finite where paths were lost
+    error: np.ndarray  #: (S,) without its sign, not finite where paths diverged
     error_stderr: np.ndarray  #: (S,) standard errors or, where `exact`, bounds of the numerical error
     resolved: np.ndarray  #: (S,) bool, whether the error stands clear of its standard error or bound
-    nonfinite: np.ndarray | None  #: (S,) paths that left the finite numbers; None where nothing was sampled
+    nonfinite: np.ndarray | None  #: (S,) diverged paths (NaN or infinity); None where nothing was sampled
     casimir_drift: np.ndarray | None  #: (S,) largest |C(y_h(t_n)) - C(y_0)| over paths, times and Casimirs, or None
     seconds_per_path: np.ndarray  #: (S,) processor seconds from 0 to T, the median of the repeats
     seconds_per_path_low: np.ndarray  #: (S,) their lower quartile
