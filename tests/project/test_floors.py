@@ -44,7 +44,7 @@ THIRD_PARTY = {
     "rich": ["printing.*", "kinds.*.table*", "report.*", "api.*", "cli.*"],
     "jinja2": ["report.*"],
     "xarray": ["api.*"],
-    "pandas": ["api.*"],
+    "pandas": ["api.*", "printing.*", "report.*"],
     "dask": ["running.workers"],
     "distributed": ["running.workers"],
     "numba": [f"{room}.*" for rooms in FLOORS[:3] for room in rooms if room != "storage"],
