@@ -7,7 +7,7 @@ import pytest
 from matplotlib.colors import to_hex
 from strong_results import LABELS, H, strong
 from strong_results import strong_group as group_of
-from view_helpers import rendered
+from view_helpers import legend_texts, rendered, save
 
 from spi.drawing import style
 from spi.drawing.axes import PANEL
@@ -34,17 +34,9 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
     return group_of(scheme, case, error, stderr, resolved, h, **attributes)
 
 
-def save(results, folder, stem):
-    return views.save(views.figure(results), folder, stem)
-
-
 @pytest.fixture
 def results():
     return strong(*(strong_group(scheme, constant=c) for scheme, c in zip(LABELS, (1.6, 0.9, 0.7), strict=True)))
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def scheme_line(ax, label):

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from trajectory_results import LABELS, THREE, trajectories, trajectory_group
-from view_helpers import rendered
+from view_helpers import rendered, save
 
 from spi.drawing import style
 from spi.kinds.trajectory import figure
@@ -19,10 +19,6 @@ T = np.arange(101) * 0.01
 
 def path_group(scheme, y, casimirs, **more):
     return trajectory_group(scheme, T, y, casimirs, **more)
-
-
-def save(results, folder, stem):
-    return views.save(views.figure(results), folder, stem)
 
 
 def on_circle(radius):

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from view_helpers import rendered
-from weak_results import H, save, weak, weak_group
+from view_helpers import legend_texts, rendered, save
+from weak_results import H, weak, weak_group
 
 from spi.drawing import style
 from spi.kinds.weak.figure import series
@@ -23,10 +23,6 @@ def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
         given = {"stderr": stderrs[name]} if name in stderrs else {}
         groups.append(weak_group(scheme, name, functions=1, prefixes=name == "plain", panels=panels, **given))
     return groups
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def sampled(ax, label):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.colors import to_hex
-from view_helpers import rendered
+from view_helpers import legend_texts, rendered
 from weak_results import H, at_eps, weak, weak_group
 
 from spi.drawing import style
@@ -25,10 +25,6 @@ def several_eps(functions=1, scheme="ap_splitting", eps=EPS, factors=WORST, **at
 
 def looks_of(results):
     return style.looks(by_case(views.readings(results)))
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_largest():
