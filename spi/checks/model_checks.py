@@ -4,8 +4,6 @@ Derivatives are central differences of eighth order, compared with the sizes of 
 rotations, exponentials and shears, with rates large or small, are all judged alike.
 """
 
-import contextlib
-import functools
 import inspect
 import itertools
 import math
@@ -14,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import digest_of, sources
-from ..compiler import modules
-from ..compiler.inlining import is_compiling, uncompiled
+from ..compiler.inlining import uncompiled
 from ..ensemble.fields import cross_product
 from ..ensemble.protocol import (
     casimirs,
@@ -52,8 +48,6 @@ _ANGLES = (
     30.0,
 )  # at which angle methods are compared: below each of the bounds for cheaper sines, and above
 
-_PASSED: set[type] = set()  # in this process
-
 
 class NotedAngles(NamedTuple):
     """Takes every angle, and keeps in its one entry the largest modulus of those it is given."""
@@ -87,34 +81,6 @@ def check_model(record, states, written=True):
         return [wrong]
     with uncompiled(), np.errstate(all="ignore"):
         return next(filter(None, (_complaints(record, y) for y in states)), [])
-
-
-@functools.cache
-def _digest_of_checks():
-    """What a model has passed if it has passed the checks."""
-    return digest_of(sources("checks", "compiler", "ensemble", "numerics"))
-
-
-def check_once(record, initial):
-    """What is wrong with a foreign model near an initial state, as :func:`check_model`.
-
-    Nothing if a class of this code has passed before, which is kept beside the stored modules.
-    """
-    cls = type(record)
-    if not modules.is_foreign(cls) or cls in _PASSED:
-        return []
-    name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{_digest_of_checks()}.checked"
-    passed = modules.folder() / name
-    if modules.digest(cls) and passed.exists():
-        return []
-    states = states_around(initial, record, 2 if dimension(record) <= 12 else 1)
-    if not (found := check_model(record, states, written=modules.system_of(cls) is None)):
-        _PASSED.add(cls)
-        if modules.digest(cls) and is_compiling():
-            with contextlib.suppress(OSError):  # then it is checked again in the next process
-                passed.parent.mkdir(parents=True, exist_ok=True)
-                passed.touch()
-    return found
 
 
 def _complaints(model, y):

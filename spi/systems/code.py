@@ -8,6 +8,8 @@ from typing import Any
 import mpmath
 import sympy
 
+from .brackets import NOTHING
+
 _EXACT = mpmath.mpf(10) ** -35
 _PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "np.sign", sympy.tan: "np.tan"}
 _PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh"}
@@ -222,3 +224,11 @@ def _most_frequent_pair(rows: Sequence[Mapping[str, mpmath.mpf]]) -> tuple[str, 
 
 def _has_pair(row: Mapping[str, mpmath.mpf], first: str, second: str, ratio: mpmath.mpf) -> bool:
     return first in row and second in row and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio))
+
+
+def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
+    """A linear form from its terms; a quantity may occur in several."""
+    found: dict[str, mpmath.mpf] = {}
+    for name, c in terms:
+        found[name] = found.get(name, mpmath.mpf(0)) + c
+    return {name: c for name, c in found.items() if abs(c) > NOTHING}

@@ -12,7 +12,7 @@ from helpers import COMPILED
 from own_models import OSCILLATOR, check_other_processes
 
 from spi import storage
-from spi.checks import model_checks
+from spi.checks import passed
 from spi.checks.compilable import CompilationError
 from spi.running import run as runs
 from spi.running import shards, verify
@@ -255,12 +255,12 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
 
 def test_checks_are_made_once_for_each_text(top, monkeypatch):
     asked = []
-    monkeypatch.setattr(model_checks, "check_model", lambda model, states, written: asked.append(model) or [])
+    monkeypatch.setattr(passed, "check_model", lambda model, states, written: asked.append(model) or [])
     unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
     assert len(asked) == 1
-    model_checks._PASSED.clear()  # as in another process
+    passed._PASSED.clear()  # as in another process
     top(source=TOP + unique)
     assert len(asked) == (1 if COMPILED else 2)
     top(source=TOP + unique + "#\n")
