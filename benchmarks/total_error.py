@@ -22,7 +22,7 @@ from spi.kinds.weak.study.kolmogorov import solution
 from spi.kinds.weak.study.levels import Level
 from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import weak_exponents
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
+import pytest
 
 from spi.compiler.dispatch import kernel, number, unrolled
 from spi.ensemble.areas import area_count
@@ -45,6 +46,7 @@ from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 #: The schemes of the equation itself; those of the multiscale system have a test file of their own.
 SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}

@@ -21,10 +21,10 @@ from pathlib import Path
 from kills import numbers
 
 from spi.ensemble import loop
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import shards, workers
 from spi.running.checkpoint import Shard
-from spi.running.runs import Stopped, Watch, load
+from spi.running.run import Stopped, Watch, load
 from spi.statistics import tallies
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
@@ -130,7 +130,7 @@ WAYS = {
 
 
 def main():
-    tallies.CHUNK_SECONDS = 0.02
+    tallies.CHUNK_WORK = 2**25
     wrong = 0
     for path in map(Path, sys.argv[1:]) if len(sys.argv) > 1 else sorted(EXPERIMENTS.glob("*.yaml")):
         experiment, found = load(path, "quick"), {}

@@ -5,7 +5,6 @@ import json
 import numpy as np
 from helpers import DESCRIBED
 
-from spi.report import views
 from spi.storage.records import Group, Results
 
 H = 2.0 ** -np.arange(3, 9)
@@ -137,7 +136,3 @@ def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):
 
 def weak(*groups, **attributes):
     return Results({"kind": "weak", "title": "Weak errors", **attributes}, groups)
-
-
-def save(results, folder, stem):
-    return views.save(views.figure(results), folder, stem)

@@ -21,9 +21,9 @@ from spi.ensemble.protocol import large
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.printing.text import fraction
-from spi.running.loading import layers
+from spi.running import shipped
+from spi.running.load import layers
 from spi.schemes import SCHEMES
-from spi.specs import shipped
 from spi.specs.keys import text_in
 from spi.systems.keys import KEYS as SYSTEM_KEYS
 

@@ -3,7 +3,7 @@
 import warnings
 
 from .. import CACHE_PROBLEM
-from ..specs import shipped
+from ..running import shipped
 from .expecting import expectations
 from .paths import trajectory
 from .results import Results, load

@@ -12,9 +12,9 @@ from ..ensemble.protocol import casimir_indices
 from ..kinds.state import State
 from ..kinds.trajectory.study import Recorder, TrajectoryPlan, invariants, plan
 from ..numerics.rng import LANES
-from ..running import engine
+from ..running import workers
 from ..running.compiling import compile_missing
-from ..running.session import kernel_calls
+from ..running.run import kernel_calls
 from ..specs import SpecError
 from ..storage.records import Part
 from .arrays import component_names, dataset_of
@@ -93,7 +93,7 @@ def _one_path(ready: TrajectoryPlan, line: Line) -> xr.Dataset:
     of_any_kind: Any = ready
     state = State(of_any_kind)
     _compile(ready, line)
-    engine.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
+    workers.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
     found = dataset_of(ready.group(state), "trajectory")
     found.attrs = _without_experiment(found.attrs)
     return found

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler import modules
 from ..models import MODELS
-from ..running.loading import load, load_as
+from ..running.load import load, load_as
 from ..specs import Experiment, SpecError
 from ..specs.writing import as_override, as_yaml
 from ..storage import StorageError

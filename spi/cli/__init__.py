@@ -39,11 +39,6 @@ class Style(StrEnum):
     paper = "paper"
 
 
-class FilmFormat(StrEnum):
-    gif = "gif"
-    mp4 = "mp4"
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         from .. import __version__
@@ -91,7 +86,6 @@ def plot(
         str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
-    film_format: Annotated[FilmFormat, typer.Option(help="Format of the film; mp4 needs ffmpeg.")] = FilmFormat.gif,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage
@@ -122,7 +116,7 @@ def plot(
         if film:
             with _about(path), ProgressLine(path.stem) as line:
                 moving = views.film(results)
-                written = views.save_film(moving, out or path.parent, path.stem, film_format, line.report_frame)
+                written = views.save_film(moving, out or path.parent, path.stem, line.report_frame)
             tell(f"wrote {written}")
 
 
@@ -158,7 +152,7 @@ def check(
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
-    from ..running.runs import cost, reports
+    from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
@@ -168,7 +162,7 @@ def check(
 @app.command()
 def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
     """Print the Python source of the models of experiments."""
-    from ..running.runs import sources
+    from ..running.run import sources
 
     for experiment in load(specs, profile, overrides, None, None):
         for text in sources(experiment):
@@ -180,7 +174,7 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from ..running.runs import layers
+    from ..running.run import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
@@ -245,7 +239,7 @@ def _code(error: Exception) -> int | None:
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError
-    from ..running.runs import Stopped
+    from ..running.run import Stopped
     from ..specs import SpecError
     from ..storage import StorageError
 

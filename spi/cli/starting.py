@@ -28,20 +28,18 @@ def list_(
     """
     from ..printing import catalogue
 
-    problems: list[str] = []
     invalid: list[str] = []
     if what in (None, Listed.models):
-        from ..specs.models import catalogue as known
+        from ..models import MODELS
 
-        models, problems = known()
-        catalogue.print_models(models)
+        catalogue.print_models(MODELS)
     if what in (None, Listed.schemes):
         from ..schemes import SCHEMES
 
         catalogue.print_schemes(SCHEMES)
     if what in (None, Listed.experiments):
         invalid = _list_experiments(folder)
-    for problem in (*problems, *invalid):
+    for problem in invalid:
         tell(f"spi: {problem}")
     if invalid:
         raise typer.Exit(INVALID)
@@ -50,8 +48,8 @@ def list_(
 def _list_experiments(folder: Path) -> list[str]:
     """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
     from ..printing.catalogue import print_experiments
-    from ..running.runs import headings
-    from ..specs import shipped
+    from ..running import shipped
+    from ..running.run import headings
 
     found, _ = headings(map(shipped.path_of, shipped.names()))
     print_experiments("experiments that come with spi: spi run NAME", {path.stem: one for path, one in found.items()})
@@ -96,14 +94,14 @@ def new(
 
 
 def _template(which: str, target: Path) -> dict[Path, str]:
-    from ..specs import shipped
+    from ..running import shipped
 
     return {target: shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)}
 
 
 def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
     """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
-    from ..running.loading import load, load_as
+    from ..running.load import load, load_as
 
     experiment = load(source) if kind is None else load_as(kind, source)
     return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}

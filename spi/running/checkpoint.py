@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from .. import SOURCE_DIGEST, specs, storage
+from .. import NUMBERS_DIGEST, specs, storage
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from .loading import name_of, plans
+from .load import name_of, plans
 
 #: Of the time of a run, what writing checkpoints may take.
 _SHARE = 0.01
@@ -126,7 +126,7 @@ class Checkpoint:
         about = {
             "paths_hash": self.experiment.paths_hash,
             "spec_hash": self.experiment.hash,
-            "source_digest": SOURCE_DIGEST,  # other code might go on with other numbers
+            "source_digest": NUMBERS_DIGEST,  # other code might go on with other numbers
             "samples": sum(self.experiment.samples),
             "finished": finished,
         }
@@ -166,4 +166,4 @@ class Checkpoint:
         return about if about is not None and self._same_paths(about) else None
 
     def _same_paths(self, about: dict) -> bool:
-        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, SOURCE_DIGEST)
+        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, NUMBERS_DIGEST)

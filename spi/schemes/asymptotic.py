@@ -8,7 +8,7 @@ xi_k/eps as its dW_k; this is written without dividing by eps and without cancel
 
 from typing import NamedTuple
 
-from ..compiler.dispatch import number, unrolled, word
+from ..compiler.dispatch import method, number, unrolled
 from ..ensemble.fields import add_noise_fields, add_scaled, drift_field
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, noises
@@ -16,7 +16,7 @@ from ..numerics.rng import LANES
 from .splitting import LIE_TROTTER, run_stages, stages_toss
 
 
-@word
+@method
 def increment_and_process(rule, eps, h, dW, z):
     """(increment, new z) of one process z = eps xi."""
 

@@ -8,10 +8,10 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, field_type, inlined, number
+from ..compiler.dispatch import INDICES, device, number
+from ..compiler.generated import function_of
+from ..compiler.records import field, is_array
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import REPORT, noises, strengths
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
@@ -48,10 +48,10 @@ class Splitting(NamedTuple):
         return stages_toss(scheme)
 
     def substeps(scheme):
-        return substeps(_stages_of(scheme))
+        return substeps(field(scheme, "stages"))
 
     def needs_areas(scheme):
-        return has_loops(_stages_of(scheme))
+        return has_loops(field(scheme, "stages"))
 
     def work_size(scheme, model):
         return size_or(3 * LANES, model)  # the times of a sweep, and a and b of a loop
@@ -97,11 +97,7 @@ SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"
 
 def stages_toss(scheme):
     """Whether the stages of a scheme, or of the Numba type of one, need coins."""
-    return needs_coins(_stages_of(scheme))
-
-
-def _stages_of(scheme):
-    return field_type(scheme, "stages") if isinstance(scheme, types.Type) else scheme.stages
+    return needs_coins(field(scheme, "stages"))
 
 
 def has_antithetic_path(scheme):
@@ -114,13 +110,9 @@ def has_antithetic_path(scheme):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+@device(by_type=True)
 def run_stages(stages, model, h, dW, coins, y, work, report):
     """Apply the stages in order to the states `y` of a block, in place; `work` has LANES floats, 3 LANES for loops."""
-    _step(sweeps(stages, model))(stages, model, h, dW, coins, y, work, report)
-
-
-@overload(run_stages, jit_options=INLINED)
-def _(stages, model, h, dW, coins, y, work, report):
     return _step(sweeps(stages, model))
 
 
@@ -160,8 +152,7 @@ def _step(sweeps):
     }
     names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
-    exec("\n    ".join(lines), names)
-    return names["step"]
+    return function_of(lines, names)
 
 
 def _increment(k, first, end, n):
@@ -188,7 +179,7 @@ def _loop_time(of):
     return [*lines, f"    work[lane] = {time}"]
 
 
-@inlined
+@device
 def report_angle(largest, report):
     """Report the angle with these bits, if it is above pi/4."""
     if largest > _SMALL_BITS:
@@ -200,7 +191,7 @@ def report_angle(largest, report):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@device
 def sweep(part, index, model, y, t):
     """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
 
@@ -221,17 +212,13 @@ def sweep(part, index, model, y, t):
     return largest
 
 
-@inlined
+@device
 def sweep_within(angles, part, index, model, y, t):
     for lane in range(LANES):
         store_lane(y, lane, flow(part, model, number(index), of_lane(t, lane), load_lane(model, y, lane), angles))
 
 
+@device(by_type=True)
 def of_lane(t, lane):
     """t, or the entry of the lane if there is one for each."""
-    return t[lane] if np.ndim(t) else t
-
-
-@overload(of_lane, jit_options=INLINED)
-def _(t, lane):
-    return (lambda t, lane: t[lane]) if isinstance(t, types.Array) else (lambda t, lane: t)
+    return (lambda t, lane: t[lane]) if is_array(t) else (lambda t, lane: t)

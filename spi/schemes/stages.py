@@ -21,9 +21,8 @@ import math
 from collections import Counter
 from typing import NamedTuple
 
-from numba import types
-
-from ..compiler.dispatch import INDICES, class_of, field_type, word
+from ..compiler.dispatch import INDICES, method
+from ..compiler.records import class_of, field
 from ..ensemble.protocol import (
     area_pairs,
     drift_angle,
@@ -37,12 +36,12 @@ from ..ensemble.protocol import (
 # The parts and orders of stages are records, so that the compiler knows them by their types.
 
 
-@word
+@method
 def flow(part, model, k, t, y, angles):
     """The flow number k of a part."""
 
 
-@word
+@method
 def angle(part, model, k, t, y):
     """The largest |angle| in it."""
 
@@ -162,12 +161,8 @@ def stages_known(stages):
 
 def _stages(stages):
     """The stages by their types, of stages or of the Numba type of some."""
-    compiling = isinstance(stages, types.Type)
-    for stage in stages.types if compiling else stages:
-        part, order, coin, length = (
-            class_of(field_type(stage, name) if compiling else getattr(stage, name))
-            for name in ("part", "order", "coin", "length")
-        )
+    for stage in stages:
+        part, order, coin, length = (class_of(field(stage, name)) for name in ("part", "order", "coin", "length"))
         yield _Row(_NAMES[part], order, coin is Coin, INDICES.index(length))
 
 

@@ -48,7 +48,7 @@ class Vorticity(Keys):
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
-    @condition
+    @condition()
     def _check_one(self) -> "Vorticity":
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:

@@ -20,8 +20,8 @@ from spi.api.specs import experiment_of
 from spi.compiler import modules
 from spi.ensemble.loop import thread_count
 from spi.models import RigidBody
-from spi.running import runs
-from spi.running.loading import load_as
+from spi.running import run as runs
+from spi.running.load import load_as
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
 TINY |= {"steps": "2^-2 .. 2^-4", "reference_step": "2^-5"}

@@ -10,7 +10,7 @@ from own_models import OSCILLATOR
 
 from spi.checks.model_checks import check_model, states_around
 from spi.compiler import modules
-from spi.compiler.dispatch import inlined
+from spi.compiler.dispatch import device
 from spi.compiler.inlining import uncompiled
 from spi.models import LotkaVolterra, RigidBodySharedNoise
 
@@ -40,9 +40,7 @@ def complaints(source, **parameters):
     return check_model(record, states_around(INITIAL[name], record))
 
 
-# --- what is right ---------------------------------------------------------------------------------------------------
-
-
+@pytest.mark.share
 @pytest.mark.parametrize("scale", [1.0, 1e5, 1e-5])
 @pytest.mark.parametrize(("name", "model", "sampler"), MODELS_UNDER_TEST, ids=[row[0] for row in MODELS_UNDER_TEST])
 def test_built_in_models_pass_at_states_of_any_size(name, model, sampler, scale):
@@ -72,8 +70,6 @@ def test_the_heavy_top_passes(inertia):
     record = modules.stored("checked", TOP).HeavyTop(inertia, weight=10.0)
     assert check_model(record, states_around(INITIAL["HeavyTop"], record)) == []
 
-
-# --- what is wrong ---------------------------------------------------------------------------------------------------
 
 _DERIVATIVES = "its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
 
@@ -151,9 +147,6 @@ def test_angles_that_are_made_to_add_up_are_noted():
     assert first.startswith("noise_angle, k = 1, is ")
 
 
-# --- their environment -----------------------------------------------------------------------------------------------
-
-
 def test_states_have_no_zeros_and_populations_stay_positive():
     top = modules.stored("checked", TOP).HeavyTop(**PARAMETERS["HeavyTop"])
     states = list(states_around((0.0,) * 6, top))
@@ -165,7 +158,7 @@ def test_states_have_no_zeros_and_populations_stay_positive():
 def test_inlined_functions_run_as_plain_python_within_a_block():
     seen = []
 
-    @inlined
+    @device
     def noted(x):
         seen.append(x)
         return x

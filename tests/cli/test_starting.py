@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +12,9 @@ from strong_results import strong, strong_group
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.running.runs import load
-from spi.specs import SpecError, shipped
+from spi.running import shipped
+from spi.running.run import load
+from spi.specs import SpecError
 
 NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -22,10 +22,6 @@ NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments")
 @pytest.fixture(autouse=True)
 def _empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def refusal(*arguments):

@@ -1,7 +1,6 @@
 """Figures for papers: their width, their letters, that no text lies on another, and that they need no colours."""
 
 import itertools
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,6 @@ from spi.drawing import page, style
 from spi.kinds.trajectory.figure import fields
 from spi.report import views
 from spi.schemes import SCHEMES
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def errors(cases):
@@ -64,10 +56,11 @@ RESULTS = {
     "work_precision": work_results,
     "long_time": lambda: long_time(long_time_group("splitting"), long_time_group("midpoint")),
 }
-PAPERS = [(what, *page) for what in RESULTS for page in (("one", "serif"), ("two", "sans"))]
 
 
-@pytest.mark.parametrize(("what", "width", "font"), [*PAPERS, ("strong, four cases", "130mm", "serif")])
+@pytest.mark.share
+@pytest.mark.parametrize("what", RESULTS)
+@pytest.mark.parametrize(("width", "font"), [("one", "serif"), ("two", "sans"), ("130mm", "serif")])
 def test_no_text_lies_on_another(what, width, font):
     fig = views.figure(RESULTS[what](), style="paper", width=width, font=font)
     assert fig.get_figwidth() == pytest.approx(page.inches(width))

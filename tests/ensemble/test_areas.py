@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from ensemble_cases import areas_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, simulate, take_step, turned
+from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, compiled_only, simulate, take_step, turned
 from scheme_cases import relative
 from weak_cases import case_of, results_of
 
@@ -17,8 +17,6 @@ from spi.models import MODELS, RigidBody
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_AREAS, splitting
 from spi.schemes.stages import compositions, flows, sweeps
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 

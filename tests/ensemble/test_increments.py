@@ -5,15 +5,10 @@ import itertools
 import numpy as np
 import pytest
 from ensemble_cases import TWO_NOISES, coins_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, final_states, order_2, simulate
+from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only, final_states, order_2, simulate
 
 from spi.compiler.dispatch import kernel
 from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- increments ------------------------------------------------------------------------------------------------------
 
 
 @kernel
@@ -85,9 +80,6 @@ def test_noises_paths_and_seeds_are_different():
     columns = np.concatenate([one, other], axis=1).reshape(one.shape[0], -1)
     correlations = np.corrcoef(columns.T)[np.triu_indices(columns.shape[1], 1)]
     assert np.abs(correlations).max() < 6 / np.sqrt(one.shape[0])  # of 73536 pairs
-
-
-# --- coins -----------------------------------------------------------------------------------------------------------
 
 
 @kernel

@@ -153,9 +153,6 @@ def test_what_models_say_of_themselves():
     assert spheres == {"rigid_body", "rigid_body_shared_noise", "sine_euler"}
 
 
-# --- registration ----------------------------------------------------------------------------------------------------
-
-
 def altered(cls, **members):
     """A class like this one, some members replaced, or left out where they are None."""
     kept = {name: value for name, value in vars(cls).items() if not name.startswith("_") and name not in cls._fields}

@@ -16,7 +16,7 @@ from spi.kinds.weak import claims, reading
 from spi.kinds.weak import study as weak
 from spi.models import RigidBodySharedNoise
 from spi.report import views
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
@@ -27,9 +27,6 @@ from spi.statistics.richardson import Extrapolation, places, weights
 from spi.storage.records import Results
 
 CROOKED = (*SYMMETRIC.stages[:2], flows("drift", fraction=1 / 2))
-
-
-# --- weights and steps -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("exponents", [(), (2,), (2, 4), (2, 4, 6), (1, 2, 3), (2, 3, 4), (0.5,)])
@@ -57,9 +54,6 @@ def test_steps_that_can_be_extrapolated():
     np.testing.assert_allclose(twice.combined(values), 7, rtol=1e-14)
     np.testing.assert_allclose(once.combined_bounds(np.ones(4)), 5 / 3)
     assert np.array_equal(Extrapolation.of(steps, ()).combined(values), values)
-
-
-# --- exponents -------------------------------------------------------------------------------------------------------
 
 
 def test_exponents_follow_from_the_rows():
@@ -131,8 +125,6 @@ def test_halves_with_the_same_increment_would_not_do():
     assert orders(common, (2,))[-1] == pytest.approx(1, abs=0.1)
 
 
-# --- without sampling ------------------------------------------------------------------------------------------------
-
 #: The errors that the issue of this key gives, from a program of its own: levels -> step size -> error.
 TABLE = {
     0: {2**-1: 2.3e-2, 2**-2: 6.1e-3, 2**-3: 1.6e-3, 2**-4: 3.9e-4, 2**-5: 9.8e-5},
@@ -200,9 +192,6 @@ def test_means_of_casimirs_stay_exact():
     case = symmetric("functions=y1^2 + y2^2 + y3^2", "steps=2^0 .. 2^-3", "extrapolate=3", "estimators=[kolmogorov]")
     found = group_of(case, "kolmogorov", 3).arrays
     np.testing.assert_allclose(found["expectation"], sum(x * x for x in case.initial), rtol=1e-13)
-
-
-# --- keys ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import math
 import long_time_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, RIGID_BODY, final_states
+from helpers import RIGID_BODY, compiled_only, final_states
 from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
 
 from spi.ensemble.protocol import hamiltonian
@@ -20,12 +20,6 @@ from spi.storage.records import Part
 
 # fixtures
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- the law on the sphere -------------------------------------------------------------------------------------------
 
 
 def fibonacci(n):
@@ -98,9 +92,6 @@ def test_bins_have_everything_inside_and_nothing_outside():
     counts = np.zeros((4, BINS, 2))
     law.count(np.array([[np.nan, np.inf]] * 3), counts)
     assert not counts.any()
-
-
-# --- the law of long paths -------------------------------------------------------------------------------------------
 
 
 LONG = ("steps=[1/4]", "step_count=2^14", "samples=256")

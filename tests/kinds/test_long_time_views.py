@@ -15,8 +15,6 @@ from spi.kinds.long_time.keys import PANELS
 from spi.kinds.long_time.table import chance
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
 
 def test_rows_of_long_times():
     one, two = long_time_group("splitting"), long_time_group("midpoint", casimirs=2, law=False)
@@ -54,9 +52,6 @@ def test_printed_long_times_of_two_casimirs_and_none():
     assert (
         lines_of(printed(long_time(long_time_group("splitting", casimirs=0))), "splitting")[0][1:] == ["0"] + ["-"] * 5
     )
-
-
-# --- figures of long times -------------------------------------------------------------------------------------------
 
 
 def test_long_times():

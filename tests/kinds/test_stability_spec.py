@@ -10,8 +10,6 @@ from spi.kinds.stability import study as stability
 from spi.specs import SpecError
 from spi.storage.records import Part
 
-# --- what describes the results --------------------------------------------------------------------------------------
-
 
 def test_what_differs_from_value_to_value_is_not_described(spec):
     """A swept eps is no eps of the scheme; one that is the same for all values is."""
@@ -22,9 +20,6 @@ def test_what_differs_from_value_to_value_is_not_described(spec):
     told = [stability.plan(fixed, part).description() for part in stability.parts(fixed)]
     assert [one["eps"] for one in told] == [0.6, None] and not any("model_sigma" in one for one in told)
     assert [one["scheme_label"] for one in told] == ["AP splitting", "splitting"]
-
-
-# --- the swept parameter ---------------------------------------------------------------------------------------------
 
 
 WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"

@@ -16,15 +16,10 @@ from spi.kinds.stability.table import COLUMNS
 from spi.printing import as_csv, as_json
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
 
 def cell(group, value, h):
     where = np.flatnonzero(group.coordinates["value"] == value)[0], np.flatnonzero(group.coordinates["h"] == h)[0]
     return REGIMES[read(group).regimes[where]]
-
-
-# --- regimes ---------------------------------------------------------------------------------------------------------
 
 
 def test_regime_of_each_cell():
@@ -108,9 +103,6 @@ def test_largest_step_with_all_smaller_ones(good, found):
     h, expected = np.array([1.0, 0.5, 0.25, 0.125]), (math.nan if found[0] is None else found[0], found[1])
     for order in (slice(None), slice(None, None, -1)):
         assert largest_step(h[order], np.array(good)[order]) == pytest.approx(expected, nan_ok=True)
-
-
-# --- tables ----------------------------------------------------------------------------------------------------------
 
 
 def test_rows_of_stability():

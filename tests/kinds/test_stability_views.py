@@ -14,11 +14,6 @@ from spi.kinds.stability.keys import PANELS
 from spi.kinds.stability.reading import REGIMES, read
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
-
-# --- figures of stability --------------------------------------------------------------------------------------------
-
 
 def colour_at(ax, x, y):
     found = [

@@ -3,11 +3,10 @@
 import io
 import math
 import sys
-import warnings
 
 import numpy as np
 import pytest
-from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.animation import PillowWriter
 from PIL import Image
 from states import finished
 from trajectory_results import trajectories, trajectory_group
@@ -32,13 +31,6 @@ step: 2^-4
 schemes: [splitting]
 panels: [vorticity, spectrum, enstrophy]
 """
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def states(n, *shape):
@@ -343,7 +335,7 @@ def test_a_film(tmp_path):
     film = views.film(results)
     assert film.frames == len(T)
     told = []
-    path = views.save_film(film, tmp_path, "a", "gif", lambda *frame: told.append(frame))
+    path = views.save_film(film, tmp_path, "a", lambda *frame: told.append(frame))
     assert path == tmp_path / "a.gif" and told == [(i, 11) for i in range(11)]
     with Image.open(io.BytesIO(path.read_bytes())) as written:
         assert written.n_frames == 11
@@ -381,20 +373,16 @@ def test_a_film_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
     monkeypatch.setattr(PillowWriter, "grab_frame", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        views.save_film(film, tmp_path, "a", "gif", lambda *_: None)
+        views.save_film(film, tmp_path, "a", lambda *_: None)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.gif": b"before"}
 
 
-def test_films_that_cannot_be_made(tmp_path, monkeypatch):
+def test_films_that_cannot_be_made():
     still = trajectory_group("splitting", T, np.ones((11, 3)), np.ones((11, 1)))
     with pytest.raises(ValueError, match="hold no vorticity, so there is no film; leave out --film"):
         views.film(trajectories(still))
     with pytest.raises(ValueError, match="no film of results of kind 'strong', only of trajectories"):
         views.film(trajectories()._replace(attributes={"kind": "strong"}))
-    monkeypatch.setattr(FFMpegWriter, "isAvailable", lambda: False)
-    with pytest.raises(ValueError, match="needs the program ffmpeg, which is not installed; install it or make a GIF"):
-        views.save_film(views.film(trajectories(moving("splitting"))), tmp_path, "a", "mp4", lambda *_: None)
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_option_film(tmp_path, monkeypatch, capfd):

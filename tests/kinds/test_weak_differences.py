@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, final_states
+from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
@@ -14,15 +14,10 @@ from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import BRIDGES, DIFFERENCES, LEVELS
 from spi.schemes import SCHEMES
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 COARSE = ("steps=[2^-1, 2^-2]", "reference_step=2^-3")
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 SIDES = AS_TOSSED, COINS_TURNED
 SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1]}"
-
-
-# --- what is computed ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-import work_cases
 from helpers import printed
 from matplotlib.colors import to_hex
 from work_cases import answers
@@ -13,9 +12,6 @@ from work_results import MADE_UP, H, work_group, work_results
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Results
-
-# fixtures
-no_warnings = work_cases.no_warnings
 
 
 @pytest.fixture(scope="module")
@@ -132,12 +128,6 @@ def test_a_scheme_without_casimirs_beside_others():
     assert not series(fig.axes[1], "splitting")
 
 
-def test_five_cases_leave_one_place_free():
-    fig = views.figure(work_results(["one", "two", "three", "four", "five"], ["splitting"]))
-    assert len(fig.axes) == 10
-    assert len({round(ax.get_position().x0, 3) for ax in fig.axes}) == 3
-
-
 def test_times_that_differ_little_have_more_ticks():
     group = work_group("one", "splitting")
     for name in ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"):
@@ -158,7 +148,7 @@ def test_four_cases_are_a_square():
 
 
 @pytest.mark.parametrize("variables", [("error",), ("error", "error_stderr", "casimir_drift", "seconds_per_path")])
-def test_nothing_to_draw(variables, no_warnings):
+def test_nothing_to_draw(variables):
     group = work_group("one", "splitting")
     for name in variables:
         axes, values = group.variables[name]

@@ -1,11 +1,10 @@
 """The documentation: every command and every block of YAML or Python in it is what the program knows."""
 
 import shlex
-import signal
-import sys
 from pathlib import Path
 
 import pytest
+from damage import call
 from documents import (
     PAGES,
     ROOT,
@@ -21,8 +20,6 @@ from documents import (
     page_name,
 )
 from helpers import COMPILED
-
-from spi import cli
 
 TUTORIAL = ROOT / "docs" / "tutorial.md"  # whose commands need what those before them wrote
 OTHERS = [page for page in PAGES if page != TUTORIAL]
@@ -42,23 +39,14 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def spi(folder, monkeypatch, capfd):
+def spi(folder):
     """spi(argument, ...) -> (exit code, all that it prints)."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def call(*arguments):
-        capfd.readouterr()
-        monkeypatch.setattr(sys, "argv", ["spi", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return end.value.code, "".join(capfd.readouterr())
+    def said(*arguments):
+        code, out, err = call(*arguments)
+        return code, out + err
 
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
-# --- blocks and commands ---------------------------------------------------------------------------------------------
+    return said
 
 
 @pytest.mark.parametrize("page", OTHERS, ids=page_name)
@@ -129,9 +117,6 @@ def test_a_mistake_in_a_page_is_noticed(folder, right, wrong, message):
         check_page(Path("page.md"), GOOD.replace(right, wrong, 1))
 
 
-# --- what commands say -----------------------------------------------------------------------------------------------
-
-
 def outputs():
     for page in OTHERS:
         for block in blocks_of(page, page.read_text(encoding="utf-8")):
@@ -156,9 +141,6 @@ def test_other_output_is_noticed():
     assert missing_lines("heavy_top:\n... variables\n", said) == []
     assert missing_lines("heavy_top:\n  7 variables\n", said) == ["  7 variables"]
     assert missing_lines("  noise 1: …\nheavy_top:\n", said) == ["heavy_top:"]  # the order counts
-
-
-# --- the tutorial ----------------------------------------------------------------------------------------------------
 
 
 def follow(page, text, spi):

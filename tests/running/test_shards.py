@@ -16,11 +16,11 @@ from helpers import COMPILED
 from spi import storage
 from spi.cli.running import _seconds
 from spi.numerics.rng import LANES
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import shards, workers
 from spi.running.checkpoint import Checkpoint, Shard
-from spi.running.runs import Limits, Watch, load
-from spi.running.verification import verify
+from spi.running.run import Limits, Watch, load
+from spi.running.verify import verify
 from spi.statistics import tallies
 
 if not COMPILED:
@@ -34,7 +34,7 @@ TIMES = ("seconds", "ns_per_step", "level_cost_rate", "threads")
 @pytest.fixture(autouse=True)
 def _small_chunks(monkeypatch):
     """Two blocks or so to a chunk."""
-    monkeypatch.setattr(tallies, "CHUNK_SECONDS", 1e-3)
+    monkeypatch.setattr(tallies, "CHUNK_WORK", 2**21)
 
 
 def strong(*overrides):
@@ -65,7 +65,7 @@ def numbers(path):
 def straight(tmp_path_factory):
     """The numbers of runs that nobody disturbs, by the name of the experiment."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tallies, "CHUNK_SECONDS", 1e-3)
+        patch.setattr(tallies, "CHUNK_WORK", 2**21)
         folder = tmp_path_factory.mktemp("straight")
         return {e.name: numbers(runner.run(e, folder)) for e in (strong(), weak())}
 
@@ -202,6 +202,7 @@ class Killer:
             os.kill(self.killed, signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_made_up_for(tmp_path, straight):
     with workers.processes(2) as pool:
         killer = Killer(lambda: list(pool.executor._processes))
@@ -234,6 +235,7 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for():
         assert not pool.stuck()
 
 
+@pytest.mark.slow
 def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
     with workers.dask("local:2") as pool:
         assert pool.size == 2

@@ -68,7 +68,11 @@ def acted(flows, model, h, dW, y):
     return y
 
 
-@pytest.fixture(params=SYSTEMS)
+#: Those of the other systems have kernels that nothing else needs.
+ONE_OF_A_SORT = "rigid_body", "rigid_body_two_noises", "maxwell_bloch", "lotka_volterra"
+
+
+@pytest.fixture(params=[pytest.param(s, marks=[] if s in ONE_OF_A_SORT else pytest.mark.slow) for s in SYSTEMS])
 def system(request, generator):
     """A model, states [component, lane] and increments [noise, lane]."""
     model = SYSTEMS[request.param]

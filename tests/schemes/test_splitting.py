@@ -17,6 +17,7 @@ from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.0, 1e-3, 0.2, 1.0])
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splitting_is_the_composition_of_flows(name, model, h, generator):
@@ -38,6 +39,7 @@ def test_splitting_is_the_composition_of_flows(name, model, h, generator):
             assert relative(new, by_hand(*other)) > 1e-2
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splitting_without_time_is_the_noise_flows(name, model, generator):
     y, dW, coins = random_states(generator), increments(generator, 0.1), tosses(generator)
@@ -65,6 +67,7 @@ def turned_exactly(k, angle, y):
         return [float(c) for c in exact]
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("which", ["drift", "noise"])
 @pytest.mark.parametrize("angle", [0.0312, 0.0313, 0.785, 0.786, -4.0, 1e5, 1.59e6, 1.61e6, -1e8, 1e15])

@@ -1,8 +1,7 @@
 """Rows of flows: what they mean, what is refused, and that the kernel does what the list of flows says."""
 
-import numpy as np
 import pytest
-from helpers import LANES, RIGID_BODY, SCHEMES, composed, random_states, take_step
+from helpers import RIGID_BODY, SCHEMES
 
 from spi.models import MaxwellBloch
 from spi.schemes import typical_ns
@@ -86,29 +85,6 @@ def test_schemes_that_kernels_cannot_make_are_refused(stages, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         splitting(*stages)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("coin", [1.0, -1.0])
-@pytest.mark.parametrize("h", [0.01, 0.4])
-def test_the_kernel_makes_the_flows_of_the_rows(h, coin):
-    """Every part, order and coin that there is, in one scheme; lanes with the other coin stay as they are."""
-    scheme = splitting(
-        flows("drift", "backwards", 1 / 4, coin=True),
-        flows("noise", "backwards", coin=True),
-        flows("drift", "symmetric", 1 / 2),
-        flows("drift", "forwards", 1 / 4),
-    )
-    generator = np.random.default_rng(7)
-    y, dW = random_states(generator), 0.5 * generator.standard_normal((2, LANES))
-    coins = np.where(np.arange(LANES) % 3 == 0, -coin, coin)
-    new, _ = take_step(scheme, MODEL, h, dW, y, coins)
-    heads, tails = acting(*scheme.stages)
-    expected = [
-        composed(MODEL, heads if coins[n] > 0 else tails, h, tuple(y[:, n].tolist()), dW[:, n]) for n in range(LANES)
-    ]
-    np.testing.assert_allclose(new, np.transpose(expected), rtol=1e-13, atol=1e-13)
-    turned, _ = take_step(scheme, MODEL, h, dW, y, -coins)  # negative control
-    assert np.abs(turned - new).max() > h * h / 100
 
 
 def test_sweeps_of_a_coin_apply_each_flow_once_to_each_lane():

@@ -3,8 +3,8 @@
 import pytest
 
 from spi.kinds import KINDS
-from spi.running.loading import load, load_as
-from spi.running.runs import cost
+from spi.running.load import load, load_as
+from spi.running.run import cost
 from spi.specs import SpecError
 
 #: One experiment of each kind: with cases, compositions, sweeps, eps, fields or ranges.
@@ -25,6 +25,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("source", SOURCES)
 def test_any_experiment_becomes_one_of_another_kind(source, kind):

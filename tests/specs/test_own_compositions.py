@@ -10,8 +10,8 @@ from spi import storage
 from spi.printing.catalogue import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
-from spi.running.loading import Source, plans, plans_of
-from spi.running.runs import cost, headings, run
+from spi.running.load import Source, plans, plans_of
+from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import LIE_TROTTER
 from spi.schemes.stages import flows

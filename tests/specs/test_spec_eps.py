@@ -5,7 +5,7 @@ import json
 import pytest
 
 from spi.kinds import KINDS
-from spi.running.runs import layers
+from spi.running.run import layers
 from spi.schemes import SCHEMES, scheme_entry
 
 WEAK = """\
@@ -147,6 +147,7 @@ def test_eps_that_no_scheme_uses(error, text):
     assert error(text, BOTH, SPLITTING) == expected
 
 
+@pytest.mark.share
 @EACH_KIND
 @pytest.mark.parametrize(
     ("written", "what"),

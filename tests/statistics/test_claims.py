@@ -22,7 +22,7 @@ from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
 from spi.report import views
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
 from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge

@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-import scipy.integrate
 import yaml_cases
 from yaml_cases import SYSTEMS, exponential, functions, made, structure
 
@@ -114,26 +113,6 @@ def test_there_are_as_many_casimir_functions_as_the_bracket_has():
         (y,) = states(len(c), 1)
         missing = len(c) - np.linalg.matrix_rank(structure(c, y)) - len(made(text).system.casimirs)
         assert missing == (3 if name == "spirals" else 0), name
-
-
-@pytest.mark.parametrize("name", ["many functions", "heavy top in a field", "so(2,1) with cross terms", "spirals"])
-def test_the_gradient_is_constant_along_a_flow(name):
-    """Which the exponentials above take for granted: the field itself, integrated."""
-    text, c = SYSTEMS[name]
-    system = made(text)
-    expressions = [f.expression for f in (*system.system.flows, *system.system.noises)]
-    _, gradients = functions(system.system, expressions)
-    (y,) = states(len(c), 1, seed=5, size=0.6)
-    for k, (act, _) in enumerate(all_flows(system, y)):
-
-        def field(t, z, k=k):
-            return structure(c, z) @ np.array(gradients(z)[k], float)
-
-        path = scipy.integrate.solve_ivp(field, (0.0, 0.8), y, method="DOP853", rtol=1e-12, atol=1e-13)
-        assert np.allclose(act(0.8, y), path.y[:, -1], rtol=1e-9, atol=1e-10)
-
-
-# --- controls: what is wrong is found --------------------------------------------------------------------------------
 
 
 def changed_signs(text):

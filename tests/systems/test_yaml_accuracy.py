@@ -12,7 +12,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, noise_flow
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.elementary import expm1
-from spi.systems.motions import sinh_coshm1, times
+from spi.numerics.motions import sinh_coshm1, times
 
 mpmath.mp.dps = 50  # of this file
 
@@ -64,8 +64,6 @@ def test_products_with_numbers_of_two_parts():
         assert worst <= 1.0
         assert max(float(abs(high * mpmath.mpf(x) - c * x) / x) for x in (1.0, 1.5)) > 1e-17
 
-
-# --- motions of so(2,1), by linear functions of all three kinds ------------------------------------------------------
 
 BOOSTS = given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1})  # {y1, y2} = y3, {y2, y3} = -y1, {y3, y1} = -y2
 Y = (0.3, -0.7, 1.1)
@@ -132,8 +130,6 @@ def test_rotations_by_large_angles(t, tolerance):
     assert relative_error("y1 + y2/3 + 2*y3", (1, mpmath.mpf(1) / 3, 2), t) < tolerance
 
 
-# --- Casimir functions over many steps -------------------------------------------------------------------------------
-
 SPLITTING = SCHEMES["splitting"].record
 STEPS, H = 100_000, 1e-3
 
@@ -160,6 +156,7 @@ def changes(record, y0, generator):
     return (np.array(casimirs(record, tuple(y))) - before) / (2.0**-53 * size)
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 @pytest.mark.parametrize("name", LONG)
 def test_casimir_functions_only_walk(name):

@@ -14,10 +14,8 @@ from spi import systems
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
-
-# --- in a spec, and in a file that it names --------------------------------------------------------------------------
 
 SPEC = """\
 kind: trajectory
@@ -100,9 +98,6 @@ def test_a_file_may_be_called_anything(spec, tmp_path, stem):
     assert spec(SPEC.replace("top.yaml", f"{stem}.yaml")).cases[0].model.a == 3.0
 
 
-# --- layers, sweeps and cases ----------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def top(spec, tmp_path):
     """top(replaced in pairs, options of load) -> the experiment of SPEC, with FILE beside it."""
@@ -144,8 +139,6 @@ def test_what_decides_results_belongs_to_the_hash(top, tmp_path):
     assert len({first.hash, other.hash, runs.load("s.yaml").hash}) >= 2
     assert runs.load("s.yaml").paths_hash == other.paths_hash
 
-
-# --- runs ------------------------------------------------------------------------------------------------------------
 
 TWO = """\
 kind: trajectory

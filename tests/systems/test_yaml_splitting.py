@@ -83,8 +83,6 @@ def test_the_order_of_the_terms_decides_which_merge():
     assert flows(defined(bracket + "c + b + a}")) == ["b + c", "a"]
 
 
-# --- pieces that are given -------------------------------------------------------------------------------------------
-
 TOP = "{algebra: se(3), variables: [P1, P2, P3, G1, G2, G3], "
 
 

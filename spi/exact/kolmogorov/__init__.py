@@ -12,7 +12,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import NamedTuple
 
-from ...compiler.dispatch import answers, class_of
+from ...compiler.dispatch import answers
+from ...compiler.records import class_of
 from ...ensemble.protocol import axis_inertias, rotation_shear_rates
 from .result import Demands, Expectations
 

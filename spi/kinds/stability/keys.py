@@ -49,13 +49,13 @@ class Case(FunctionsCase):
                 raise wrong("has a value twice", "remove one", word)
         return sweep
 
-    @condition
+    @condition("initial")
     def _check_not_zero(self) -> Self:
         if not any(self.initial):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
-    @condition
+    @condition("eps")
     def _check_one_eps(self) -> Self:
         if self.eps is not None and len(self.eps) > 1:
             raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept parameter", "eps")

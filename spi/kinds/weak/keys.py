@@ -32,7 +32,7 @@ class Case(SampledCase):
     }
     scoping: ClassVar = ("estimators", "functions")
 
-    @condition
+    @condition("prefixes", "estimators")
     def _check_prefixes(self) -> Self:
         for before, n in pairwise(self.prefixes or ()):
             if n <= before:
@@ -41,7 +41,7 @@ class Case(SampledCase):
             raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
         return self
 
-    @condition
+    @condition("panels", "eps", "estimators", "prefixes")
     def _check_panels(self) -> Self:
         if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
             raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import tuplewise
+from spi.compiler.dispatch import unrolled
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.fields import squared_distance
 from spi.ensemble.invariants import watch_casimirs, watched_casimirs
@@ -55,7 +55,7 @@ class StrongSums(NamedTuple):
                 observer.nonfinite[row, level] += 0 if _zero_if_finite(load_lane(model, y, lane)) == 0.0 else 1
 
 
-@tuplewise("a[i] - a[i]", total=True)
+@unrolled(total="a[i] - a[i]")
 def _zero_if_finite(a):
     """0, or NaN if a component is not finite."""
 
