@@ -628,7 +628,7 @@ def test_a_file_may_be_called_by_a_name_in_messages():
         spec_module.load("folder/s.yaml", layers(), text=text, called="s")
     found = [line[: line.index(": is")] for line in caught.value.messages]
     assert found == ["s: line 8: final_time", "s: line 12: sampels"]
-    with pytest.raises(SpecError, match=r"^s: --set sed: is no known key"):
+    with pytest.raises(SpecError, match=r"^s: --set sed: is not a known key"):
         spec_module.load("folder/s.yaml", layers(), text=GOOD, overrides=["sed=1"], called="s")
     good = spec_module.load("folder/s.yaml", layers(), text=GOOD, called="s")
     assert (good.called, good.path) == ("s", Path("folder/s.yaml")) and load_text(GOOD).called == "s.yaml"
