@@ -188,7 +188,8 @@ def facts(
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
             told["model_noise"] = plain(f"noise: {value}") if value else "no noise"
         elif not isinstance(value, str | bool) and name not in _UNTOLD:
-            told[f"model_{name}"] = f"${SYMBOLS.get(name) or upright(name)}={number(value)}$"
+            symbol = SYMBOLS.get(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
+            told[f"model_{name}"] = f"${symbol}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         told["initial"] = f"${initial_value(about)}$"
     if about.final_time is not None:
@@ -275,10 +276,6 @@ def _constant(value: float) -> str:
     if times and times % 1 == 0:
         return r"\pi" if times == 1 else rf"{times:g}\pi"
     return number(value)
-
-
-def upright(name: str) -> str:
-    return r"\mathrm{" + name.replace("_", r"\ ") + "}"
 
 
 def plain(text: str) -> str:

@@ -32,8 +32,6 @@ from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
 
-_NOT_EFFECTIVE = {"name", "title", "expect"}  # keys of a case that do not change what is computed
-
 Layer = tuple[Document, Location]  #: a mapping that overrides others: where it stands in a document
 Owner = tuple[Location, str]  #: of a case: where it stands in the file, and its title
 
@@ -127,7 +125,9 @@ def load(
     used = {name for built in (*each, cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
-    effective = json.loads(_canonical({"kind": file.kind, "cases": {case.name: _effective(case) for case in cases}}))
+    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
+    deciding = {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
+    effective = json.loads(_canonical({"kind": file.kind, "cases": deciding}))
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
@@ -155,12 +155,6 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document
-
-
-def _effective(case: BaseCase) -> dict[str, Any]:
-    """What of a case decides the results, as plain data."""
-    absent = set() if case.compositions else {"compositions"}
-    return case.model_dump(exclude=_NOT_EFFECTIVE | absent)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -46,13 +46,10 @@ def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
         if dimension + d * count > _LARGEST:
             raise NumberError(f"it has more than {_LARGEST} components")
         for _ in range(count):
-            brackets += [(i + dimension, j + dimension, _moved(linear, dimension)) for i, j, linear in one]
+            for i, j, linear in one:
+                brackets.append((i + dimension, j + dimension, {k + dimension: c for k, c in linear.items()}))
             dimension += d
     return dimension, brackets
-
-
-def _moved(linear: Linear, by: int) -> Linear:
-    return {k + by: c for k, c in linear.items()}
 
 
 def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:

@@ -184,7 +184,8 @@ def forms(
             name = f"{prefix}{len(lines) + 1}"
             lines.append(f"{name} = {written_sum([('+', first), numbers.times(ratio, second, False)])}")
             for row in left:
-                if _has_pair(row, first, second, ratio):
+                both = first in row and second in row
+                if both and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio)):
                     row[name] = row.pop(first)
                     del row[second]
         for name in sorted({name for row in left for name in row}):
@@ -220,10 +221,6 @@ def _most_frequent_pair(rows: Sequence[Mapping[str, mpmath.mpf]]) -> tuple[str, 
         return None
     (a, b, _), (count, ratio) = max(counts.items(), key=lambda item: (item[1][0], abs(abs(item[1][1]) - 1) < _EXACT))
     return (a, b, ratio) if count > 1 else None
-
-
-def _has_pair(row: Mapping[str, mpmath.mpf], first: str, second: str, ratio: mpmath.mpf) -> bool:
-    return first in row and second in row and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio))
 
 
 def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
