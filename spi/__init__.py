@@ -44,7 +44,7 @@ _NOT_COMPUTING = {
     *("specs", "storage/files", "storage/identity", "storage/provenance", "storage/results", "storage/sums"),
     *("storage/__init__", "drawing", "printing", "running", "api", "report", "cli", "experiments"),
 }
-_NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "claims", "table", "figure"}
+_NOT_COMPUTING_IN_A_KIND = {"keys", "claims", "table", "figure", "comparisons"}
 
 
 def computing_sources():

@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 from helpers import printed
+from spi.kinds.stability.reading import REGIMES, largest_step, read
 from stability_results import H, predators, stability, stability_group
 from view_helpers import SCHEMES, lines_of
 
-from spi.kinds.stability.reading import REGIMES, largest_step, read
 from spi.kinds.stability.table import COLUMNS
 from spi.printing import as_csv, as_json
 from spi.report import views

@@ -6,12 +6,12 @@ from helpers import printed
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.markers import CARETDOWN, CARETUP
+from spi.kinds.stability.reading import REGIMES, read
 from stability_results import VALUES, H, predators, stability, stability_group
 from view_helpers import GREEN, ROWS, SCHEMES, edge, inches_of_panels, legends, lines_of
 
 from spi.kinds.stability.figure import WORDS, maps
 from spi.kinds.stability.keys import PANELS
-from spi.kinds.stability.reading import REGIMES, read
 from spi.report import views
 
 pytestmark = pytest.mark.filterwarnings("error")

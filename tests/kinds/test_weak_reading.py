@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from spi.kinds.weak.reading import Order, read
+from spi.kinds.weak.reading.comparisons import agreement, comparable_sweeps, largest_over_eps, sweeps
 from weak_results import LIMIT, TEXTS, H, at_eps, by_differences, weak, weak_group
 
 from spi import storage
-from spi.kinds.weak.reading import Order, read
-from spi.kinds.weak.reading.comparisons import agreement, comparable_sweeps, largest_over_eps, sweeps
 from spi.report import views
 from spi.statistics.estimators import GROUPS
 

@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 import work_cases
-from work_results import H
-
 from spi.kinds.work_precision.reading.work_points import (
     WorkCurve,
     WorkPoint,
@@ -15,6 +13,7 @@ from spi.kinds.work_precision.reading.work_points import (
     time_factor,
     work_for,
 )
+from work_results import H
 
 # fixtures
 no_warnings = work_cases.no_warnings

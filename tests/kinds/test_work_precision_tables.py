@@ -6,12 +6,12 @@ import math
 import numpy as np
 import pytest
 from helpers import printed
+from spi.kinds.work_precision.reading import read, requested
+from spi.kinds.work_precision.reading.work_points import interval_of_median
 from work_cases import answers
 from work_results import H, work_group, work_results
 
 from spi import printing
-from spi.kinds.work_precision.reading import read, requested
-from spi.kinds.work_precision.reading.work_points import interval_of_median
 from spi.kinds.work_precision.table import COLUMNS
 from spi.printing.text import duration
 from spi.report import views

@@ -10,8 +10,8 @@ from spi.drawing import page, style
 from spi.drawing.axes import LEAST, PANEL, legend_line, panel_title
 from spi.drawing.layout import Panel, check_panels
 
-from ..reading import WeakErrors
-from ..reading.comparisons import sweeps
+from ..comparisons import sweeps
+from ..results import WeakErrors
 from . import eps, methods
 from .series import ERROR, Series, errors_panel, prefixes_panel, series_of
 

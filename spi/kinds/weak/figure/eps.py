@@ -11,8 +11,8 @@ from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, legend_under, limits, rules, with_order
 from spi.drawing.layout import Panel
 
-from ..reading import WeakErrors
-from ..reading.comparisons import comparable_sweeps, largest_over_eps, sweeps
+from ..comparisons import comparable_sweeps, largest_over_eps, sweeps
+from ..results import WeakErrors
 from .series import ERROR, Series, draw, frame, remarks
 
 COLUMNS = 3  # panels side by side

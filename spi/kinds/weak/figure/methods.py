@@ -13,7 +13,7 @@ from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, legend_under, limits, rules
 from spi.drawing.layout import Panel
 
-from ..reading import WeakErrors
+from ..results import WeakErrors
 
 #: Marker and colour of each estimator.
 LOOKS = {"plain": ("o", "#0072B2"), "multilevel": ("D", "#D55E00"), "kolmogorov": ("*", "#000000")}

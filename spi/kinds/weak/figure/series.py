@@ -11,7 +11,7 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, error_axes, legend_under, limits, slopes, with_order
 
-from ..reading import WeakErrors
+from ..results import WeakErrors
 
 ERROR = r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$"
 
