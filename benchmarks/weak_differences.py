@@ -24,7 +24,7 @@ def results(plan):
     state = State(plan)
     engine.advance_here([state], lambda number: None)
     engine.finish([state], lambda number: None)
-    group = plan.group(state)
+    group = plan.results(state).group()
     return group.arrays, group.attributes
 
 

@@ -43,7 +43,7 @@ def levels_plan_of(case, scheme, estimator="multilevel"):
 def results_of(case, scheme, estimator, plan_of=plan_of):
     """(variables by name, attributes) of a whole study."""
     p = plan_of(case, scheme, estimator)
-    group = p.group(finished(p))
+    group = p.results(finished(p)).group()
     assert (group.estimator, group.variant) == (estimator, scheme)
     assert list(group.coordinates["h"]) == list(case.steps)
     return group.arrays, group.attributes

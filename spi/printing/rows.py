@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.storage.stored import Array, Entry, Stored, layout
+from spi.storage.stored import Array, Stored, layout
 
 Columns = Mapping[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
@@ -23,15 +23,16 @@ def rows_of(
     what has others is left out.  `derived` are columns that the record does not store.
     """
     group = record.group()
-    entries = {entry.name: entry for entry in layout(type(record))}
+    columns_named = {(entry.name, entry.is_fact): entry.meaning.column for entry in layout(type(record))}
     head = {"case": group.case, "scheme": group.attributes["scheme"]}
-    head |= {name: group.attributes.get(name) for name in ("eps", "extrapolate", "estimator")}
-    tail = {name: value for name, value in group.attributes.items() if name in entries and entries[name].meaning.column}
+    head |= {name: group.attributes.get(name) for name in ("eps", "extrapolate")}
+    head["estimator"] = group.attributes.get("estimator") or None
+    tail = {name: value for name, value in group.attributes.items() if columns_named.get((name, True))}
     held = dict(_reduced(group.variables, largest)) | dict(derived or {})
     columns: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
     for name, (over, values) in held.items():
         if set(over) <= {*axes, *spread}:
-            columns.update(_spread(name, over, values, axes, group.coordinates, entries.get(name)))
+            columns.update(_spread(name, over, values, axes, group.coordinates, columns_named.get((name, False))))
     for place in np.ndindex(*(len(group.coordinates[axis]) for axis in axes)):
         at = dict(zip(axes, place, strict=True))
         row = head | {axis: group.coordinates[axis][i].item() for axis, i in at.items()}
@@ -53,7 +54,7 @@ def _spread(
     values: np.ndarray,
     axes: Sequence[str],
     coordinates: Mapping[str, np.ndarray],
-    entry: Entry | None,
+    template: str | None,
 ) -> Iterator[tuple[str, tuple[tuple[str, ...], np.ndarray]]]:
     """A variable as columns over the `axes` alone: ``rms_1``, ``rms_2``, ..., of texts ``mean[y1]``, ..."""
     further = [axis for axis in over if axis not in axes]
@@ -62,9 +63,7 @@ def _spread(
         return
     (axis,) = further
     rest = tuple(one for one in over if one != axis)
-    template = (entry.meaning.column if entry else "") or (
-        f"{name}_{{}}" if values.shape[over.index(axis)] > 1 else name
-    )
+    template = template or (f"{name}_{{}}" if values.shape[over.index(axis)] > 1 else name)
     for i, part in enumerate(np.moveaxis(values, over.index(axis), 0)):
         label = coordinates[axis][i]
         yield f"{name}[{label}]" if isinstance(label, str) else template.format(i + 1), (rest, part)

@@ -41,7 +41,7 @@ def digest(tmp_path, monkeypatch):
         "kinds/strong/table.py",
         "kinds/strong/keys.py",
         "kinds/stability/figure/maps.py",
-        "kinds/weak/reading/comparisons.py",
+        "kinds/weak/comparisons.py",
         "running/runs.py",
         "report/views.py",
         "cli/__init__.py",
@@ -96,7 +96,7 @@ def test_nothing_else_makes_compiled_code_and_what_computes_imports_nothing_else
     [
         ("kinds/weak/study/sums.py", ("kinds/weak/study/sums.py", "spi.compiler.dispatch.kernel")),
         ("ensemble/loop.py", ("ensemble/loop.py", "numba.prange")),
-        ("storage/records.py", ("kinds/plans.py", "spi.storage.records.Group")),
+        ("storage/records.py", ("kinds/plans.py", "spi.storage.records.Part")),
     ],
 )
 def test_a_leak_would_be_noticed(left_out, found):

@@ -110,7 +110,7 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
         times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
         assert state.more.times.shape == times.shape
         state.more = state.more._replace(times=times)
-        found = p.group(state)
+        found = p.results(state).group()
         assert found.coordinates["h"].tolist() == list(steps)
         np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])
         counts = [sum(1 / h / 2**i for i in range(levels + 1)) for h in steps]

@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 import work_cases
-from spi.kinds.work_precision.reading.work_points import (
+from work_results import H
+
+from spi.kinds.work_precision.work_points import (
     WorkCurve,
     WorkPoint,
     cheapest,
@@ -13,7 +15,6 @@ from spi.kinds.work_precision.reading.work_points import (
     time_factor,
     work_for,
 )
-from work_results import H
 
 # fixtures
 no_warnings = work_cases.no_warnings

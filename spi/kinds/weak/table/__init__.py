@@ -1,6 +1,7 @@
 """Tables of weak errors."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,7 +47,8 @@ def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
 def _point_rows(reading: WeakErrors, readings: Sequence[WeakErrors] = ()) -> Iterator[dict[str, Any]]:
     """The records of all step sizes; their ``agreement`` with one of `readings`, if it is not sampled."""
     found = agreement(reading, readings)
-    yield from rows_of(reading, _AXES, derived={"agreement": (_AXES, found.deviation)} if found else {})
+    errors = replace(reading, levels=None, differences=None)  # which have a table of their own
+    yield from rows_of(errors, _AXES, derived={"agreement": (_AXES, found.deviation)} if found else {})
 
 
 def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, all_samples: int) -> Iterator[dict[str, Any]]:
