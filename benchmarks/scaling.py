@@ -86,8 +86,8 @@ def main():
         print(
             f"{n} parts                 {longest:8.2f} s  efficiency {one / longest / n:.2f}, merging {merging:.2f} s"
         )
-    size = tallies.CHUNK_SECONDS
-    tallies.CHUNK_SECONDS = size / 64
+    size = tallies.CHUNK_WORK
+    tallies.CHUNK_WORK = size // 64
     many = sum(len(state.missing()) for state in states(wanted))
     with workers.processes(1) as pool:
         pool.threads = 1

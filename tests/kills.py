@@ -60,7 +60,7 @@ def run(kind, out, log=None):
     from spi.running import checkpoint
     from spi.statistics import tallies
 
-    loop.BATCH_SECONDS, tallies.CHUNK_SECONDS, checkpoint._SHARE = 0.0, 5e-3, 1e9
+    loop.BATCH_SECONDS, tallies.CHUNK_WORK, checkpoint._SHARE = 0.0, 2**23, 1e9
     with open(log or os.devnull, "a", buffering=1) as file:
         watch = Watch(report=lambda progress: file.write(f"{time.time()} {progress.number} {progress.done}\n"))
         runner.run(experiment(kind), out, watch=watch, limits=Limits(checkpoint_seconds=CHECKPOINT_SECONDS))

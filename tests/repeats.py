@@ -130,7 +130,7 @@ WAYS = {
 
 
 def main():
-    tallies.CHUNK_SECONDS = 0.02
+    tallies.CHUNK_WORK = 2**25
     wrong = 0
     for path in map(Path, sys.argv[1:]) if len(sys.argv) > 1 else sorted(EXPERIMENTS.glob("*.yaml")):
         experiment, found = load(path, "quick"), {}

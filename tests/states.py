@@ -40,7 +40,7 @@ def chunks_of(count):
     """Within it whole chunks have so many blocks each, whatever the speed; those of multilevel at least ROUND."""
     with ExitStack() as stack:
         for module in (blocks, multilevel):
-            stack.enter_context(patch.object(module, "chunk_blocks", lambda seconds: count))
+            stack.enter_context(patch.object(module, "chunk_blocks", lambda steps, dimension: count))
         stack.enter_context(patch.object(long_time, "_CHUNK_BLOCKS", count))
         yield
 

@@ -82,7 +82,7 @@ def populations(model):
 def flow_ns(model):
     """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
 
-    0: not known; then it is found by counting operations.
+    0: not stated; then 0.15 for each component, see ``schemes/costs.py``.
     """
 
 

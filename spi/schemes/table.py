@@ -8,7 +8,6 @@ from ..compiler.dispatch import answers
 from ..ensemble.fields import cross_product, lie_poisson, noise_field_derivative
 from ..ensemble.protocol import advance_large, squared_length_is_casimir
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
-from .costs import euler_cost, exponential_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
@@ -32,8 +31,8 @@ class Scheme(NamedTuple):
     strong_order_commuting: float  #: with one noise, or several that commute
     weak_order: float
     preserves: str
-    work: float | None = None  #: of a step, in flows of the model, for estimates of run time; None: flows are counted
-    step_cost: Callable = euler_cost  #: nanoseconds of a step without flows, of a model that does not state ``flow_ns``
+    work: float = 0.0  #: of a step that is no composition, in flows of the model, for estimates of run time
+    solves: bool = False  #: whether this work is that for three components, and grows with their number
     overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
@@ -164,7 +163,7 @@ register_scheme(
     weak_order=1.0,
     preserves="quadratic Casimirs",
     work=25.0,
-    step_cost=midpoint_cost,
+    solves=True,
     needs_truncation=True,
 )
 register_scheme(
@@ -179,7 +178,7 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs",
     work=6.0,
-    step_cost=exponential_cost,
+    solves=True,
     needs=lie_poisson,
     left_out=left_out_by_euler,
 )
@@ -195,7 +194,7 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs",
     work=10.0,
-    step_cost=lambda model: 2 * exponential_cost(model),
+    solves=True,
     needs=lie_poisson,
 )
 register_scheme(

@@ -18,10 +18,10 @@ from spi.checks.differences import along, derivative
 from spi.compiler.dispatch import INDICES, MOST, inlined
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import drift_field, noise_field, unit
-from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, flow_ns, hamiltonian, noise_flow
+from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, hamiltonian, noise_flow
 from spi.models import MODELS, register_model
 from spi.numerics.angles import SMALL_ANGLES
-from spi.schemes import SCHEMES, costs, typical_ns
+from spi.schemes import SCHEMES, typical_ns
 from spi.specs import SpecError
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -151,17 +151,16 @@ def test_more_pairs_of_noises_than_there_are_indices_are_refused_with_areas(spec
 @pytest.mark.parametrize(
     "model", [model for _, model, _ in MODELS_UNDER_TEST], ids=[n for n, _, _ in MODELS_UNDER_TEST]
 )
-def test_counted_flows_cost_what_the_models_state(model):
-    each = [costs.flow_cost("drift", k, model) for k in range(model.pieces)]
-    assert flow_ns(model) / 1.6 < np.mean(each) < 1.6 * flow_ns(model)
+def test_the_rule_says_about_what_the_models_state(model):
+    unstated = type("Unstated", (type(model),), {"flow_ns": 0.0})(*model)
+    assert 1 / 2 < typical_ns(SCHEMES["splitting"], unstated) / typical_ns(SCHEMES["splitting"], model) < 2
 
 
-def test_counting_tells_large_from_small(ring):
-    """A model that says nothing was taken for one with three components."""
+def test_the_rule_tells_large_from_small(ring):
+    """A model that says nothing was once taken for one with three components."""
     assert typical_ns(SCHEMES["splitting"], ring) > 5 * typical_ns(SCHEMES["splitting"], RIGID_BODY)
-    assert typical_ns(SCHEMES["euler_maruyama"], ring) > 5 * typical_ns(SCHEMES["euler_maruyama"], RIGID_BODY)
+    assert typical_ns(SCHEMES["euler_maruyama"], ring) > 3 * typical_ns(SCHEMES["euler_maruyama"], RIGID_BODY)
     assert typical_ns(SCHEMES["midpoint"], ring) > 20 * typical_ns(SCHEMES["midpoint"], RIGID_BODY)
-    assert costs.flow_cost("noise", 0, ring) < costs.flow_cost("drift", 0, ring)  # one spin turns, or all
 
 
 def test_what_is_stated_counts(ring):

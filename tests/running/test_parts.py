@@ -34,7 +34,7 @@ TIMES = ("seconds", "ns_per_step", "level_cost_rate", "threads")
 @pytest.fixture(autouse=True)
 def _small_chunks(monkeypatch):
     """Two blocks or so to a chunk."""
-    monkeypatch.setattr(tallies, "CHUNK_SECONDS", 1e-3)
+    monkeypatch.setattr(tallies, "CHUNK_WORK", 2**21)
 
 
 def strong(*overrides):
@@ -65,7 +65,7 @@ def numbers(path):
 def straight(tmp_path_factory):
     """The numbers of runs that nobody disturbs, by the name of the experiment."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tallies, "CHUNK_SECONDS", 1e-3)
+        patch.setattr(tallies, "CHUNK_WORK", 2**21)
         folder = tmp_path_factory.mktemp("straight")
         return {e.name: numbers(runner.run(e, folder)) for e in (strong(), weak())}
 

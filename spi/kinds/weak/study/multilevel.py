@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.protocol import noise_indices
+from spi.ensemble.protocol import dimension, noise_indices
 from spi.exact.kolmogorov import can_solve
 from spi.kinds.blocks import Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
@@ -149,8 +149,8 @@ class MultilevelPlan(Blockwise, PartPlan):
     def path_sets(self, more: Decisions) -> Sequence[PathSet]:
         """The samples of each level that the current allocation wants."""
         return tuple(
-            PathSet(int(blocks) * LANES, max(ROUND, chunk_blocks(seconds)))
-            for blocks, seconds in zip(more.targets, self.seconds_per_block, strict=True)
+            PathSet(int(blocks) * LANES, max(ROUND, chunk_blocks(level.steps, dimension(self.model))))
+            for blocks, level in zip(more.targets, self.levels, strict=True)
         )
 
     def empty(self, number: int) -> Totals:
