@@ -57,7 +57,7 @@ def _computes(source):
     """Whether a file, named as seen from the package, belongs to :func:`computing_sources`."""
     names = source.with_suffix("").parts
     if names[0] == "kinds":
-        return names[1] != "__init__" and not _NOT_COMPUTING_IN_A_KIND.intersection(names[2:3])
+        return names[1] != "__init__" and not _NOT_COMPUTING_IN_A_KIND.intersection(names[2:])
     return not _NOT_COMPUTING.intersection((names[0], "/".join(names[:2])))
 
 

@@ -9,7 +9,7 @@ from states import batches_of, finished, ignore
 
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study import multilevel
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.running import engine
 from spi.running.runs import load
 from spi.schemes import SCHEMES

@@ -11,7 +11,7 @@ from weak_cases import SPEC
 from spi.exact.kolmogorov import expectations
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.extrapolated import errors_at_steps, shares, shares_above
+from spi.kinds.weak.estimators.multilevel.extrapolated import errors_at_steps, shares, shares_above
 from spi.kinds.work_precision import study as work_precision
 from spi.running.runs import load
 from spi.schemes.rows import compositions

@@ -9,7 +9,7 @@ from helpers import COMPILED, LANES, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.study.differences import DifferencesPlan
+from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import BRIDGES, DIFFERENCES, LEVELS
 from spi.schemes import SCHEMES

@@ -18,7 +18,8 @@ from weak_cases import (
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.study import estimates, multilevel
+from spi.kinds.weak.estimators.multilevel import estimates
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES

@@ -151,6 +151,11 @@ class WeakErrors(Stored):
         return np.asarray(getattr(self.unsampled, f"{name}_bound"))
 
     @property
+    def paths(self) -> int | None:
+        """The number of paths, where it is one for all; None of levels, and where nothing is sampled."""
+        return self.sampled.samples if self.sampled and not self.levels else None
+
+    @property
     def stages(self) -> Stages | None:
         """Estimates from less work, where there are any."""
         return self.prefixes or self.history

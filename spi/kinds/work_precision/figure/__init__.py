@@ -11,6 +11,7 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from spi.drawing import fitting, style
 from spi.drawing.axes import HUGE, PANEL, legend_line, legend_under, limits, panel_grid, panel_title, rules, with_order
+from spi.kinds.weak.estimators import label_of
 
 from ..results import WorkPrecision, requested
 from .steps import LabelledLine, step_labels
@@ -63,7 +64,9 @@ def _facts(readings: Sequence[WorkPrecision]) -> dict[str, str]:
     names = ("reference_step", "reference_scheme", "samples", "functions")
     told = {name: getattr(readings[0], name) for name in names}
     estimators = {reading.estimator for reading in readings}
-    return style.facts(readings[0].about, **told, estimator=estimators.pop() if len(estimators) == 1 else None)
+    return style.facts(
+        readings[0].about, **told, estimator=label_of(estimators.pop()) if len(estimators) == 1 else None
+    )
 
 
 def _grid(

@@ -1,4 +1,4 @@
-"""What the sums of a multilevel estimator tell: errors, Giles' table, rates (see multilevel.py)."""
+"""What the sums of a multilevel estimator tell: errors, Giles' table, rates (see plans.py)."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,15 +9,15 @@ from spi.schemes.splitting import has_reversed_twin
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
 from spi.storage.records import Order
 
-from ..results import History, Sampled, WeakErrors
-from ..results import Levels as LevelTable
+from ...results import History, Sampled, WeakErrors
+from ...results import Levels as LevelTable
+from ...study.fields import extension, result_steps, sampled_errors, weak_errors
+from ...study.sums import mean_over_paths, standard_deviation
 from .extrapolated import errors_at_steps, shares_above
-from .fields import extension, result_steps, sampled_errors, weak_errors
 from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
-from .sums import mean_over_paths, standard_deviation
 
 if TYPE_CHECKING:
-    from .multilevel import Levels, MultilevelPlan
+    from .plans import Levels, MultilevelPlan
 
 _CLEAR = 4.0  # a mean difference counts for the rate of means if it is so many times its standard error
 _EQUAL = np.full(GROUPS, PARTS)  # all groups of a level are equally large, so any equal counts will do

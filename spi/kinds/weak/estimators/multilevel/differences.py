@@ -27,23 +27,18 @@ from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import has_reversed_twin
 from spi.storage.records import Part
 
-from ..results import Differences, Sampled, WeakErrors
+from ...results import Differences, Sampled, WeakErrors
+from ...study.fields import sampled_errors, weak_errors
+from ...study.sums import sampling_calls, values_of_blocks
 from . import estimates
 from .estimates import Errors
-from .fields import sampled_errors, weak_errors
 from .levels import DIFFERENCE, VALUE, Level
-from .multilevel import Levels, MultilevelPlan, Rows, snapshot
-from .sums import sampling_calls, values_of_blocks
+from .plans import Levels, MultilevelPlan, Rows, snapshot
 
 #: The scheme of weak order 2.
 ORDER_2 = "splitting_order2"
 
 _BOTH_SIDES = (AS_TOSSED, COINS_TURNED)
-
-
-def multilevel_plan(case: Any, part: Part) -> MultilevelPlan:
-    """The plan of the estimator ``multilevel`` for one scheme of a case: by differences where that is better."""
-    return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).of(case, part)
 
 
 def can_compare(case: Any, part: Part) -> bool:

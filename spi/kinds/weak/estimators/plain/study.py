@@ -22,9 +22,16 @@ from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.tallies import Chunk
 from spi.storage.records import Part
 
-from ..results import Prefixes, Sampled, WeakErrors
-from .fields import extension, extrapolation, result_steps, sampled_errors, weak_errors
-from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_deviation, values_of_blocks, with_powers
+from ...results import Prefixes, Sampled, WeakErrors
+from ...study.fields import extension, extrapolation, result_steps, sampled_errors, weak_errors
+from ...study.sums import (
+    compile_kernels,
+    mean_over_paths,
+    sampling_calls,
+    standard_deviation,
+    values_of_blocks,
+    with_powers,
+)
 
 _BATCH_BYTES = 64e6
 
@@ -60,20 +67,20 @@ class Rows(NamedTuple):
     report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
 
 
+def plan(case: Any, part: Part) -> "PlainPlan":
+    """The plan for one scheme of a case."""
+    reference = case.reference_record(part.eps)
+    of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
+    steps = sorted({*case.steps, *of_reference}, reverse=True)
+    schemes = [case.row(part.scheme, part.eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+    times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
+    return PlainPlan(case=case, part=part, grid=times, samples=case.samples)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlainPlan(BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
-
-    @classmethod
-    def of(cls, case: Any, part: Part) -> "PlainPlan":
-        """The plan for one scheme of a case."""
-        reference = case.reference_record(part.eps)
-        of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
-        steps = sorted({*case.steps, *of_reference}, reverse=True)
-        schemes = [case.row(part.scheme, part.eps).record, reference]
-        terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
-        times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
-        return cls(case=case, part=part, grid=times, samples=case.samples)
 
     @property
     def prefixes(self) -> tuple[int, ...]:

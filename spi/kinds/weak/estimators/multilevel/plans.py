@@ -37,13 +37,13 @@ from spi.statistics.estimators import GROUPS, jackknife_stderr
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 from spi.storage.records import Part
 
-from ..results import WeakErrors
+from ...results import WeakErrors
+from ...study.fields import result_steps
+from ...study.sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
+from ..kolmogorov.study import solution
 from .estimates import Errors, errors, moments, results
 from .extrapolated import shares
-from .fields import result_steps
-from .kolmogorov import solution
 from .levels import Level, levels_of
-from .sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
 SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view

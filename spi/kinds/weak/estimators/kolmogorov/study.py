@@ -18,8 +18,8 @@ from spi.schemes.rows import compositions
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order, Part
 
-from ..results import Unsampled, WeakErrors
-from .fields import extrapolation, result_steps, weak_errors
+from ...results import Unsampled, WeakErrors
+from ...study.fields import extrapolation, result_steps, weak_errors
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
@@ -43,14 +43,14 @@ class Solution(NamedTuple):
         raise TypeError("a solution without sampling is found at once")
 
 
+def plan(case: Any, part: Part) -> "KolmogorovPlan":
+    """The plan for one scheme of a case."""
+    return KolmogorovPlan(case=case, part=part)
+
+
 @dataclass(frozen=True, kw_only=True)
 class KolmogorovPlan(PartPlan):
     """Weak errors of one splitting scheme from its backward operators."""
-
-    @classmethod
-    def of(cls, case: Any, part: Part) -> "KolmogorovPlan":
-        """The plan for one scheme of a case."""
-        return cls(case=case, part=part)
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
