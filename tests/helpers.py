@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
+import pytest
 
 from spi.compiler.dispatch import kernel, number, unrolled
 from spi.ensemble.areas import area_count
@@ -45,6 +46,7 @@ from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 #: The schemes of the equation itself; those of the multiscale system have a test file of their own.
 SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
@@ -250,7 +252,7 @@ def take_step(scheme, model, h, dW, y, coins=None):
 
 
 def composed(model, flows, h, y, dW):
-    """One step of one path, or of arrays of them, by the flows of ``schemes.rows.compositions``, uncompiled."""
+    """One step of one path, or of arrays of them, by the flows of ``schemes.stages.compositions``, uncompiled."""
     for part, k, share in flows:
         if part == "drift":
             y = drift_flow(model, k, share * h, y, ANY_ANGLES)

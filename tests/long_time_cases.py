@@ -9,7 +9,7 @@ from spi.ensemble.protocol import memory_size
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
 from spi.numerics.rng import BROWNIAN, LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 RIGID = """\

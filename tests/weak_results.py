@@ -7,7 +7,6 @@ import numpy as np
 from made_up import group_of
 
 from spi.kinds.weak.results import Differences, History, Levels, Prefixes, Sampled, Unsampled, WeakErrors
-from spi.report import views
 from spi.storage.records import Order, Results
 
 H = 2.0 ** -np.arange(3, 9)
@@ -139,7 +138,3 @@ def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):
 
 def weak(*groups, **attributes):
     return Results({"kind": "weak", "title": "Weak errors", **attributes}, groups)
-
-
-def save(results, folder, stem):
-    return views.save(views.figure(results), folder, stem)

@@ -12,7 +12,7 @@ from spi.ensemble.loop import thread_count
 from spi.kinds import KINDS
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
-from spi.running.runs import load
+from spi.running.run import load
 
 SPEC = """\
 kind: {kind}
@@ -55,9 +55,6 @@ def group_of(experiment, scheme):
 
 def same(a, b):
     return np.array_equal(a, b, equal_nan=True)
-
-
-# --- times -----------------------------------------------------------------------------------------------------------
 
 
 class Clock:

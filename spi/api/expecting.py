@@ -46,8 +46,8 @@ def expectations(
     `samples` is the number of paths.  `model`, `initial`, `final_time`, `seed` and `options` are as for
     :func:`spi.trajectory`.
 
-    The result has ``expectation`` and ``expectation_stderr`` (function, h) and ``nonfinite`` (h), the number of paths
-    that left the finite numbers, with which the means are not finite.  For weak errors with their orders, for
+    The result has ``expectation`` and ``expectation_stderr`` (function, h) and ``nonfinite`` (h), the number of
+    diverged paths (NaN or infinity), with which the means are not finite.  For weak errors with their orders, for
     multilevel estimates and for expectations without sampling see experiments of kind weak.
 
     Raises SpecError if anything is wrong with what is asked for.
@@ -167,7 +167,7 @@ def _dataset(sums: _Sums, names: list[str], h: list[float], attributes: dict[str
         {
             "expectation": (axes, sums.mean[:, ::-1], {"long_name": "E phi(y_h(T))"}),
             "expectation_stderr": (axes, stderr[:, ::-1], {"long_name": "standard error of the expectation"}),
-            "nonfinite": (("h",), sums.nonfinite[::-1], {"long_name": "paths that left the finite numbers"}),
+            "nonfinite": (("h",), sums.nonfinite[::-1], {"long_name": "diverged paths (NaN or infinity)"}),
         },
         {"function": names, "h": ("h", h, {"long_name": "step size"})},
         attributes,

@@ -154,7 +154,7 @@ class Results:
         return pd.DataFrame(views.rows(self.stored))
 
     def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
-        """The figure of these parts as ``spi plot`` draws it; in axes of your own the curve of each of them.
+        """The figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
 
         A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
         against time; `look` is handed on to matplotlib.  Returns the figure, or the axes.

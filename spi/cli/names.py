@@ -15,7 +15,7 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
     there are none of that name.
     """
     if source.suffix in SPECS:
-        from ..running.runs import results_of
+        from ..running.run import results_of
 
         return results_of(source, folder)
     from ..report.views import named
@@ -25,7 +25,7 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
 
 def complete_spec(incomplete: str) -> list[str]:
     """Names of the experiments that come with the program, and spec files."""
-    from ..specs import shipped
+    from ..running import shipped
 
     return [name for name in shipped.names() if name.startswith(incomplete)] + _files(incomplete, SPECS)
 

@@ -8,21 +8,21 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, class_of, field_type, inlined, number, unrolled
+from ..compiler.dispatch import device, number, unrolled
+from ..compiler.records import field
 from ..numerics.rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
 from .areas import areas_length, copy_areas, draw_areas, join_areas
 from .protocol import noise_indices, noises
 
 
-@inlined
+@device
 def truncation_bound(h):
     """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
     return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
 
 
-@inlined
+@device
 def first_lane(model, k, n, part):
     """Where in a row the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ... begin."""
     return ((n - 1 + part) * noises(model) + k) * LANES
@@ -151,7 +151,7 @@ class Kept(NamedTuple):
     areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
 
 
-@inlined
+@device
 def row_length(kept, model):
     """How many floats the increments of a block over a step and its sub-steps are, with its areas."""
     return (2 * number(kept.substeps) - 1) * noises(model) * LANES + areas_length(kept.areas, model)
@@ -161,15 +161,12 @@ def _unless_one(plain):
     """Decorator: `plain` takes the place of ``body(kept, ...)`` where there are no sub-steps, without a branch."""
 
     def decorate(body):
+        @device(by_type=True)
         @functools.wraps(body)
-        def f(kept, *arguments):
-            return (plain if number(kept.substeps) == 1 else body)(kept, *arguments)
+        def chosen(kept, *arguments):
+            return plain if number(field(kept, "substeps")) == 1 else body
 
-        @overload(f, jit_options=INLINED, strict=False)
-        def f_while_compiling(kept, *types_of_arguments):
-            return plain if INDICES.index(class_of(field_type(kept, "substeps"))) == 1 else body
-
-        return f
+        return chosen
 
     return decorate
 
@@ -236,13 +233,13 @@ def truncate(kept, model, dW, clipped, h):
     clip_substeps(model, dW, clipped, h, number(kept.substeps))
 
 
-@inlined
+@device
 def flip(coins, side, flipped):
     for lane in range(LANES):
         coins[flipped, lane] = -coins[side, lane]
 
 
-@inlined
+@device
 def copy(coins, source, target):
     for lane in range(LANES):
         coins[target, lane] = coins[source, lane]

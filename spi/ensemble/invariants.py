@@ -7,10 +7,9 @@ homogeneous of degree k, so that this takes the place of C(y) wherever Casimir f
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, number, unrolled
+from ..compiler.dispatch import device, number, unrolled
+from ..compiler.records import class_of
 from ..numerics.rng import LANES
 from .lanes import load_lane
 from .protocol import casimir_indices, casimirs, decay_rates, large
@@ -43,25 +42,17 @@ def casimirs_of_states(model, states):
     return np.array(casimirs(model, tuple(states)))
 
 
+@device(by_type=True)
 def _growth(first, c, level, n):
     """The factor of Casimir function c after n steps of a level."""
-    return np.exp(first.exponents[level, c] * n) if isinstance(first, Decaying) else 1.0
-
-
-def _at_start(first):
-    return first.at_start if isinstance(first, Decaying) else first
-
-
-@overload(_growth, jit_options=INLINED)
-def _(first, c, level, n):
-    if isinstance(first, types.NamedTuple):
+    if class_of(first) is Decaying:
         return lambda first, c, level, n: np.exp(first.exponents[level, c] * n)
     return lambda first, c, level, n: 1.0
 
 
-@overload(_at_start, jit_options=INLINED)
-def _(first):
-    return (lambda first: first.at_start) if isinstance(first, types.NamedTuple) else (lambda first: first)
+@device(by_type=True)
+def _at_start(first):
+    return (lambda first: first.at_start) if class_of(first) is Decaying else (lambda first: first)
 
 
 @unrolled(casimir_indices)
@@ -76,7 +67,7 @@ def _watch_one(index, model, worst, first, level, n, y):
 
 
 def _watch_all(model, worst, first, level, n, paths, y):
-    """All Casimir functions of a path at once, as a large model finds them."""
+    """All Casimir functions of a path at once, as an array-state model finds them."""
     for lane in range(paths):
         values = casimirs(model, load_lane(model, y, lane))
         for c in range(len(values)):
@@ -85,20 +76,13 @@ def _watch_all(model, worst, first, level, n, paths, y):
                 worst[c, lane] = change
 
 
+@device(by_type=True)
 def watch_casimirs(model, worst, first, level, n, paths, y):
     """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers of step n of a level.
 
-    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of a large model
-    only the first `paths` lanes are watched.
+    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of an array-state
+    model only the first `paths` lanes are watched.
     """
-    if large(model):
-        _watch_all(model, worst, first, level, n, paths, y)
-    else:
-        _watch_one(model, worst, first, level, n, y)
-
-
-@overload(watch_casimirs, jit_options=INLINED)
-def _(model, worst, first, level, n, paths, y):
     if large(model):
         return _watch_all
     return lambda model, worst, first, level, n, paths, y: _watch_one(model, worst, first, level, n, y)

@@ -15,7 +15,7 @@ import numpy as np
 from numba import get_num_threads, prange, set_num_threads, types
 from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, linked, parallel_kernel
+from ..compiler.dispatch import INLINED, device, kernel
 from ..numerics.rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
 from .increments import copy, draw_steps, flip, join, keep, reversed_row, row_length, truncate
 from .lanes import store_lane
@@ -127,7 +127,7 @@ def _(model, initial, row, y):
     return row_of_block
 
 
-@linked
+@device(inline=False)
 def integrate_block(scheme, model, initial, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
     last = grid.doublings[-1]
@@ -202,7 +202,7 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
                 copy(coins, here, s)
 
 
-@parallel_kernel
+@kernel(parallel=True)
 def integrate(scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
     """Integrate the paths of `blocks` blocks, from block `first_block` on; paths from number `samples` on are idle.
 

@@ -6,7 +6,8 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, inlined, kernel, number, record_class
+from ..compiler.dispatch import INDICES, INLINED, device, kernel, number
+from ..compiler.records import record_class
 from ..ensemble.lanes import load_lane
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ..numerics.elementary import REDUCIBLE, bits, exp, log
@@ -165,7 +166,7 @@ def _(functions, model, y, values):
     return first_then_rest
 
 
-@inlined
+@device
 def fill_row(expression, model, y, row):
     """row[lane] = phi(y), with sines in vector instructions unless a lane has an angle too large for them."""
     largest = 0

@@ -60,7 +60,7 @@ def error_and_remark(record: dict[str, Any], half: float) -> tuple["Text", "Text
 
 
 def lost_paths(count: int | None) -> "Text":
-    """The cell of how many paths left the finite numbers; empty where that is not known."""
+    """The cell of how many paths diverged (NaN or infinity); empty where that is not known."""
     from rich.text import Text
 
     return Text("" if count is None else str(count), style="bold red" if count else "")

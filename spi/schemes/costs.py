@@ -4,22 +4,22 @@ A simple rule, so that an estimate depends on nothing but the scheme and the mod
 """
 
 from ..ensemble.protocol import area_pairs, dimension, flow_ns, needs_areas, noise_indices, substeps
-from .rows import sweeps
+from .stages import sweeps
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
 _TYPICAL_TERMS = 8  # of the Fourier series of areas
 
 
-def typical_ns(row, model):
+def typical_ns(entry, model):
     """Nanoseconds per step and path on one thread of a processor with AVX-512 at about 4 GHz, within a factor of 3.
 
     overhead * (0.85 draws + flows * ns of a flow), where a flow takes what the model states, or 0.15 ns a component.
     """
-    flows = row.work if row.composition is None else len(sweeps(row.composition, model))
-    if row.solves:
+    flows = entry.work if entry.composition is None else len(sweeps(entry.composition, model))
+    if entry.solves:
         flows *= dimension(model) / 3
-    draws = len(noise_indices(model)) * substeps(row.record)
-    if needs_areas(row.record) and area_pairs(model):
+    draws = len(noise_indices(model)) * substeps(entry.record)
+    if needs_areas(entry.record) and area_pairs(model):
         draws *= 1 + 2 * _TYPICAL_TERMS
-    return row.overhead * (_DRAW_NS * draws + flows * (flow_ns(model) or _COMPONENT_NS * dimension(model)))
+    return entry.overhead * (_DRAW_NS * draws + flows * (flow_ns(model) or _COMPONENT_NS * dimension(model)))

@@ -1,4 +1,4 @@
-"""The table of the schemes: what is known of each of them, one row each."""
+"""The table of the schemes: what is known of each of them, one entry each."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,12 +12,12 @@ from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
-from .rows import has_loops
 from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
+from .stages import has_loops
 
 
 class Scheme(NamedTuple):
-    """One row of the table of orders; what theory says where the coefficients are smooth and bounded.
+    """One entry of the table of orders; what theory says where the coefficients are smooth and bounded.
 
     A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
     """
@@ -42,8 +42,8 @@ class Scheme(NamedTuple):
 
     @property
     def composition(self):
-        """The rows of flows of which a step consists, None for a scheme that is no composition of flows."""
-        return getattr(self.record, "rows", None)
+        """The stages of which a step consists, None for a scheme that is no composition of flows."""
+        return getattr(self.record, "stages", None)
 
     @property
     def solvable_without_sampling(self):
@@ -59,9 +59,9 @@ class Scheme(NamedTuple):
 SCHEMES: dict[str, Scheme] = {}
 
 
-def register_scheme(name, **row):
+def register_scheme(name, **entry):
     """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``protocol.py``."""
-    scheme = Scheme(**row)
+    scheme = Scheme(**entry)
     check_class(type(scheme.record), "scheme", name)
     SCHEMES[name] = scheme
 
@@ -171,7 +171,7 @@ register_scheme(
     record=MuntheKaasEuler(),
     label="Munthe-Kaas, Euler",
     formula="z = exp(M(v)) y, v = h (grad H + 1/2 sum_k sigma_k^2 Hess Ĥ_k f_k) + sum_k sigma_k dW_k grad Ĥ_k at y",
-    reference="doi:10.1137/060666743, its Euler type; see docs/schemes_of_others.md",
+    reference="doi:10.1137/060666743, its Euler type; see docs/literature_schemes.md",
     look=(">", "#CC79A7"),
     strong_order=0.5,
     strong_order_commuting=0.5,
@@ -187,7 +187,7 @@ register_scheme(
     record=MuntheKaasMidpoint(),
     label="Munthe-Kaas, midpoint",
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k",
-    reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/schemes_of_others.md",
+    reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/literature_schemes.md",
     look=("<", "#E69F00"),
     strong_order=0.5,
     strong_order_commuting=1.0,

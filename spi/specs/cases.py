@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pydantic
 
-from ..ensemble.protocol import NonNegative, Positive, dimension, in_kernels, large
+from ..ensemble.protocol import NonNegative, Positive, dimension, large
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
@@ -35,7 +35,7 @@ from .keys import (
     shown,
     wrong,
 )
-from .mistakes import Mistakes
+from .mistakes import every
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
@@ -62,7 +62,7 @@ class BaseCase(Keys):
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
-    compositions: key_of(Compositions, "schemes of your own, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
+    compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
@@ -127,7 +127,7 @@ class BaseCase(Keys):
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition
+    @condition("damping", "model", "panels")
     def _check_damping(self) -> Self:
         """The case with its damping in the record of the model."""
         return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
@@ -138,28 +138,28 @@ class BaseCase(Keys):
         said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
-    @condition
+    @condition("schemes", "reference_scheme", "compositions")
     def _check_names(self) -> Self:
         """The case with those of its compositions that it uses."""
         check_names(self)
         used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
         return self.model_copy(update={"compositions": used})
 
-    @condition
+    @condition("initial", "model")
     def _check_initial(self) -> Self:
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
-    @condition
+    @condition("initial", "model")
     def _check_words(self) -> Self:
         check_words(self.model, self.initial)
         return self
 
-    @condition
+    @condition("schemes", "reference_scheme", "model")
     def _check_needs(self) -> Self:
-        if large(in_kernels(self.model)):
+        if large(self.model):
             self._check_large()
         for name in self.schemes_used:
             needs = self.row(name).needs
@@ -180,7 +180,7 @@ class BaseCase(Keys):
                 right = "use euler_maruyama or a splitting without Lévy areas"
                 raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
-    @condition
+    @condition("eps", "schemes")
     def _check_eps(self) -> Self:
         multiscale = [s for s in self.schemes if self.row(s).multiscale]
         if multiscale and self.eps is None:
@@ -195,7 +195,7 @@ class BaseCase(Keys):
                     raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
         return self
 
-    @condition
+    @condition("expect", "schemes")
     def _check_expect(self) -> Self:
         _ = self.claims
         return self
@@ -218,7 +218,7 @@ class ErrorCase(BaseCase):
         """T."""
         return self.final_time
 
-    @condition
+    @condition("steps", "schemes")
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
@@ -228,7 +228,7 @@ class ErrorCase(BaseCase):
         check_schemes(self, self.schemes_used if self.bounded_increments else (), max(steps), "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
-    @condition
+    @condition("reference_scheme", "schemes", "eps")
     def _check_reference_scheme(self) -> Self:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
@@ -267,16 +267,13 @@ class FunctionsCase(ErrorCase):
         # pairs, because their order decides that of the results, and in the least text that decides the values
         return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
 
-    @condition
+    @condition("functions", "model")
     def _check_functions(self) -> Self:
-        trees, mistakes = {}, Mistakes()
-        for name, text in self.functions.items():
-            with mistakes.apart():
-                trees[name] = self._tree(name, text)
-        mistakes.report()
+        trees = every(self._tree, self.functions.items())
         if not self.variables:
             return self
-        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
+        return self.model_copy(update={"functions": texts})
 
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""

@@ -38,7 +38,7 @@ def define(data: Mapping[str, Any]) -> Defined:
     """The system of a definition with some of :data:`KEYS`; DefinitionError if anything is wrong with it."""
     unknown = next((key for key in data if key not in KEYS), None)
     if unknown is not None:
-        raise DefinitionError(f"is no known key; known: {', '.join(KEYS)}", unknown)
+        raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
     return _Reader(data).read()
 
 
@@ -217,7 +217,7 @@ class _Reader:
                 raise NumberError(f"'{body.strip()}' must be two variables, as in P1 P2")
             for name in pair:
                 if name not in variables:
-                    raise NumberError(f"'{name}' is no variable")
+                    raise NumberError(f"'{name}' is not a variable")
             value = expression(self.data["bracket"][key], inner)
             i, j = (variables.index(name) for name in pair)
             found.append((key, i, j, _linear(value, formulas)))
@@ -235,7 +235,7 @@ class _Reader:
                     f"missing key 'hamiltonian'; add hamiltonian: {KEYS['hamiltonian']}", "hamiltonian"
                 )
             if not isinstance(self.data["hamiltonian"], str):
-                raise DefinitionError("is no text; must be one formula", "hamiltonian")
+                raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
                 found = split(parts, world, constants)
@@ -329,8 +329,9 @@ def _check_word(name: str, key: str) -> None:
     """DefinitionError if formulas cannot name a parameter or a size so."""
     is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
     if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
-        what = "is no name of a parameter" if key == "parameters" else "is no name of a size"
-        raise DefinitionError(f"{what}; take letters from a to z and digits, and no function", key, name)
+        raise DefinitionError(
+            "is not a valid name; use letters from a to z and digits, and not the name of a function", key, name
+        )
 
 
 def _linear(value: Any, formulas: Symbols) -> Linear:

@@ -26,10 +26,10 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from spi.numerics.angles import sin_versine
-from spi.compiler.dispatch import inlined
+from spi.compiler.dispatch import device
 from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
-from spi.systems.motions import larger, sinh_coshm1, times
+from spi.numerics.motions import larger, sinh_coshm1, times
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}}}
 '''
@@ -143,7 +143,7 @@ class _Generator:
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
-            "@inlined",
+            "@device",
             f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
             f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
             *([f"    y{i + 1} = y[{i}]" for i in used]),

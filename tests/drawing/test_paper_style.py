@@ -1,7 +1,6 @@
 """Figures for papers: their width, their letters, that no text lies on another, and that they need no colours."""
 
 import itertools
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +21,6 @@ from spi.kinds.trajectory.figure import fields
 from spi.report import views
 from spi.schemes import SCHEMES
 from spi.storage.records import Order
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def errors(cases):
@@ -65,10 +57,11 @@ RESULTS = {
     "work_precision": work_results,
     "long_time": lambda: long_time(long_time_group("splitting"), long_time_group("midpoint")),
 }
-PAPERS = [(what, *page) for what in RESULTS for page in (("one", "serif"), ("two", "sans"))]
 
 
-@pytest.mark.parametrize(("what", "width", "font"), [*PAPERS, ("strong, four cases", "130mm", "serif")])
+@pytest.mark.share
+@pytest.mark.parametrize("what", RESULTS)
+@pytest.mark.parametrize(("width", "font"), [("one", "serif"), ("two", "sans"), ("130mm", "serif")])
 def test_no_text_lies_on_another(what, width, font):
     fig = views.figure(RESULTS[what](), style="paper", width=width, font=font)
     assert fig.get_figwidth() == pytest.approx(page.inches(width))
@@ -144,7 +137,7 @@ def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch
     ("options", "message"),
     [
         (["--width", "one"], "--width: is for figures in the style paper only; ask for that style as well"),
-        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is no installed TrueType family"),
+        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is not an installed TrueType family"),
         (["--style", "paper", "--width", "three"], "--width: is 'three'; must be one or two"),
     ],
 )

@@ -13,6 +13,7 @@ from helpers import (
     RIGID_BODY,
     Coins,
     Increments,
+    compiled_only,
     simulate,
     take_steps,
     without_the_compiler,
@@ -23,10 +24,6 @@ from spi.ensemble.loop import add_reports, report_columns
 from spi.ensemble.protocol import REPORT, needs_areas
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- what results do not depend on -----------------------------------------------------------------------------------
 
 
 SMALL = {"h": 2.0**-6, "steps": 64 if COMPILED else 8, "truncate": True}
@@ -106,9 +103,6 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
     assert np.all(np.isnan(states[..., samples:]))  # an observer is told which lanes count
 
 
-# --- the slow twin ---------------------------------------------------------------------------------------------------
-
-
 TWIN = {"h": 2.0**-5, "steps": 8, "doublings": (0, 2), "truncate": True, "first_block": 2}
 TWIN |= {"initial": (1.2, -0.6, 1.5)}  # so that angles at h = 1/8 exceed pi/4
 WATCHED_TWIN = TWIN | {
@@ -151,9 +145,6 @@ def test_compiled_equals_uncompiled():
     assert np.array_equal(simulate(Coins(), **WATCHED_TWIN)[0][:, :, 0], np.array(slow["coins"][0])[:, :, 0])
     fast, _ = simulate(SCHEMES["splitting_order2"].record, **REVERSED_TWIN)
     np.testing.assert_allclose(fast, slow["reversed"][0], rtol=0, atol=1e-13)
-
-
-# --- memory ----------------------------------------------------------------------------------------------------------
 
 
 @compiled_only

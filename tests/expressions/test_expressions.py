@@ -223,15 +223,6 @@ def test_lanes_are_arrays(scale):
         assert close(row, as_numpy(parse_expression(text, 3))(y)), text
 
 
-@pytest.mark.skipif(not COMPILED, reason="needs both")
-def test_compiled_is_uncompiled():
-    y = states()
-    for text, row in zip(EACH, on_lanes(EACH, y), strict=True):
-        expression = parse_expression(text, 3)
-        twin = [evaluate(expression, tuple(map(float, state)), REDUCED_ANGLES) for state in y.T]
-        assert close(row, np.array(twin)), text
-
-
 def test_large_arguments():
     """Sines are right wherever the paths are; a block with one large angle is treated as a whole."""
     y = states()

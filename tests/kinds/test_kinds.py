@@ -14,7 +14,7 @@ import pytest
 from spi import storage
 from spi.kinds import KINDS, ClaimsModule, FigureModule, Kind, StudyModule, TableModule
 from spi.report import views
-from spi.running import runs
+from spi.running import run as runs
 from spi.storage.stored import Stored
 
 SPEC = """\

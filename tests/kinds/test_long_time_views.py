@@ -17,8 +17,6 @@ from spi.kinds.long_time.keys import PANELS
 from spi.kinds.long_time.table import chance
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
 
 def test_rows_of_long_times():
     one, two = long_time_group("splitting"), long_time_group("midpoint", casimirs=2, law=False)
@@ -56,9 +54,6 @@ def test_printed_long_times_of_two_casimirs_and_none():
     assert (
         lines_of(printed(long_time(long_time_group("splitting", casimirs=0))), "splitting")[0][1:] == ["0"] + ["-"] * 5
     )
-
-
-# --- figures of long times -------------------------------------------------------------------------------------------
 
 
 def test_long_times():
@@ -127,7 +122,7 @@ def test_lost_everywhere():
         group.variables[name][1][:] = np.nan
     fig = views.figure(long_time(group))
     assert len(fig.axes) == 3 + 4 + 4
-    assert any("paths lost at all" in text for legend in legends(fig) for text in legend)
+    assert any("paths diverge at every" in text for legend in legends(fig) for text in legend)
     assert "nan" in printed(long_time(group))
 
 

@@ -14,11 +14,6 @@ from spi.kinds.stability.keys import PANELS
 from spi.kinds.stability.results import REGIMES, Stability
 from spi.report import views
 
-pytestmark = pytest.mark.filterwarnings("error")
-
-
-# --- figures of stability --------------------------------------------------------------------------------------------
-
 
 def colour_at(ax, x, y):
     found = [
@@ -43,7 +38,7 @@ def test_maps_of_regimes():
     (legend,) = legends(fig)
     assert [text.partition(":")[0] for text in legend] == [
         *("accurate", "Casimir lost", "solver fails in more than 0.1 % of steps"),  # column by column
-        *("bounded, not accurate", "not bounded", "paths lost"),
+        *("bounded, not accurate", "not bounded", "paths diverged"),
     ]
     assert len({colour for colour, _ in maps.LOOKS}) == len(REGIMES)
 

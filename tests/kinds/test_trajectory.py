@@ -29,9 +29,6 @@ seed: 3
 """
 
 
-# --- the study -------------------------------------------------------------------------------------------------------
-
-
 def test_a_path_is_that_of_the_ensemble_with_its_invariants(spec):
     (case,) = spec(SPEC).cases
     (part,) = study.parts(case)
@@ -54,8 +51,6 @@ def test_a_path_is_that_of_the_ensemble_with_its_invariants(spec):
     assert (reading.panels, reading.path, reading.step) == (("casimirs", "sphere"), 70, 1 / 8)
     assert (reading.nonfinite_from, reading.solver, reading.largest_angle < np.pi) == (None, None, True)
 
-
-# --- readings --------------------------------------------------------------------------------------------------------
 
 T = np.arange(5) * 0.25
 
@@ -103,9 +98,6 @@ def test_what_is_optional(results):
     assert bare.casimir_drift == () and bare.casimirs.shape == (5, 0)
 
 
-# --- tables ----------------------------------------------------------------------------------------------------------
-
-
 def test_rows(results):
     records = views.rows(results)
     assert len(records) == 15
@@ -116,11 +108,6 @@ def test_rows(results):
     )
     assert json.loads(as_json(records))[3]["y_1"] is None
     assert all(type(value) in (str, float) for record in records for value in record.values())
-
-
-def test_rows_name_scheme_and_eps_apart():
-    (first, *_) = views.rows(trajectories(group("ap_splitting", eps=0.01)))
-    assert (first["scheme"], first["eps"]) == ("ap_splitting", 0.01)
 
 
 def test_printed(results):

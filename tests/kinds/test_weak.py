@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from helpers import BY_HAND, COMPILED, LANES
+from helpers import BY_HAND, COMPILED, LANES, compiled_only
 from states import begun, finished
 from weak_cases import (
     FUNCTIONS,
-    SPEC,
     SPLITTINGS,
     after_blocks,
     case_of,
@@ -19,21 +18,12 @@ from weak_cases import (
     values_by_hand,
 )
 
-from spi import storage
-from spi.ensemble import loop
 from spi.expressions import parse_expression
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.sums import ROUND
-from spi.running import runs as runner
-from spi.running.runs import load
 from spi.schemes import SCHEMES
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- no noise --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
@@ -68,9 +58,6 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
             assert np.all(np.abs(found["order"] - SCHEMES[scheme].weak_order) < 0.15)
 
 
-# --- paths that leave the finite numbers -----------------------------------------------------------------------------
-
-
 BLOW_UP = [
     "schemes=[euler_maruyama]",
     "model.sigma=[0.05, 0.05, 0.05]",
@@ -83,7 +70,6 @@ BLOW_UP = [
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_plain_counts_paths_that_blow_up():
     case = case_of(*BLOW_UP)
     found, attributes = results_of(case, "euler_maruyama", "plain")
@@ -100,7 +86,6 @@ def test_plain_counts_paths_that_blow_up():
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_plain_reports_a_reference_that_blows_up():
     case = case_of(*BLOW_UP, "model.sigma=[60, 60, 60]", "final_time=1", "steps=[2^-5, 2^-6]", "samples=100")
     found, attributes = results_of(case, "euler_maruyama", "plain")
@@ -111,7 +96,6 @@ def test_plain_reports_a_reference_that_blows_up():
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     case = case_of(*BLOW_UP, "seconds=0.5")
     found, _ = results_of(case, "euler_maruyama", "multilevel", levels_plan_of)
@@ -130,70 +114,6 @@ def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     assert found["difference_samples"][0] == 2 * ROUND * LANES < found["difference_samples"][1:].max()
 
 
-# --- through the one path from a spec to a file ----------------------------------------------------------------------
-
-
-PARTS = [
-    Part(scheme, estimator) for scheme in ("splitting", "splitting_order2") for estimator in ("plain", "multilevel")
-]
-TIMES = ("cpu_seconds", "seconds", "ns_per_step", "level_cost_rate", "threads")
-
-
-def experiment():
-    keys = ["estimators=[plain, multilevel]", "samples=1000", "prefixes=[100, 1000]", "seconds=0.01"]
-    return load(SPEC, overrides=["schemes=[splitting, splitting_order2]", *keys])
-
-
-def numbers(path):
-    """Everything in a results file that must repeat."""
-    groups = {}
-    for group in storage.read(path).groups:
-        attributes = {k: v for k, v in group.attributes.items() if not k.endswith(TIMES)}
-        arrays = {k: v.tolist() for k, (_, v) in group.variables.items() if not k.endswith(TIMES)}
-        groups[Part(group.variant, group.estimator)] = repr((arrays, attributes))
-    return groups
-
-
-class Reports(list):
-    """Keeps what is reported; interrupts at a report, given by its number, of a part, given by its number."""
-
-    def __init__(self, number=None, after=None):
-        self.number, self.after = number, after
-
-    def __call__(self, progress):
-        self.append(progress)
-        if progress.number == self.number and len(self.of(self.number)) == self.after:
-            raise KeyboardInterrupt
-
-    def of(self, number):
-        return [progress for progress in self if progress.number == number]
-
-
-@compiled_only
-def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path, monkeypatch):
-    reports = Reports()
-    path = runner.run(experiment(), tmp_path / "whole", watch=runner.Watch(reports))
-    whole = numbers(path)
-    assert list(whole) == PARTS
-    for number, part in enumerate(PARTS):
-        own = reports.of(number)
-        assert {(r.part, r.parts) for r in own} == {(part.name, 4)}
-        assert own[0].done == 0 and np.isnan(own[0].stderr)
-        assert own[-1].done == own[-1].total and own[-1].stderr > 0
-    monkeypatch.setattr(loop, "BATCH_SECONDS", 0.0)
-    reached = {}
-    for stop in [(0, 2), (0, 3), (1, 2), (1, 9), (1, 20), (2, 1), (3, 15)]:
-        reports = Reports(*stop)
-        with pytest.raises(runner.Stopped):
-            runner.run(experiment(), tmp_path / "often", watch=runner.Watch(reports))
-        for number in range(stop[0] + 1):
-            own = reports.of(number)
-            assert own[0].done == reached.get(number, 0)  # nothing is lost and nothing done again
-            reached[number] = own[-1].done
-    path = runner.run(experiment(), tmp_path / "often")
-    assert numbers(path) == whole
-
-
 def test_cost_is_known_before_and_progress_on_the_way():
     case = case_of("samples=150")
     steps, seconds, _ = plan_of(case, "splitting", "plain").cost()
@@ -201,7 +121,9 @@ def test_cost_is_known_before_and_progress_on_the_way():
     assert steps == 3 * LANES * per_path  # blocks are computed whole
     assert 1e-9 < seconds / steps < 1e-7
     assert weak.parts(case) == [Part(scheme, "multilevel") for scheme in SPLITTINGS]
-    assert math.isnan(weak.plan(case_of("seconds=null", "standard_error=1"), PARTS[1]).cost().seconds)
+    assert math.isnan(
+        weak.plan(case_of("seconds=null", "standard_error=1"), Part("splitting", "multilevel")).cost().seconds
+    )
     steps, seconds, _ = plan_of(case_of("seconds=3"), "splitting_order2", "multilevel").cost()
     assert 3 <= seconds < 3.1 and 1e-9 < seconds / steps < 1e-7
     p = plan_of(case, "splitting", "plain")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, final_states
+from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
@@ -14,15 +14,10 @@ from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import BRIDGES, DIFFERENCES, LEVELS
 from spi.schemes import SCHEMES
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
 COARSE = ("steps=[2^-1, 2^-2]", "reference_step=2^-3")
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 SIDES = AS_TOSSED, COINS_TURNED
 SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1]}"
-
-
-# --- what is computed ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -33,7 +28,7 @@ SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_iner
         ("euler_maruyama", (), True),
         ("midpoint", ("truncate_noise=true", "steps=[2^-3]"), True),
         ("own", ("compositions={own: [drift 1, noise 1 coin]}",), True),
-        ("splitting_order2", (), False),  # these have reversed twins
+        ("splitting_order2", (), False),  # these have antithetic paths
         ("own", ("compositions={own: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]}",), False),
         ("own", ("compositions={own: [drift 1, noise 1]}", "model.sigma=[0, 0, 0]"), False),  # no theory
         ("ap_splitting", ("eps=0.1",), False),  # another limit

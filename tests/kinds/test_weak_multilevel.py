@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, final_states
+from helpers import COMPILED, LANES, compiled_only, final_states
 from states import finished, resumed, same_numbers, snapshots, taken
 from weak_cases import (
     FUNCTIONS,
@@ -25,19 +25,13 @@ from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- multilevel ------------------------------------------------------------------------------------------------------
-
-
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 
 
 def levels_by_hand(case, scheme, blocks):
     """[(coarse - fine, fine) for each level]; at the largest step the value, and that of ordinary paths alone.
 
-    Arrays [function, path]; with twins.
+    Arrays [function, path]; with antithetic paths for the scheme of order 2.
     """
     record, twins, levels = SCHEMES[scheme].record, scheme == "splitting_order2", []
     count = round(math.log2(max(case.steps) / case.reference_step))
@@ -130,18 +124,6 @@ def test_standard_errors_of_multilevel_leave_out_groups():
             assert math.isclose(found[f, i], stderr_by_hand(sums), rel_tol=1e-8)
 
 
-@pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
-def test_multilevel_does_not_depend_on_batches(scheme):
-    case = case_of(*([] if COMPILED else ["steps=[2^-1]", "reference_step=2^-2"]))
-    p = plan_of(case, scheme, "multilevel")
-    blocks = 12 if COMPILED else 3
-    whole = after_blocks(p, blocks)
-    for calls in (2, 3, blocks):
-        assert same_numbers(after_blocks(p, blocks, calls), whole)
-    sums = multilevel.snapshot(p, whole).sums
-    assert len(np.unique(np.round(sums[:, 0, 0, 0], 12))) > len(p.levels)  # random numbers of their own
-
-
 @compiled_only
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
 def test_multilevel_goes_on_from_every_state(scheme):
@@ -159,6 +141,7 @@ def test_multilevel_goes_on_from_every_state(scheme):
     assert same_numbers(finished(p), whole)
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("wish", ["seconds=0.5", "standard_error=0.0005"])
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])

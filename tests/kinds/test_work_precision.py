@@ -19,12 +19,6 @@ from spi.storage.records import Part
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
 
 
-pytestmark = pytest.mark.filterwarnings("error")
-
-
-# --- errors ----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.usefixtures("few_steps")
 @pytest.mark.parametrize("scheme", ["euler_maruyama", "splitting"])
 def test_strong_errors_are_those_of_the_strong_study(spec, scheme):
@@ -108,9 +102,6 @@ def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypat
     errors = default.variables["error"][1][default.variables["resolved"][1]]
     assert default.attributes["targets"] == tuple(work_precision._targets(errors))
     assert errors.max() >= default.attributes["targets"][0] > errors.max() / 10
-
-
-# --- times -----------------------------------------------------------------------------------------------------------
 
 
 def times_of(case, part):

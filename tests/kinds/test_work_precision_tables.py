@@ -21,8 +21,6 @@ COLUMNS = """case scheme h error error_stderr resolved casimir_drift nonfinite n
     seconds_per_path_low seconds_per_path_high order order_low order_high points_in_fit expected_order measure
     samples"""
 
-# --- tables ----------------------------------------------------------------------------------------------------------
-
 
 def test_rows():
     records = views.rows(work_results())
@@ -41,21 +39,6 @@ def test_rows():
     bare = work_group("one", "splitting")
     del bare.variables["nonfinite"]
     assert "nonfinite" not in views.rows(Results({"kind": "work_precision"}, (bare,)))[0]
-
-
-def test_a_scheme_at_several_eps_keeps_its_name():
-    group = work_group("one", "splitting")
-    groups = [
-        group._replace(variant=f"splitting_eps_{eps:g}", attributes=group.attributes | {"eps": eps})
-        for eps in (0.1, 0.01)
-    ]
-    results = Results({"kind": "work_precision"}, tuple(groups))
-    records = views.rows(results)
-    assert [(r["scheme"], r["eps"]) for r in records[::9]] == [("splitting", 0.1), ("splitting", 0.01)]
-    assert "splitting, eps = 0.1: order" in printed(results)
-
-
-# --- readings --------------------------------------------------------------------------------------------------------
 
 
 def test_reading_of_strong_errors():

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from extending import Oscillator
 from helpers import (
-    COMPILED,
     INITIAL,
     LANES,
     RIGID_BODY,
     SCHEMES,
     LinearlyDamped,
+    compiled_only,
     final_states,
     take_step,
     take_steps,
@@ -42,11 +42,10 @@ from spi.ensemble.protocol import (
 from spi.models import RigidBody
 from spi.models.damped import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES
-from spi.running.runs import plans
-from spi.schemes.rows import compositions
+from spi.running.run import plans
+from spi.schemes.stages import compositions
 from spi.specs import SpecError
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 GAMMA = 0.7
 
 # --- the flow --------------------------------------------------------------------------------------------------------
@@ -56,7 +55,8 @@ GAMMA = 0.7
 def case(request):
     """(a damped model, a state)."""
     _, model, sampler = request.param
-    return damped(model, GAMMA), tuple(sampler(np.random.default_rng(4)).tolist())
+    with uncompiled():
+        yield damped(model, GAMMA), tuple(sampler(np.random.default_rng(4)).tolist())
 
 
 def test_there_is_one_piece_more_and_nothing_else(case):
@@ -117,6 +117,7 @@ def take_step_uncompiled(scheme, model, h, dW, y):
     return block.reshape(y.shape), report
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("name", ["splitting", "splitting_drift_first", "splitting_order2"])
 def test_casimirs_decay_to_rounding_and_with_no_other_factor(name):
     generator, h = np.random.default_rng(6), 0.25
@@ -240,6 +241,7 @@ ONE_NOISE = "model.sigma=[1, 0, 0]"
 load_text = long_time_cases.load_text
 
 
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize(
     ("text", "name", "asked"),

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 from helpers import COMPILED, RIGID_BODY
@@ -15,8 +14,7 @@ from model_cases import MODELS_UNDER_TEST, close
 
 from spi import systems
 from spi.checks.differences import along, derivative
-from spi.compiler.dispatch import INDICES, MOST, inlined
-from spi.compiler.inlining import uncompiled
+from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.fields import drift_field, noise_field, unit
 from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, hamiltonian, noise_flow
 from spi.models import MODELS, register_model
@@ -50,6 +48,7 @@ def test_the_ring_is_what_it_says(ring):
         assert slope == pytest.approx(drift_gradient(ring, y)[j], abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_more_than_sixteen_components_compile_and_keep_their_casimirs(tmp_path):
     """By itself, with a cache of its own: no other process could load what is cached for a model of a passing file."""
@@ -145,9 +144,6 @@ def test_more_pairs_of_noises_than_there_are_indices_are_refused_with_areas(spec
     assert len(area_pairs(without.cases[0].model)) == 66
 
 
-# --- costs -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "model", [model for _, model, _ in MODELS_UNDER_TEST], ids=[n for n, _, _ in MODELS_UNDER_TEST]
 )
@@ -169,16 +165,3 @@ def test_what_is_stated_counts(ring):
 
     draws = 0.85 * ring.noises
     assert typical_ns(SCHEMES["splitting"], Stated(*ring)) == pytest.approx(draws + 100.0 * (3 + ring.noises))
-
-
-@inlined
-def _twice(x):
-    return x + x
-
-
-def test_inlined_functions_run_as_written_where_asked():
-    with uncompiled():
-        assert _twice("ab") == "abab"
-    if COMPILED:
-        with pytest.raises(numba.TypingError):
-            _twice(object())

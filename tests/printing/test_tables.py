@@ -107,7 +107,7 @@ def test_what_is_said_of_lost_references_and_large_angles(results):
     group.attributes["reference_nonfinite"] = 3
     group.variables["largest_angle"] = (("h",), np.array([0.0] * 8 + [2e6]))
     text = printed(results)
-    assert text.count("3 reference paths left the finite numbers") == 1
+    assert text.count("3 reference paths diverged (NaN or infinity)") == 1
     assert text.count("angles up to 2.0e+06 rad, which double precision knows to about 4e-10 rad") == 1
 
 

@@ -6,12 +6,13 @@ import pytest
 from helpers import COMPILED
 from kills import RUNS, experiment, forks, killed, numbers, run, stray
 
-from spi.running.runs import results_path
+from spi.running.run import results_path
 
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("kind", sorted(RUNS))
 def test_a_run_that_is_killed_again_and_again_comes_to_the_same_end(tmp_path, kind, monkeypatch):
     names = "ensemble.loop.BATCH_SECONDS", "statistics.tallies.CHUNK_WORK", "running.checkpoint._SHARE"

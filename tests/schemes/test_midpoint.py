@@ -15,6 +15,7 @@ from spi.schemes.midpoint import Midpoint, eliminate
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [1e-3, 0.1, 0.5])
 def test_midpoint_satisfies_its_equation(model, h, generator):
     y, dW = on_the_sphere(generator), increments(generator, h)

@@ -5,20 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, take_steps
+from helpers import LANES, compiled_only, take_steps
 from states import finished
 from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SYSTEMS, clipped, weighted
 
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes import SCHEMES, scheme_row
+from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- the limit on common paths ---------------------------------------------------------------------------------------
 
 
 def by_heun(system, h, dW):
@@ -66,9 +61,6 @@ def test_schemes_have_the_same_limit(name):
     assert wrong[1] > 3 * near and wrong[1] > 0.6 * wrong[0]
 
 
-# --- strong orders ---------------------------------------------------------------------------------------------------
-
-
 # (system, sigma, scheme, final time, order).  With one noise, which commutes with itself, splitting and midpoint have
 # order 1; f_1 and f_3 do not commute, nor do the fields of sine-Euler.  Euler-Maruyama has order 1/2; but with
 # f_3 = (y2, 0, 0) alone, which is not additive either, it has order 1: f_3' f_3 = 0, so that it is Milstein's scheme.
@@ -101,7 +93,7 @@ def strong_case(name, sigma, scheme, final_time):
         steps=tuple(2.0**-n for n in range(5, 14)),
         reference_step=2.0**-exponent,
         reference_scheme=None,
-        row=scheme_row,
+        row=scheme_entry,
         reference_record=lambda eps: None,
         schemes=(scheme,),
         truncate_noise=name == "maxwell_bloch",
@@ -110,6 +102,7 @@ def strong_case(name, sigma, scheme, final_time):
     )
 
 
+@pytest.mark.share(4)
 @compiled_only
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
 def test_strong_orders(name, sigma, scheme, final_time, order):
@@ -127,7 +120,7 @@ def test_strong_orders(name, sigma, scheme, final_time, order):
 
 @compiled_only
 def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
-    """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
+    """Until T = 1 some of 500 paths diverge (NaN or infinity) at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
     group = plan.results(finished(plan)).group()

@@ -14,7 +14,7 @@ from spi.ensemble import loop
 from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest
 from spi.storage import sums
 
@@ -168,7 +168,7 @@ def test_tallies_of_parts_are_merged_in_any_order(short):
         wanted = bits(tally_of(path_set).total(path_set))
         for key, parts in enumerate((1, 2, 3, 7)):
             generator = np.random.default_rng([key, count])
-            # neighbours, as slices have them; or whatever comes
+            # neighbours, as shards have them; or whatever comes
             owner = np.arange(count) * parts // count if key % 2 else generator.integers(0, parts, count)
             tallies = [tally_of(path_set, np.flatnonzero(owner == part)) for part in range(parts)]
             merged = Tally.empty()

@@ -48,7 +48,7 @@ class LongTimes(Stored):
     casimir_rms: Annotated[Array, array("h n casimir", "root mean square error of the Casimir")]
     casimir_worst: Annotated[Array, array("h n casimir", "largest modulus of the error of the Casimir")]
     casimir_one: Annotated[Array, array("h n casimir", "error of the Casimir on path 0")]
-    nonfinite: Annotated[Array, array("h", "paths that left the finite numbers")]
+    nonfinite: Annotated[Array, array("h", "diverged paths (NaN or infinity)")]
     growth: Annotated[
         Array, array("h casimir", "growth of the error; NaN where not fitted", formula="p in rms = C n^p")
     ]

@@ -54,7 +54,7 @@ def _casimirs(heading: str, readings: Sequence[LongTimes]) -> "Table":
 
     count = readings[0].casimir_count
     several = count > 1
-    names = ["scheme", "h", "non-\nfinite", *["Cas-\nimir"] * several]
+    names = ["scheme", "h", "di-\nverged", *["Cas-\nimir"] * several]
     columns = ["rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"]
     table = new_table(heading, [*names, *columns], left=2, labels=0)
     for reading in readings:
@@ -112,7 +112,7 @@ def told(readings: Sequence[LongTimes]) -> str:
         if reading.casimir_count:
             rms = float(reading.casimir_rms[:, -1].max())
             errors.append(
-                f"{short(rms) if math.isfinite(rms) else 'lost'} with {whose(reading.about)}{_grown(reading)}"
+                f"{short(rms) if math.isfinite(rms) else 'diverged'} with {whose(reading.about)}{_grown(reading)}"
             )
         if reading.law and np.isfinite(reading.law.z).all():
             means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")

@@ -10,7 +10,7 @@ from .results import Stability
 
 
 def quantities(readings: Iterable[Stability]) -> Iterator[Quantity]:
-    """For each step size and value of the swept word what :class:`~.reading.Stability` has under the same names."""
+    """For each step size and value of the sweep what :class:`~.reading.Stability` has under the same names."""
     for one in readings:
         told = {"finite": one.finite, "largest_norm": lost_is_infinite(one.largest_norm)}
         if one.positive is not None:

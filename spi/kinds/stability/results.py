@@ -10,7 +10,7 @@ from spi.storage.stored import Array, Described, Stored, array, axis, fact, nest
 #: From good to bad; a scheme is in the worst regime that applies.
 REGIMES = (
     *("accurate", "bounded, not accurate", "not positive"),
-    *("Casimir lost", "not bounded", "solver fails", "paths lost"),
+    *("Casimir lost", "not bounded", "solver fails", "paths diverged"),
 )
 
 FAILING = 1e-3  #: of the solves: more failures than that, and what is integrated is another scheme
@@ -55,9 +55,9 @@ class Law(Described):
 
 
 class Stability(Stored):
-    """What one scheme keeps of the equation at several values of the swept key and step sizes, from large to small."""
+    """What one scheme keeps of the equation at each value of the swept parameter and step size, from large to small."""
 
-    values: Annotated[Array, axis("value of the swept key", name="value")]
+    values: Annotated[Array, axis("value of the swept parameter", name="value")]
     h: Annotated[Array, axis("step size", "time")]
     finite: Annotated[Array, array("value h", "fraction of the paths that are finite at the final time")]
     largest_norm: Annotated[Array, array("value h", "largest |y| over paths and times, relative to |y_0|")]
@@ -68,7 +68,7 @@ class Stability(Stored):
     positive: Annotated[Array | None, array("value h", "fraction of the paths whose populations stay positive")] = None
     largest_angle: Annotated[Array | None, array("value h", "largest angle of a rotation; 0 up to pi/4", "rad")] = None
     solver: Annotated[Solver | None, array("value h", "what an implicit scheme reports")] = None
-    word: Annotated[str, fact("swept key of the spec", name="sweep", column=True)]
+    word: Annotated[str, fact("swept parameter of the spec", name="sweep", column=True)]
     functions: Annotated[tuple[str, ...], fact("formulas of the test functions")]
     accurate: Annotated[float, fact("error up to which a scheme counts as accurate")]
     samples: Annotated[int, fact("number of paths", column=True)]

@@ -1,4 +1,4 @@
-"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept word."""
+"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept parameter."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -80,7 +80,7 @@ def _summary(reading: Stability) -> Iterator[dict[str, str]]:
 
 
 def told(readings: Sequence[Stability]) -> str:
-    """What came out of a case, in one sentence: how often each scheme is accurate and loses paths; the Casimirs."""
+    """What came out of a case, in one sentence: how often each scheme is accurate or diverges; the Casimirs."""
     pairs = readings[0].finite.size
     lost, accurate = [], []
     for reading in readings:
@@ -91,7 +91,7 @@ def told(readings: Sequence[Stability]) -> str:
     return sentence(
         [
             f"of {pairs} pairs of {readings[0].word} and h, accurate are {joined(accurate)}",
-            f"paths are lost with {joined(lost)}" if lost else "no path is lost",
+            f"paths diverged with {joined(lost)}" if lost else "no path diverged",
             casimirs(drifts),
         ]
     )

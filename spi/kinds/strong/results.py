@@ -19,7 +19,7 @@ class StrongErrors(Stored):
     casimir_drift: Annotated[
         Array, array("h casimir", "largest change of a Casimir", formula="max over paths and n of |C(y_n) - C(y_0)|")
     ]
-    nonfinite: Annotated[Array, array("h", "paths that left the finite numbers")]
+    nonfinite: Annotated[Array, array("h", "diverged paths (NaN or infinity)")]
     resolved: Annotated[Array, array("h", "whether the error stands clear of its standard error")]
     seconds: Annotated[Array | None, array("h", "time of all steps of all paths on one thread", "s")] = None
     ns_per_step: Annotated[Array | None, array("h", "time of a step and path on one thread", "ns")] = None
@@ -32,7 +32,7 @@ class StrongErrors(Stored):
     samples: Annotated[int, fact("number of paths", column=True)]
     reference_step: Annotated[float, fact("step size of the reference", "time")]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("paths of the reference that left the finite numbers")]
+    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")]
     reference_casimir_drift: Annotated[tuple[float, ...], fact("largest changes of the Casimirs on the reference")]
     wall_seconds: Annotated[float, fact("wall-clock time", "s")]
     threads: Annotated[int, fact("number of threads")]

@@ -34,7 +34,7 @@ def show(console: "Console", heading: str, readings: Sequence[StrongErrors]) -> 
     """Print the table of a case."""
     from rich.text import Text
 
-    headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "non-\nfinite", "ns per\nstep", ""]
+    headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "di-\nverged", "ns per\nstep", ""]
     table = new_table(heading, headings, left=3, labels=0)
     table.columns[-1].justify = "left"
     for reading in readings:
@@ -76,7 +76,7 @@ def _summary(reading: StrongErrors) -> Iterator[str]:
     if reading.note:
         yield f"    {reading.note}"
     if reading.reference_nonfinite:
-        yield f"    {reading.reference_nonfinite} reference paths left the finite numbers"
+        yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
     if reading.largest_angle is not None and (note := angle_note(float(reading.largest_angle.max()))):
         yield f"    {note}"
     if reading.solver:

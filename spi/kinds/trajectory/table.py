@@ -25,7 +25,7 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 
     count = len(readings[0].casimir_drift)
     drifts = [f"drift\nof C{c + 1 if count > 1 else ''}" for c in range(count)]
-    headings = ["scheme", "step", "steps", "H at the\nend", *drifts, "smallest\ncomponent", "not finite\nfrom t ="]
+    headings = ["scheme", "step", "steps", "H at the\nend", *drifts, "smallest\ncomponent", "diverged\nat t ="]
     implicit = any(reading.solver for reading in readings)
     table = new_table(heading, headings + ["solver\nfailures", "iterations\na step"] * implicit, left=1)
     for reading in readings:
@@ -46,10 +46,10 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 
 
 def told(readings: Sequence[Trajectory]) -> str:
-    """What came out of a case, in one sentence: the Casimir functions, lost paths, and what the figure is about."""
+    """What came out of a case, in one sentence: the Casimir functions, diverged paths, and what the figure is about."""
     drifts = ((whose(one.about), max(one.casimir_drift)) for one in readings if one.casimir_drift)
     lost = [f"with {_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
-    left = f"the path leaves the finite numbers {joined(lost)}" if lost else ""
+    left = f"the path diverged {joined(lost)}" if lost else ""
     return sentence([casimirs(drifts), left, *_populations(readings), *_energy(readings)])
 
 

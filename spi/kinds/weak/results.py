@@ -77,7 +77,7 @@ class Levels(Described):
     kurtosis: Annotated[Array, array("function level", "kurtosis of the difference")]
     consistency: Annotated[Array, array("function level", "Giles' check, above 1 with probability 0.3 %")]
     samples: Annotated[Array, array("level", "samples of the level")]
-    nonfinite: Annotated[Array, array("level", "samples that left the finite numbers")]
+    nonfinite: Annotated[Array, array("level", "diverged samples (NaN or infinity)")]
     seconds: Annotated[Array, array("level", "processor time of a sample", "s")]
     mean_rate: Annotated[
         tuple[Order, ...] | None, array("function", "rate of the means", formula="p in |mean| = C h^p")
@@ -86,7 +86,7 @@ class Levels(Described):
         tuple[Order, ...] | None, array("function", "rate of the variances", formula="p in variance = C h^p")
     ] = None
     cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
-    twins: Annotated[bool, fact("whether each path has a reversed twin", name="twins")]
+    twins: Annotated[bool, fact("whether sampled with antithetic paths", name="twins")]
     control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
     control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
 
@@ -102,7 +102,7 @@ class Differences(Described):
         Array, array("function h", "distance from the expectations of the levels, above 1 with probability 0.3 %")
     ]
     samples: Annotated[Array, array("h", "samples of the difference")]
-    nonfinite: Annotated[Array, array("h", "samples that left the finite numbers")]
+    nonfinite: Annotated[Array, array("h", "diverged samples (NaN or infinity)")]
     seconds: Annotated[Array, array("h", "processor time of a sample", "s")]
     variance_rate: Annotated[
         tuple[Order, ...], array("function", "rate of the variances", formula="p in variance = C h^p")
@@ -118,7 +118,7 @@ class WeakErrors(Stored):
     expectation: Annotated[Array, array("function h", "expectation of the test function", "value", "E phi(y_h(T))")]
     resolved: Annotated[Array, array("function h", "whether the error stands clear of its own uncertainty")]
     orders: Annotated[tuple[Order, ...], array("function", "", name="order")]
-    nonfinite: Annotated[Array | None, array("h", "paths that left the finite numbers")] = None
+    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)")] = None
     expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
     sampled: Sampled | None = None
     unsampled: Unsampled | None = None
@@ -132,7 +132,7 @@ class WeakErrors(Stored):
     threads: Annotated[int, fact("number of threads")] = 1
     reference_step: Annotated[float, fact("step size of the reference", "time")]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("paths of the reference that left the finite numbers")] = 0
+    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
     panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
 
     @property

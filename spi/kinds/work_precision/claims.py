@@ -8,7 +8,7 @@ from .results import WorkPrecision
 
 
 def quantities(readings: Iterable[WorkPrecision]) -> Iterator[Quantity]:
-    """The fitted order; for each step size the error and, where it is known, the Casimirs' drift and the lost paths."""
+    """The fitted order; for each step size the error and, where it is known, Casimir drift and diverged paths."""
     for one in readings:
         yield order(one.about, one.order)
         for h, error, half in zip(one.h.tolist(), one.error.tolist(), one.half.tolist(), strict=True):

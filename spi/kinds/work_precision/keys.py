@@ -27,7 +27,7 @@ class Case(SampledCase):
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = ORDER | STEPWISE
 
-    @condition
+    @condition("functions", "estimators", "extrapolate")
     def _check_measure(self) -> Self:
         if not self.functions:
             for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):

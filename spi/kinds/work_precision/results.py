@@ -26,7 +26,7 @@ class WorkPrecision(Stored):
         Array | None,
         array("h casimir", "largest change of a Casimir", formula="max over paths and n of |C(y_n) - C(y_0)|"),
     ] = None
-    nonfinite: Annotated[Array | None, array("h", "paths that left the finite numbers")] = None
+    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)")] = None
     ns_per_step: Annotated[Array, array("h", "time of a step and path, by the median", "ns")]
     seconds_per_path: Annotated[Array, array("h", "processor time of a path, the median of the repeats", "s")]
     seconds_per_path_low: Annotated[Array, array("h", "lower quartile of the processor time of a path", "s")]
@@ -41,7 +41,7 @@ class WorkPrecision(Stored):
     targets: Annotated[tuple[float, ...], fact("errors for which the cheapest scheme is asked", "state or value")]
     reference_step: Annotated[float, fact("step size of the reference", "time")]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
-    reference_nonfinite: Annotated[int, fact("paths of the reference that left the finite numbers")] = 0
+    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
     wall_seconds: Annotated[float, fact("wall-clock time", "s")]
     threads: Annotated[int, fact("number of threads")]
     note: Annotated[str, fact("what is to be said of points that are not resolved")] = ""

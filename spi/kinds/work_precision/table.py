@@ -91,7 +91,7 @@ def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
     error = f"{readings[0].measure} error ({' or '.join(trust)})"
     drifts = any(reading.largest_drift is not None for reading in readings)
     losses = any(reading.nonfinite is not None for reading in readings)
-    optional = [*["Casimir\ndrift"] * drifts, *["non-\nfinite"] * losses]
+    optional = [*["Casimir\ndrift"] * drifts, *["di-\nverged"] * losses]
     table = new_table(
         heading, ["scheme", "h", error, "time per\npath", "ns per\nstep", *optional, ""], left=3, labels=0
     )
@@ -153,7 +153,7 @@ def _requested(readings: Sequence[WorkPrecision]) -> tuple["Table", list[str]]:
         marks.add("≤" * (point is not None and point.at_most))
     remarks = {
         "tie": "tie: the 95 % interval of the factor contains 1",
-        "≤": "≤: the largest step that was run does already, or the next larger one lost paths",
+        "≤": "≤: the largest step that was run does already, or paths diverged at the next larger one",
         "≥": "≥: so it is for the cheapest scheme",
         "()": "( ): so it is for both, which leaves open which is cheaper",
         "-": "-: not reached at the steps that were run",

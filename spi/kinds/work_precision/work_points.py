@@ -9,7 +9,7 @@ class WorkCurve(NamedTuple):
     """Errors of one scheme and what they cost at each step size; all arrays have shape (steps,)."""
 
     h: np.ndarray
-    error: np.ndarray  #: without its sign, not finite where paths were lost
+    error: np.ndarray  #: without its sign, not finite where paths diverged
     half: np.ndarray  #: half the 95 % interval of the error, or the bound of its numerical error
     resolved: np.ndarray
     seconds: np.ndarray  #: for one path

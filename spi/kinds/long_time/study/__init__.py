@@ -22,8 +22,8 @@ from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
 from ..results import LongTimes
+from .outcome import results
 from .paths import Paths, advanced, initial_rows, integration, paths_at_start
-from .results import results
 
 #: About how many snapshots of each path.
 SNAPSHOTS = 8192

@@ -1,4 +1,4 @@
-"""The paths of a stability study: what is watched along them, and its summary for each value of the swept word."""
+"""The paths of a stability study: what is watched along them, and its summary for each value of the swept parameter."""
 
 import math
 from typing import Any, NamedTuple
@@ -43,7 +43,7 @@ class Extremes(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """What is known of some paths for one value of the swept word; the paths stand along the last axes."""
+    """What is known of some paths for one value of the swept parameter; the paths stand along the last axes."""
 
     paths: int
     seconds: float  #: wall clock

@@ -49,7 +49,7 @@ def errors(p: "StrongPlan", totals: Totals) -> Errors:
     counts = group_counts(totals.paths)
     value, without = root_mean_square(totals.squares, counts)
     ends = np.cumsum(p.steps[1:])
-    # a path that left the finite numbers makes the mean square infinite
+    # a diverged path makes the mean square infinite
     curves = [np.nan_to_num(curve, nan=np.inf, posinf=np.inf) for curve in np.split(value, ends[:-1])]
     at = np.array([np.argmax(curve) for curve in curves], dtype=int)
     return Errors(
@@ -143,7 +143,7 @@ def _note(error: np.ndarray, stderr: np.ndarray, resolved: np.ndarray, samples: 
     if samples == 1:
         return "one path has no standard error: not resolved"
     if not finite.all():
-        return "the mean square is infinite where paths left the finite numbers or nearly so"
+        return "the mean square is infinite where paths diverged (NaN or infinity) or nearly so"
     needed = samples_needed(error, stderr, samples)[~resolved].max()
     if not np.isfinite(needed) or needed <= 0:
         return f"in brackets: errors below {RESOLVED:g} standard errors"

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import tuplewise
+from spi.compiler.dispatch import unrolled
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.fields import squared_distance
 from spi.ensemble.invariants import watch_casimirs, watched_casimirs
@@ -55,7 +55,7 @@ class StrongSums(NamedTuple):
                 observer.nonfinite[row, level] += 0 if _zero_if_finite(load_lane(model, y, lane)) == 0.0 else 1
 
 
-@tuplewise("a[i] - a[i]", total=True)
+@unrolled(total="a[i] - a[i]")
 def _zero_if_finite(a):
     """0, or NaN if a component is not finite."""
 
@@ -119,7 +119,7 @@ def added(p: "StrongPlan", known: Totals, rows: Rows, at: slice, first: int, end
     for block, row in enumerate(range(at.start, at.stop), first):
         squares[block % BLOCKS_PER_ROUND] += rows.sums.squares[row, : p.points].T
         lanes = min(LANES, end - block * LANES)
-        # a path that left the finite numbers has no last drift but NaN: it is infinitely far
+        # a diverged path has no last drift but NaN: it is infinitely far
         worst = np.nan_to_num(rows.sums.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1)
         drift = np.maximum(drift, worst)
     return known._replace(

@@ -219,7 +219,7 @@ def remarks(ax: Axes, series: Sequence[Series], consequence: str = ", left out o
         ax.plot([], [], "o", label=f"hollow: not resolved{consequence}", **look)
     beyond = np.concatenate([one.error[~(one.error <= top)] for one in sampled] or [np.empty(0)])
     if len(beyond):
-        label = "paths left the finite numbers" + " or nearly so" * bool(np.isfinite(beyond).any())
+        label = "paths diverged (NaN or infinity)" + " or nearly so" * bool(np.isfinite(beyond).any())
         ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)
 
 

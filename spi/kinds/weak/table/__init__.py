@@ -96,7 +96,7 @@ def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":
     several = any(len(reading.functions) > 1 for reading in readings)
     lost = any(reading.nonfinite is not None and reading.nonfinite.any() for reading in readings)
     names = ["scheme,\nestimator", *["function"] * several, "h"]
-    headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["non-\nfinite"] * lost, ""]
+    headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["di-\nverged"] * lost, ""]
     table = new_table(heading, headings, left=len(names), labels=0)
     table.columns[-1].justify = "left"
     for reading in readings:

@@ -39,7 +39,7 @@ def _table(
 
     lost = bool(rows.nonfinite.any())
     headings = [heading, "mean of the\ndifference (95 %)", "variance", "kurtosis", "consis-\ntency"]
-    headings += ["samples", "µs per\nsample", *["non-\nfinite"] * lost]
+    headings += ["samples", "µs per\nsample", *["di-\nverged"] * lost]
     table = new_table(title, headings, left=1)
     for name, i in zip(names, order, strict=True):
         variance, kurtosis, consistency = (
@@ -67,7 +67,7 @@ def level_warnings(levels: Levels, f: int) -> Iterator[str]:
     if math.isfinite(levels.cost_rate):
         told.append(f"cost h^-{levels.cost_rate:.2f}")
     if told:
-        yield f"levels: {', '.join(told)}{'; with reversed twins' if levels.twins else ''}"
+        yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.twins else ''}"
     yield from _doubts(levels.h, levels, f, "the means of neighbouring levels disagree")
 
 

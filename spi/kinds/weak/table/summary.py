@@ -54,7 +54,7 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
     if reading.unsampled and (resolution := _resolution(reading.unsampled.noted)):
         yield f"    {resolution}"
     if reading.reference_nonfinite:
-        yield f"    {reading.reference_nonfinite} reference paths left the finite numbers"
+        yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
 
 
 def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:

@@ -178,7 +178,7 @@ def _edge(ax: Axes, seconds: np.ndarray, end: int, colour: str) -> None:
 
 
 def _casimirs(ax: Axes, readings: Sequence[WorkPrecision], looks: style.Looks) -> None:
-    """The largest error of the Casimirs against time; none at all, and a lost path, are marks at the edges."""
+    """The largest error of the Casimirs against time; none at all, and a diverged path, are marks at the edges."""
     _time_axes(ax, readings)
     everything = _drifts(readings)
     drawn = everything[(everything > 0) & (everything < _SPOILT)]
@@ -227,7 +227,7 @@ def _remarks(ax: Axes, errors: Axes, readings: Sequence[WorkPrecision]) -> None:
         look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none", "linestyle": "none"}
         ax.plot([], [], marker="o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
     if any(_lost(reading, top).any() for reading in readings) or not (drifts < _SPOILT).all():
-        ax.plot([], [], marker=CARETUP, label="paths left the finite numbers or nearly so", **black)
+        ax.plot([], [], marker=CARETUP, label="paths diverged (NaN or infinity) or nearly so", **black)
     if (drifts == 0).any():
         ax.plot([], [], marker=CARETDOWN, label="the Casimirs have not changed at all", **black)
 

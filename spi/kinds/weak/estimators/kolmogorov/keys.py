@@ -7,7 +7,7 @@ from spi.ensemble.protocol import Positive, dimension
 from spi.exact.kolmogorov import Demands, can_solve, demands
 from spi.expressions import functions_of
 from spi.models import MODELS
-from spi.schemes.rows import compositions, has_loops
+from spi.schemes.stages import compositions, has_loops
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of, wrong
 

@@ -14,7 +14,7 @@ from spi.ensemble.protocol import dimension
 from spi.exact.kolmogorov import Expectations, demands, expectations
 from spi.expressions import as_numpy, canonical, functions_of
 from spi.kinds.plans import Cost, Done, PartPlan, State
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order, Part
 

@@ -7,8 +7,9 @@ levels have to be added up from the reference to h, where the error
     E phi(y_h) - E phi(y(T)) = E[phi(y_h) - (phi(z_h) + phi(z_h turned)) / 2] + (E phi(z_h) - E phi(y(T)))
 
 takes **one** difference at the same h, plus the error of z, which its own levels give for little, since they have
-reversed twins.  The mean over both sides of z's coins halves the variance, because what a coin decides is as large as
-the Lévy areas of y.  A scheme that tosses coins itself, but has no reversed twin, is averaged over both sides as well.
+antithetic paths.  The mean over both sides of z's coins halves the variance, because what a coin decides is as large as
+the Lévy areas of y.  A scheme that tosses coins itself, but has no antithetic paths, is averaged over both sides
+as well.
 
 This needs a scheme that has the same limit as z: flows must be exact, and y must not be a scheme for the multiscale
 system, which for eps > 0 has a limit of its own.
@@ -24,7 +25,7 @@ from spi.ensemble.protocol import exact_flows, needs_areas, tosses
 from spi.kinds.plans import KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
-from spi.schemes.splitting import has_reversed_twin
+from spi.schemes.splitting import has_antithetic_path
 from spi.storage.records import Part
 
 from ...results import Differences, Sampled, WeakErrors
@@ -45,7 +46,7 @@ def can_compare(case: Any, part: Part) -> bool:
     """Whether the errors of a scheme are found by differences to the scheme of weak order 2."""
     row = case.row(part.scheme, part.eps)
     same_limit = exact_flows(case.model) and has_theory(row, case.model) and not row.multiscale
-    steep = has_reversed_twin(row.record) or needs_areas(row.record)  # the variances of its levels fall like h^2
+    steep = has_antithetic_path(row.record) or needs_areas(row.record)  # the variances of its levels fall like h^2
     return same_limit and not steep and not part.extrapolate
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from spi.numerics.rng import LANES
-from spi.schemes.splitting import has_reversed_twin
+from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
 from spi.storage.records import Order
 
@@ -142,7 +142,7 @@ def _of_levels(p: "MultilevelPlan", levels: "Levels") -> LevelTable:
         mean_rate=tuple(means),
         variance_rate=tuple(variances),
         cost_rate=_cost_rate(coarse, per_sample),
-        twins=has_reversed_twin(p.scheme),
+        twins=has_antithetic_path(p.scheme),
         control="the limit without sampling" if p.control else "",
         control_bound=levels.more.control_bound,
     )

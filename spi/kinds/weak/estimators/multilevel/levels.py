@@ -17,7 +17,7 @@ class Level(NamedTuple):
 
     The rows of `weights` (2 or 3, paths) make the first quantities from the values of phi on the paths: DIFFERENCE, at
     the coarse step minus at the fine step; VALUE, at the fine step; and CONTROL, the difference of the control.  The
-    last level, which has one step size only, has phi with the twin, phi without it, and phi of the control.
+    last level, which has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
     """
 
     grid: Grid
@@ -29,7 +29,7 @@ class Level(NamedTuple):
 def levels_of(case: Any, scheme: Any, twins: bool, limit: tuple | None) -> tuple[Level, ...]:
     """Level j compares the steps 2^(j+1) h_ref and 2^j h_ref, the last one has the largest step alone.
 
-    `scheme` is the record of the scheme, `twins` says whether each path has a reversed twin, and `limit` is the record
+    `scheme` is the record of the scheme, `twins` says whether paths are antithetic, and `limit` is the record
     of the scheme that is the control, None without control.
     """
     count = round(np.log2(max(case.steps) / case.reference_step))

@@ -3,12 +3,12 @@
 Level j compares the steps 2^(j+1) h_ref and 2^j h_ref on common paths, with random numbers of its own; the last level
 is E phi at the largest step.  The error at step h is the sum of the differences of all levels below it.
 
-A scheme that tosses a coin for the order of its flows is symmetric up to this coin, and each path gets a **reversed
-twin**: within each coarse step the twin of the fine path makes all its flows in reversed order (the two increments
-exchanged, the coins turned), the twin of the coarse path turns its coin.  All four are paths of the scheme; in the
-difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a level
-falls from O(h) to O(h^2).  Schemes without such a twin are compared with one that has it where that is possible, see
-differences.py.
+A scheme that tosses a coin for the order of its flows is symmetric up to this coin, and each path gets an
+**antithetic path**: within each coarse step that of the fine path makes all its flows in reversed order (the two
+increments exchanged, the coins turned), that of the coarse path turns its coin.  All four are paths of the scheme; in
+the difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a
+level falls from O(h) to O(h^2).  Schemes without antithetic paths are compared with one that has them where that is
+possible, see differences.py.
 
 An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
@@ -32,7 +32,7 @@ from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
-from spi.schemes.splitting import has_reversed_twin
+from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, jackknife_stderr
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 from spi.storage.records import Part
@@ -110,7 +110,7 @@ class MultilevelPlan(Blockwise, PartPlan):
         """The plan for one scheme of a case."""
         record = case.row(part.scheme, part.eps).record
         control = _control(case, record)
-        levels = levels_of(case, record, has_reversed_twin(record), record._replace(eps=0.0) if control else None)
+        levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
         return cls(case=case, part=part, levels=levels, control=control)
 
     @property
@@ -239,7 +239,7 @@ class MultilevelPlan(Blockwise, PartPlan):
 def _control(case: Any, record: Any) -> tuple | None:
     """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
     known = can_solve(case.model) and not case.truncate_noise
-    return record.rows if known and isinstance(record, AsymptoticPreserving) else None
+    return record.stages if known and isinstance(record, AsymptoticPreserving) else None
 
 
 def snapshot(p: MultilevelPlan, state: State) -> Levels:

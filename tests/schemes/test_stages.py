@@ -1,26 +1,25 @@
 """Rows of flows: what they mean, what is refused, and that the kernel does what the list of flows says."""
 
-import numpy as np
 import pytest
-from helpers import LANES, RIGID_BODY, SCHEMES, composed, random_states, take_step
+from helpers import RIGID_BODY, SCHEMES
 
 from spi.models import MaxwellBloch
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving, ImplicitEuler
-from spi.schemes.rows import compositions, flows, sweeps
-from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_reversed_twin, splitting
+from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows, sweeps
 
 MODEL = MaxwellBloch((0.8, 1.3))
 DRIFT, NOISE = flows("drift"), flows("noise")
 
 
-def acting(*rows, model=MODEL):
-    """The flows of the compositions of these rows."""
-    return [list(flows) for _, flows in compositions(rows, model)]
+def acting(*stages, model=MODEL):
+    """The flows of the compositions of these stages."""
+    return [list(flows) for _, flows in compositions(stages, model)]
 
 
 @pytest.mark.parametrize(
-    ("row", "expected"),
+    ("stage", "expected"),
     [
         (flows("drift"), [("drift", 0, 1.0), ("drift", 1, 1.0), ("drift", 2, 1.0)]),
         (flows("drift", "backwards", 0.5), [("drift", 2, 0.5), ("drift", 1, 0.5), ("drift", 0, 0.5)]),
@@ -30,8 +29,8 @@ def acting(*rows, model=MODEL):
         ),
     ],
 )
-def test_orders_and_shares(row, expected):
-    assert acting(row, model=RIGID_BODY) == [expected]
+def test_orders_and_shares(stage, expected):
+    assert acting(stage, model=RIGID_BODY) == [expected]
 
 
 def test_a_coin_reverses_a_row():
@@ -51,8 +50,8 @@ def test_noises_that_are_off_are_left_out():
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("jump",), "the part 'jump', which is none of drift, noise"),
-        (("drift", "sideways"), "the order 'sideways', which is none of forwards, backwards, symmetric"),
+        (("jump",), "'jump' is not a known part; known: drift, noise"),
+        (("drift", "sideways"), "'sideways' is not a known order; known: forwards, backwards, symmetric"),
         (("noise", "symmetric", 1.0, True), "its own reverse"),
         (
             ("noise", "forwards", 1 / 3),
@@ -71,7 +70,7 @@ def test_words_that_are_not_known_are_refused(arguments, complaint):
 
 
 @pytest.mark.parametrize(
-    ("rows", "complaint"),
+    ("stages", "complaint"),
     [
         ((flows("drift"), flows("drift"), flows("noise")), "of the drift add up to 2 and"),
         ((flows("drift"),), "of the noise add up to 0 and"),
@@ -82,65 +81,42 @@ def test_words_that_are_not_known_are_refused(arguments, complaint):
         ((flows("drift", fraction=-1.0), flows("drift"), NOISE), "of the drift add up to 0 and"),
     ],
 )
-def test_schemes_that_kernels_cannot_make_are_refused(rows, complaint):
+def test_schemes_that_kernels_cannot_make_are_refused(stages, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
-        splitting(*rows)
+        splitting(*stages)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("coin", [1.0, -1.0])
-@pytest.mark.parametrize("h", [0.01, 0.4])
-def test_the_kernel_makes_the_flows_of_the_rows(h, coin):
-    """Every part, order and coin that there is, in one scheme; lanes with the other coin stay as they are."""
-    scheme = splitting(
-        flows("drift", "backwards", 1 / 4, coin=True),
-        flows("noise", "backwards", coin=True),
-        flows("drift", "symmetric", 1 / 2),
-        flows("drift", "forwards", 1 / 4),
-    )
-    generator = np.random.default_rng(7)
-    y, dW = random_states(generator), 0.5 * generator.standard_normal((2, LANES))
-    coins = np.where(np.arange(LANES) % 3 == 0, -coin, coin)
-    new, _ = take_step(scheme, MODEL, h, dW, y, coins)
-    heads, tails = acting(*scheme.rows)
-    expected = [
-        composed(MODEL, heads if coins[n] > 0 else tails, h, tuple(y[:, n].tolist()), dW[:, n]) for n in range(LANES)
-    ]
-    np.testing.assert_allclose(new, np.transpose(expected), rtol=1e-13, atol=1e-13)
-    turned, _ = take_step(scheme, MODEL, h, dW, y, -coins)  # negative control
-    assert np.abs(turned - new).max() > h * h / 100
-
-
 def test_sweeps_of_a_coin_apply_each_flow_once_to_each_lane():
-    for rows in (ORDER_2.rows, (flows("drift", "backwards", coin=True), flows("noise", coin=True))):
-        listed = acting(*rows, model=RIGID_BODY)
+    for stages in (ORDER_2.stages, (flows("drift", "backwards", coin=True), flows("noise", coin=True))):
+        listed = acting(*stages, model=RIGID_BODY)
         for coin, expected in zip((1, -1), listed, strict=True):
-            of_lane = [sweep[:4] for sweep in sweeps(rows, RIGID_BODY) if sweep[4] in (0, coin)]
-            assert [(part, k, share * rows[i].fraction) for i, part, k, share in of_lane] == expected
+            of_lane = [sweep[:4] for sweep in sweeps(stages, RIGID_BODY) if sweep[4] in (0, coin)]
+            assert [(part, k, share * stages[i].fraction) for i, part, k, share in of_lane] == expected
 
 
-def test_reversed_twins():
+def test_antithetic_paths():
     """Only what equals itself reversed with the coin turned has one."""
-    assert [name for name, row in SCHEMES.items() if has_reversed_twin(row.record)] == [
+    assert [name for name, entry in SCHEMES.items() if has_antithetic_path(entry.record)] == [
         "splitting_order2",
         "splitting_symmetric",
     ]
     half = flows("drift", "symmetric", 1 / 2)
-    assert has_reversed_twin(splitting(half, flows("noise", "backwards", coin=True), half))
-    assert not has_reversed_twin(splitting(half, NOISE, half))
-    assert not has_reversed_twin(splitting(flows("drift", fraction=1 / 2), flows("noise", coin=True), half))
+    assert has_antithetic_path(splitting(half, flows("noise", "backwards", coin=True), half))
+    assert not has_antithetic_path(splitting(half, NOISE, half))
+    assert not has_antithetic_path(splitting(flows("drift", fraction=1 / 2), flows("noise", coin=True), half))
     there, back = flows("drift", "forwards", 1 / 2), flows("drift", "backwards", 1 / 2)
-    assert has_reversed_twin(splitting(there, flows("noise", coin=True), back))
-    assert not has_reversed_twin(splitting(there, flows("noise", coin=True), there))
-    assert not has_reversed_twin(AsymptoticPreserving(0.1, ImplicitEuler(), ORDER_2.rows))  # its processes do not turn
+    assert has_antithetic_path(splitting(there, flows("noise", coin=True), back))
+    assert not has_antithetic_path(splitting(there, flows("noise", coin=True), there))
+    assert not has_antithetic_path(AsymptoticPreserving(0.1, ImplicitEuler(), ORDER_2.stages))  # not its processes
 
 
 def test_the_cost_of_a_step_follows_from_its_rows():
-    def cost(*rows):
-        return typical_ns(SCHEMES["splitting"]._replace(record=Splitting(rows)), RIGID_BODY)
+    def cost(*stages):
+        return typical_ns(SCHEMES["splitting"]._replace(record=Splitting(stages)), RIGID_BODY)
 
     one = typical_ns(SCHEMES["splitting"], RIGID_BODY)
     flow = cost(DRIFT, DRIFT, NOISE) - one
-    assert cost(*LIE_TROTTER.rows) == one
+    assert cost(*LIE_TROTTER.stages) == one
     assert cost(flows("drift", "symmetric"), NOISE) - one == pytest.approx(flow * 2 / 3)
     assert cost(DRIFT, flows("noise", coin=True)) - one == pytest.approx(flow * 2 / 3)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from .. import SOURCE_DIGEST, storage
+from .. import NUMBERS_DIGEST, storage
 from ..kinds.plans import Plan, sums_of_chunk
 from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, digest
 from ..storage import StorageError
 from ..storage.records import Results
-from .loading import load, name_of, plans
+from .load import load, name_of, plans
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
 CAUSES = {
@@ -71,7 +71,7 @@ def _chunk(plan: Plan, path_set: int, index: int, paths: int) -> Chunk:
 
 def _causes(results: Results) -> tuple[str, ...]:
     """What is not as it was."""
-    now = {**storage.provenance(), "source_digest": SOURCE_DIGEST, "stream_version": STREAM_VERSION}
+    now = {**storage.provenance(), "source_digest": NUMBERS_DIGEST, "stream_version": STREAM_VERSION}
     return tuple(
         f"{label}: {results.attributes.get(name)} then, {now[name]} now"
         for name, label in CAUSES.items()

@@ -1,14 +1,15 @@
-"""What every way to compute an experiment begins and ends with, and who is told how far it is."""
+"""From an experiment to its results file: the one path that the command line, Python users and the tests share."""
 
 import json
 import math
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .. import SOURCE_DIGEST, __version__, specs, storage
+from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..kinds.plans import KernelCall, Plan
@@ -16,8 +17,29 @@ from ..kinds.state import State
 from ..models.damped import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Results
-from . import compiling, engine
-from .checkpoint import Checkpoint, Limits, sums_path
+from . import compiling
+from .checkpoint import Checkpoint, Limits, Stopped, sums_path
+from .load import Source, headings, layers, load, plans, reports, sources
+from .workers import Workers, advance_here, advance_with, finish
+
+__all__ = [
+    "Cost",
+    "Limits",
+    "Progress",
+    "Stopped",
+    "Watch",
+    "cost",
+    "headings",
+    "layers",
+    "load",
+    "plans",
+    "reports",
+    "results_of",
+    "results_path",
+    "run",
+    "sources",
+    "sums_path",
+]
 
 
 class Cost(NamedTuple):
@@ -71,6 +93,40 @@ class Watch(NamedTuple):
 NOBODY, USUAL = Watch(), Limits()
 
 
+def run(
+    experiment: specs.Experiment,
+    out: str | Path = "results",
+    fresh: bool = False,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+    workers: Workers | None = None,
+) -> Path:
+    """Run an experiment, write its results file and return its path.
+
+    What is known already is not computed again: of an unfinished run, of a finished one, or of one that differs in the
+    number of samples only.  With `fresh` nothing earlier is looked at, and results of another spec are replaced.
+    `workers` are processes that compute; without them this one does, on all its threads.
+
+    Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
+    """
+    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
+    checkpoint = session.checkpoint
+    if not fresh:
+        if storage.is_finished(session.target, identity(experiment)):
+            watch.tell(f"{session.target} already has the results of this spec; use --fresh to recompute them")
+            return session.target
+        checkpoint.resume()
+    watch.report_beginning(experiment.title, session.cost())
+    with checkpoint.kept():
+        if checkpoint.missing():
+            session.compile()
+        if workers is None:
+            advance_here(checkpoint.states, session.tick)
+        else:
+            advance_with(workers, Source.of(experiment), checkpoint.states, session.tick)
+        return session.finish()
+
+
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
     """Where the results of an experiment go: ``<out>/<name>.h5``."""
     return Path(out) / f"{experiment.name}.h5"
@@ -111,7 +167,7 @@ class Session:
     def finish(self) -> Path:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         experiment, checkpoint = self.experiment, self.checkpoint
-        engine.finish(checkpoint.states, self.tick)
+        finish(checkpoint.states, self.tick)
         checkpoint.save(finished=True)
         replaced = storage.replaced_hash(self.target)
         if not self.fresh:  # another run may have written there in the meantime
@@ -123,7 +179,7 @@ class Session:
             if (storage.about_sums(old) or {}).get("finished"):
                 storage.remove_sums(old)
         storage.previous(checkpoint.path).unlink(missing_ok=True)
-        for file in checkpoint.slices().values():
+        for file in checkpoint.shards().values():
             storage.remove_sums(file)
         return self.target
 
@@ -165,7 +221,7 @@ def identity(experiment: specs.Experiment) -> dict[str, Any]:
         "model_code": _code(experiment),
         "expect": experiment.expect,
         "profile": experiment.profile,
-        "source_digest": SOURCE_DIGEST,
+        "source_digest": NUMBERS_DIGEST,
     }
 
 
@@ -197,3 +253,25 @@ def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
+
+
+def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
+    """The results file of a spec file; StorageError if there is none or if it was made from another spec.
+
+    Results of a profile or with overrides count as those of the spec file.
+    """
+    path = Path(out) / f"{Path(spec_path).stem}.h5"
+    attributes = storage.read(path).attributes
+    if "model_sources" in attributes or attributes["spec"] != Path(spec_path).read_text(encoding="utf-8"):
+        profile = attributes["profile"]
+        if load(spec_path, profile).hash != attributes["spec_hash"]:
+            raise storage.StorageError(
+                f"{path}: holds results of another spec than {spec_path}; "
+                f"run `spi run {shlex.quote(str(spec_path))}` first"
+            )
+    return path
+
+
+def cost(experiment: specs.Experiment) -> Cost:
+    """The cost of an experiment from the steps to be taken and typical times of one step."""
+    return cost_of(experiment, plans(experiment))

@@ -50,9 +50,6 @@ SHARED = RigidBodySharedNoise((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0))
 MODELS = {"shared_noise": SHARED, "rigid_body": RIGID_BODY, "sine_euler": SineEuler((0.5, 1.5, 1.0, 0.7))}
 
 
-# --- by matrices -----------------------------------------------------------------------------------------------------
-
-
 def matrix(model, v):
     """M(v), column by column: M(v) y = B(y) v."""
     return np.array([structure(model, tuple(e), tuple(v)) for e in np.eye(dimension(model))]).T
@@ -82,6 +79,7 @@ def by_exponentials(scheme, model, h, dW, y):
     return expm(matrix(model, step_gradient(model, h, dW, middle))) @ y
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("scheme", [EULER, MIDPOINT], ids=["euler", "midpoint"])
 @pytest.mark.parametrize("name", MODELS)
 def test_steps_of_munthe_kaas_are_exponentials_of_matrices(name, scheme, generator):
@@ -151,16 +149,11 @@ def test_sine_and_versine_divided_by_the_angle(angles):
         assert versinc == pytest.approx(0.5 * half * half, rel=1e-15)
 
 
-# --- which systems ---------------------------------------------------------------------------------------------------
-
-
 def test_which_systems_they_are_for():
     assert all(map(lie_poisson, (RIGID_BODY, SHARED, SineEuler(), MaxwellBloch)))
     assert not lie_poisson(LotkaVolterra()) and not lie_poisson(damped(RIGID_BODY, 0.1))
     assert cross_product(RIGID_BODY) and not cross_product(MaxwellBloch()) and not cross_product(SineEuler())
 
-
-# --- Casimirs --------------------------------------------------------------------------------------------------------
 
 WALKS = [
     (EULER, RIGID_BODY, INITIAL, 2.0**-3),
@@ -183,9 +176,6 @@ def test_casimirs_walk_without_bias(scheme, model, initial, h, generator):
     error = drift.std(axis=1, ddof=1) / np.sqrt(LANES)
     assert np.all(np.abs(drift) < 1e-12) and np.all(error < 2e-14)
     assert np.all(np.abs(drift.mean(axis=1)) <= 4.5 * error)
-
-
-# --- limits and orders -----------------------------------------------------------------------------------------------
 
 
 class WithoutCorrection(NamedTuple):
@@ -212,6 +202,7 @@ def distances(scheme, reference, model, exponents, generator):
     return np.array(found)
 
 
+@pytest.mark.share
 @pytest.mark.skipif(not COMPILED, reason="many steps")
 @pytest.mark.parametrize("scheme", [EULER, MIDPOINT], ids=["euler", "midpoint"])
 @pytest.mark.parametrize("model", [SHARED, RIGID_BODY], ids=["one noise for all", "three noises"])

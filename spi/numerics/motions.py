@@ -1,22 +1,22 @@
 """What generated models call, besides the elementary functions."""
 
-from ..compiler.dispatch import inlined
-from ..numerics.elementary import expm1
+from ..compiler.dispatch import device
+from .elementary import expm1
 
 
-@inlined
+@device
 def times(c: float, rest: float, x: float) -> float:
     """A number of two parts times x."""
     return c * x + rest * x
 
 
-@inlined
+@device
 def larger(a: float, b: float) -> float:
     """The larger of two numbers; a choice, because a maximum of floats is not vectorised."""
     return a if a > b else b
 
 
-@inlined
+@device
 def sinh_coshm1(x: float) -> tuple[float, float]:
     """(sinh x, cosh x - 1), to all digits also for small x."""
     e = expm1(abs(x))

@@ -1,15 +1,16 @@
-"""Compositions of flows as data: rows of flows, each row all pieces of H, or all noises, in some order, or loops.
+"""Compositions of flows as data: stages, each of them all pieces of H, or all noises, in some order, or loops.
 
-Everything that is known of a splitting scheme derives from its rows by :func:`flows_in_order`: its kernel, the backward
-operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has a reversed twin, and what a step costs.
+Everything that is known of a splitting scheme derives from its stages by :func:`flows_in_order`: its kernel, the
+backward operators of ``spi.exact.kolmogorov``, whether it needs coins, whether it has antithetic paths, and what a
+step costs.
 
-The fraction of a row is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
+The fraction of a stage is a share of the step h.  Drift flows have the time fraction * h, which may be negative.  Noise
 flows have increments of their own over the time fraction * h, independent of those of all other noise flows of the
 step: the flows of one Wiener process use up its increments over consecutive parts of the step, in the order in which
 they act.  Paths resolve a step into at most :data:`FINEST` equal sub-steps, so that each such part is a multiple of
 h / FINEST.
 
-A row of **loops** supplies what the noise flows lack at order h.  Where Y_k acts before Y_l for k < l, that is, as an
+A stage of **loops** supplies what the noise flows lack at order h.  Where Y_k acts before Y_l for k < l, that is, as an
 operator, -sigma_k sigma_l J_lk [Y_k, Y_l], with the iterated integral J_lk = dW_k dW_l / 2 - A_kl of dW_l, then dW_k.
 The loop exp(a Y_k), exp(b Y_l), exp(-a Y_k), exp(-b Y_l), acting in this order, is 1 + a b [Y_k, Y_l] + ..., hence
 a b = -sigma_k sigma_l J_lk with |a| = |b|; a coin decides the sign of both, so that the terms of order h^(3/2), odd in
@@ -20,9 +21,8 @@ import math
 from collections import Counter
 from typing import NamedTuple
 
-from numba import types
-
-from ..compiler.dispatch import INDICES, class_of, field_type, word
+from ..compiler.dispatch import INDICES, method
+from ..compiler.records import class_of, field
 from ..ensemble.protocol import (
     area_pairs,
     drift_angle,
@@ -33,15 +33,15 @@ from ..ensemble.protocol import (
     piece_indices,
 )
 
-# The parts and orders of rows are records, so that the compiler knows them by their types.
+# The parts and orders of stages are records, so that the compiler knows them by their types.
 
 
-@word
+@method
 def flow(part, model, k, t, y, angles):
     """The flow number k of a part."""
 
 
-@word
+@method
 def angle(part, model, k, t, y):
     """The largest |angle| in it."""
 
@@ -74,7 +74,7 @@ class Forwards(NamedTuple):
     """1, ..., n."""
 
     def arranged(indices):
-        """((k, share of the row's fraction), ...), the first to act first; the same for the other orders."""
+        """((k, share of the stage's fraction), ...), the first to act first; the same for the other orders."""
         return tuple((k, 1.0) for k in indices)
 
 
@@ -106,7 +106,7 @@ _NAMES = {type(part): name for name, part in PARTS.items()}
 
 
 class Flows(NamedTuple):
-    """A row of a composition; made by :func:`flows`."""
+    """A stage of a composition; made by :func:`flows`."""
 
     part: NamedTuple
     order: NamedTuple
@@ -116,7 +116,7 @@ class Flows(NamedTuple):
 
 
 def flows(part, order="forwards", fraction=1.0, coin=False):
-    """A row of a composition.
+    """A stage of a composition.
 
     `part` is "drift", "noise" or "loops", `order` one of :data:`ORDERS`, `fraction` the share of the step, and `coin`
     says whether the order is reversed for the paths whose coin is -1.  ValueError for words that are not known, for a
@@ -125,9 +125,9 @@ def flows(part, order="forwards", fraction=1.0, coin=False):
     """
     for what, name, known in (("part", part, PARTS), ("order", order, ORDERS)):
         if name not in known:
-            raise ValueError(f"a row of flows has the {what} {name!r}, which is none of {', '.join(known)}")
+            raise ValueError(f"{name!r} is not a known {what}; known: {', '.join(known)}")
     if coin and order == "symmetric":
-        raise ValueError("a symmetric row of flows is its own reverse and has no use for a coin")
+        raise ValueError("a symmetric stage is its own reverse and has no use for a coin")
     if part == "loops" and (order, fraction, coin) != ("forwards", 1.0, False):
         raise ValueError("loops have neither a fraction nor an order nor a word; each has one coin already")
     length = _sub_steps(order, fraction) if part == "noise" else 0
@@ -135,7 +135,7 @@ def flows(part, order="forwards", fraction=1.0, coin=False):
 
 
 def _sub_steps(order, fraction):
-    """FINEST times the fraction of a row of noise flows; ValueError unless all its flows have whole sub-steps."""
+    """FINEST times the fraction of a stage of noise flows; ValueError unless all its flows have whole sub-steps."""
     unit = 2 if order == "symmetric" else 1
     if fraction * FINEST not in range(unit, FINEST + 1, unit):
         multiples = f"must be a positive multiple of 1/{FINEST // unit}, at most 1"
@@ -146,7 +146,7 @@ def _sub_steps(order, fraction):
 
 
 class _Row(NamedTuple):
-    """What is known of a row by its type."""
+    """What is known of a stage by its type."""
 
     part: str
     order: type
@@ -154,19 +154,15 @@ class _Row(NamedTuple):
     length: int  #: of noise, in sub-steps of which a step has FINEST
 
 
-def rows_known(rows):
-    """What is known of the rows by their types, (part, order, coin, length) each."""
-    return tuple(_rows(rows))
+def stages_known(stages):
+    """What is known of the stages by their types, (part, order, coin, length) each."""
+    return tuple(_stages(stages))
 
 
-def _rows(rows):
-    """The rows by their types, of rows or of the Numba type of some."""
-    compiling = isinstance(rows, types.Type)
-    for row in rows.types if compiling else rows:
-        part, order, coin, length = (
-            class_of(field_type(row, name) if compiling else getattr(row, name))
-            for name in ("part", "order", "coin", "length")
-        )
+def _stages(stages):
+    """The stages by their types, of stages or of the Numba type of some."""
+    for stage in stages:
+        part, order, coin, length = (class_of(field(stage, name)) for name in ("part", "order", "coin", "length"))
         yield _Row(_NAMES[part], order, coin is Coin, INDICES.index(length))
 
 
@@ -174,87 +170,88 @@ def _indices(model):
     return {"drift": piece_indices(model), "noise": noise_indices(model), "loops": area_pairs(model)}
 
 
-def flows_in_order(rows, indices, coin=1):
-    """((row, part, k, share of the row's fraction), ...) of a path with this coin, the first flow to act first.
+def flows_in_order(stages, indices, coin=1):
+    """((stage, part, k, share of the stage's fraction), ...) of a path with this coin, the first flow to act first.
 
     `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "loops": pairs of noises},
     and k is one of them.
     """
     found = []
-    for i, row in enumerate(_rows(rows)):
-        arranged = row.order.arranged(indices[row.part])
-        reverse = row.coin and coin == -1
-        found += [(i, row.part, k, share) for k, share in (arranged[::-1] if reverse else arranged)]
+    for i, stage in enumerate(_stages(stages)):
+        arranged = stage.order.arranged(indices[stage.part])
+        reverse = stage.coin and coin == -1
+        found += [(i, stage.part, k, share) for k, share in (arranged[::-1] if reverse else arranged)]
     return tuple(found)
 
 
-def compositions(rows, model):
+def compositions(stages, model):
     """A step as data: ((probability, flows), ...), where flows are ("drift" or "noise", k, share of the step), ...
 
     The flows stand in the order in which they act.  One composition, or two of probability 1/2 where coins are tossed.
-    ValueError for rows with loops, whose times are no shares of the step.
+    ValueError for stages with loops, whose times are no shares of the step.
     """
-    if has_loops(rows):
+    if has_loops(stages):
         raise ValueError("the flows of loops have no shares of the step")
-    coins = (1, -1) if needs_coins(rows) else (1,)
+    coins = (1, -1) if needs_coins(stages) else (1,)
     return tuple(
         (
             1 / len(coins),
             tuple(
-                (part, k, share * rows[i].fraction) for i, part, k, share in flows_in_order(rows, _indices(model), coin)
+                (part, k, share * stages[i].fraction)
+                for i, part, k, share in flows_in_order(stages, _indices(model), coin)
             ),
         )
         for coin in coins
     )
 
 
-def needs_coins(rows):
-    """Whether the order of a row depends on a coin."""
-    return any(row.coin for row in _rows(rows))
+def needs_coins(stages):
+    """Whether the order of a stage depends on a coin."""
+    return any(stage.coin for stage in _stages(stages))
 
 
-def has_loops(rows):
+def has_loops(stages):
     """Whether a step has loops."""
-    return any(row.part == "loops" for row in _rows(rows))
+    return any(stage.part == "loops" for stage in _stages(stages))
 
 
-def is_reversed_by_coin(rows):
+def is_reversed_by_coin(stages):
     """Whether all flows of a step act in reversed order where the coin is turned, whatever the model."""
-    if has_loops(rows):
+    if has_loops(stages):
         return False
     indices = {"drift": (0, 1, 2), "noise": (0, 1, 2)}
     heads, tails = (
-        [(part, k, share * rows[i].fraction) for i, part, k, share in flows_in_order(rows, indices, coin)]
+        [(part, k, share * stages[i].fraction) for i, part, k, share in flows_in_order(stages, indices, coin)]
         for coin in (1, -1)
     )
     return heads == tails[::-1]
 
 
-def is_own_reverse(rows, model):
+def is_own_reverse(stages, model):
     """Whether a step on a model, coins included, is the same flows when these act in reversed order.
 
     Its backward operator P_h is then symmetric, P_(-h) P_h = 1 as formal series, so that the weak error has an
     expansion in every other power of h.
     """
-    if has_loops(rows):
+    if has_loops(stages):
         return False
-    words = {flows for _, flows in compositions(rows, model)}
+    words = {flows for _, flows in compositions(stages, model)}
     return len(words) == 1 and all(flows == flows[::-1] for flows in words)
 
 
-def substeps(rows):
+def substeps(stages):
     """Into how many sub-steps, 1, 2, 4 or 8, a step must be resolved so that each noise flow has some of them."""
-    noise = [row for row in _rows(rows) if row.part == "noise"]
-    lengths = [row.length // (2 if row.order is Symmetric else 1) for row in noise]
+    noise = [stage for stage in _stages(stages) if stage.part == "noise"]
+    lengths = [stage.length // (2 if stage.order is Symmetric else 1) for stage in noise]
     return FINEST // math.gcd(FINEST, *lengths)
 
 
-def _with_spans(flows, rows):
+def _with_spans(flows, stages):
     """Flows as :func:`flows_in_order` gives them, each with the part of the step over which its increments are.
 
     The part is (first, end, n) as in :func:`sweeps`, with the least n that will do; None for drift.
     """
-    lengths = [row.length for row in _rows(rows)]
+    lengths = [stage.length for stage in _stages(stages)]
     used = Counter()  # sub-steps of each Wiener process
     found = []
     for flow in flows:
@@ -280,23 +277,23 @@ class LoopTime(NamedTuple):
     place: int  #: of the flow in the loop, from 0
 
 
-def sweeps(rows, model):
-    """((row, part, k, share of the row's fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
+def sweeps(stages, model):
+    """((stage, part, k, share of its fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
 
     The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
     before `end` where a step has n of them.  It does not depend on the coin, which moves flows of different processes.
     The flows of loops are noise flows with a :class:`LoopTime`.
 
-    Where the order of a row differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
+    Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.
     """
-    found, every = [], _with_spans(flows_in_order(rows, _indices(model)), rows)
-    for i, row in enumerate(_rows(rows)):
+    found, every = [], _with_spans(flows_in_order(stages, _indices(model)), stages)
+    for i, stage in enumerate(_stages(stages)):
         acting = [flow for flow in every if flow[0] == i]
-        if row.part == "loops":
-            found += _loops(i, rows, [pair for _, _, pair, *_ in acting])
+        if stage.part == "loops":
+            found += _loops(i, stages, [pair for _, _, pair, *_ in acting])
             continue
-        if row.coin:
+        if stage.coin:
             first, last = acting[:-1], acting[-1:]
             placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
         else:
@@ -305,9 +302,9 @@ def sweeps(rows, model):
     return tuple(found)
 
 
-def _loops(i, rows, pairs):
-    """The flows of all loops, of row i."""
-    sign = -1 if Backwards in [row.order for row in _rows(rows) if row.part == "noise"] else 1
+def _loops(i, stages, pairs):
+    """The flows of all loops, of stage i."""
+    sign = -1 if Backwards in [stage.order for stage in _stages(stages) if stage.part == "noise"] else 1
     return [
         (i, "noise", k, 1.0, 0, LoopTime(pair, p, len(pairs), sign, place))
         for p, pair in enumerate(pairs)

@@ -1,18 +1,22 @@
-"""From a spec file to the plans of its parts."""
+"""From a spec file to the plans of its parts, and what is to be said of its models."""
 
 import functools
+import inspect
 import platform
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from .. import specs
+from .. import specs, systems
 from ..kinds import KINDS
 from ..kinds.plans import Plan
-from ..specs import shipped
+from ..models.damped import undamped
+from ..schemes import typical_ns
 from ..specs.document import text_of
 from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from . import shipped
 
 
 @functools.cache
@@ -47,7 +51,7 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
     """
     if kind not in KINDS:
-        raise specs.SpecError(f"--as: '{kind}' is no kind of experiment; {suggestion(kind, KINDS)}")
+        raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
     source = load(path)
     if source.kind == kind:
         return load(path, profile, overrides)
@@ -115,3 +119,20 @@ def plans_of(source: Source) -> list[Plan]:
         where = f"to a worker on {platform.node()}"
         raise specs.SpecError(f"{source.path}: means something else {where}; install the same versions everywhere")
     return plans(experiment)
+
+
+def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
+    """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for case in experiment.cases:
+        if lines := systems.report(undamped(case.model)):
+            steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
+            found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
+    several = len(experiment.cases) > 1
+    return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}
+
+
+def sources(experiment: specs.Experiment) -> list[str]:
+    """The Python modules in which the models of an experiment are defined, each once."""
+    modules = dict.fromkeys(sys.modules[type(undamped(case.model)).__module__] for case in experiment.cases)
+    return [inspect.getsource(module) for module in modules]

@@ -1,4 +1,4 @@
-"""One set of numbers, to the last bit, however a run is divided: among parts, processes and machines, or over time."""
+"""One set of numbers, to the last bit, however a run is divided: among shards, processes and machines, or over time."""
 
 import gc
 import os
@@ -16,11 +16,11 @@ from helpers import COMPILED
 from spi import storage
 from spi.cli.running import _seconds
 from spi.numerics.rng import LANES
-from spi.running import runs as runner
-from spi.running import slices, workers
-from spi.running.checkpoint import Checkpoint, Slice
-from spi.running.runs import Limits, Watch, load
-from spi.running.verification import verify
+from spi.running import run as runner
+from spi.running import shards, workers
+from spi.running.checkpoint import Checkpoint, Shard
+from spi.running.run import Limits, Watch, load
+from spi.running.verify import verify
 from spi.statistics import tallies
 
 if not COMPILED:
@@ -76,62 +76,62 @@ def test_there_are_several_chunks_and_more_nodes_than_one():
         assert max(path_set.whole for path_set in path_sets) > 4
 
 
-# --- parts -----------------------------------------------------------------------------------------------------------
+# --- shards ----------------------------------------------------------------------------------------------------------
 
 
 def merged(experiment, out, count, order=lambda numbers: numbers):
-    """Run all parts and merge them, again as long as a multilevel estimator wants more; (path, rounds)."""
+    """Run all shards and merge them, again as long as a multilevel estimator wants more; (path, rounds)."""
     for rounds in range(1, 10):
         for number in order(range(1, count + 1)):
-            slices.run_slice(experiment, Slice(number, count), out)
+            shards.run_shard(experiment, Shard(number, count), out)
         try:
-            return slices.merge(experiment, out), rounds
+            return shards.merge(experiment, out), rounds
         except runner.Stopped as wanted:
-            assert "run all parts" in str(wanted)
+            assert "run all shards" in str(wanted)
     raise AssertionError("never done")
 
 
 @pytest.mark.parametrize("count", [1, 3, 50])
-def test_parts_are_merged_to_the_numbers_of_one_run(tmp_path, straight, count):
+def test_shards_are_merged_to_the_numbers_of_one_run(tmp_path, straight, count):
     path, rounds = merged(strong(), tmp_path, count, order=reversed)
     assert rounds == 1
     assert numbers(path) == straight["rigid_body_strong"]
     assert [file.name for file in (tmp_path / "sums").iterdir()] == [runner.sums_path(strong(), tmp_path).name]
 
 
-def test_parts_of_a_multilevel_estimator_go_in_rounds(tmp_path, straight):
+def test_shards_of_a_multilevel_estimator_go_in_rounds(tmp_path, straight):
     path, rounds = merged(weak(), tmp_path, 3)
     assert rounds > 1
     assert numbers(path) == straight["maxwell_bloch_weak2"]
 
 
-def test_a_missing_part_is_named_and_can_be_run_again(tmp_path, straight):
-    with pytest.raises(storage.StorageError, match=r"no parts .* --part 1/4"):
-        slices.merge(strong(), tmp_path)
+def test_a_missing_shard_is_named_and_can_be_run_again(tmp_path, straight):
+    with pytest.raises(storage.StorageError, match=r"no shards .* --shard 1/4"):
+        shards.merge(strong(), tmp_path)
     for number in (3, 1):
-        slices.run_slice(strong(), Slice(number, 3), tmp_path)
-    with pytest.raises(runner.Stopped, match=r"part 2 of 3 is missing \(\d+ of its \d+ chunks\): run it"):
-        slices.merge(strong(), tmp_path)
+        shards.run_shard(strong(), Shard(number, 3), tmp_path)
+    with pytest.raises(runner.Stopped, match=r"shard 2 of 3 is missing \(\d+ of its \d+ chunks\): run it"):
+        shards.merge(strong(), tmp_path)
     stop = Stop(after=2)
-    with pytest.raises(runner.Stopped, match="the same command goes on"):
-        slices.run_slice(strong(), Slice(2, 3), tmp_path, watch=Watch(report=stop))
-    with pytest.raises(runner.Stopped, match="part 2 of 3 is unfinished"):
-        slices.merge(strong(), tmp_path)
-    slices.run_slice(strong(), Slice(2, 3), tmp_path)
-    assert numbers(slices.merge(strong(), tmp_path)) == straight["rigid_body_strong"]
+    with pytest.raises(runner.Stopped, match="run the same command again"):
+        shards.run_shard(strong(), Shard(2, 3), tmp_path, watch=Watch(report=stop))
+    with pytest.raises(runner.Stopped, match="shard 2 of 3 is unfinished"):
+        shards.merge(strong(), tmp_path)
+    shards.run_shard(strong(), Shard(2, 3), tmp_path)
+    assert numbers(shards.merge(strong(), tmp_path)) == straight["rigid_body_strong"]
 
 
-def test_parts_of_other_paths_are_not_merged(tmp_path):
+def test_shards_of_other_paths_are_not_merged(tmp_path):
     for number, seed in ((1, 1), (2, 2)):
-        slices.run_slice(strong(f"seed={seed}"), Slice(number, 2), tmp_path)
-    with pytest.raises(runner.Stopped, match="part 2 of 2 is missing"):
-        slices.merge(strong(), tmp_path)
+        shards.run_shard(strong(f"seed={seed}"), Shard(number, 2), tmp_path)
+    with pytest.raises(runner.Stopped, match="shard 2 of 2 is missing"):
+        shards.merge(strong(), tmp_path)
 
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1", "a/b", "1/0", "", "-1/-1"])
-def test_what_is_no_part(text):
+def test_what_is_not_a_shard(text):
     with pytest.raises(ValueError):
-        Slice.of(text)
+        Shard.of(text)
 
 
 # --- extension -------------------------------------------------------------------------------------------------------
@@ -202,6 +202,7 @@ class Killer:
             os.kill(self.killed, signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_made_up_for(tmp_path, straight):
     with workers.processes(2) as pool:
         killer = Killer(lambda: list(pool.executor._processes))
@@ -234,6 +235,7 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for():
         assert not pool.stuck()
 
 
+@pytest.mark.slow
 def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
     with workers.dask("local:2") as pool:
         assert pool.size == 2
@@ -247,7 +249,7 @@ def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
 
 
 def test_a_run_ends_when_its_time_is_up_and_goes_on(tmp_path, straight):
-    with pytest.raises(runner.Stopped, match=r"time is up; what is done is kept in .*npz: the same"):
+    with pytest.raises(runner.Stopped, match=r"the time limit is reached; progress is saved in .*npz: run the same"):
         runner.run(strong(), tmp_path, limits=Limits(max_seconds=0.0))
     assert numbers(runner.run(strong(), tmp_path)) == straight["rigid_body_strong"]
 
@@ -265,7 +267,7 @@ def test_a_checkpoint_that_cannot_be_written_is_no_reason_to_stop(tmp_path, stra
     limits = Limits(checkpoint_seconds=0.0)
     path = runner.run(strong(), tmp_path, watch=Watch(tell=news.append), limits=limits)
     assert len(failures) > 1 and len(news) == 1  # said once
-    assert "no space left" in news[0] and "the run goes on" in news[0]
+    assert "no space left" in news[0] and "the run continues" in news[0]
     assert numbers(path) == straight["rigid_body_strong"]
 
 
