@@ -11,8 +11,8 @@ import argparse
 import numpy as np
 
 from spi.kinds.state import State
-from spi.kinds.weak.study.differences import DifferencesPlan
-from spi.kinds.weak.study.multilevel import MultilevelPlan
+from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
+from spi.kinds.weak.estimators.multilevel.plans import MultilevelPlan
 from spi.printing.text import power_of_two
 from spi.running import workers
 from spi.running.run import load
@@ -24,7 +24,7 @@ def results(plan):
     state = State(plan)
     workers.advance_here([state], lambda number: None)
     workers.finish([state], lambda number: None)
-    group = plan.group(state)
+    group = plan.results(state).group()
     return group.arrays, group.attributes
 
 

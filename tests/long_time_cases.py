@@ -45,7 +45,7 @@ def case_of(load_text):
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = long_time.plan(case, Part(scheme))
-    group = plan.group(finished(plan) if state is None else state)
+    group = plan.results(finished(plan) if state is None else state).group()
     return group.arrays, group
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from spi.kinds import blocks
 from spi.kinds.long_time import study as long_time
 from spi.kinds.state import State
-from spi.kinds.weak.study import multilevel
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.running import workers
 
 #: Fields that a clock decides: those with such ends, and those with such names.

@@ -28,7 +28,7 @@ def case_of(*overrides, profile="quick"):
 def study(case, scheme):
     """(variables by name, attributes) of a whole study."""
     plan = strong.plan(case, Part(scheme))
-    group = plan.group(finished(plan))
+    group = plan.results(finished(plan)).group()
     assert list(group.coordinates["h"]) == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group.attributes
 

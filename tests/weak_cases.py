@@ -9,7 +9,7 @@ from states import batches_of, finished, ignore
 
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study import multilevel
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.running import workers
 from spi.running.run import load
 from spi.schemes import SCHEMES
@@ -43,7 +43,7 @@ def levels_plan_of(case, scheme, estimator="multilevel"):
 def results_of(case, scheme, estimator, plan_of=plan_of):
     """(variables by name, attributes) of a whole study."""
     p = plan_of(case, scheme, estimator)
-    group = p.group(finished(p))
+    group = p.results(finished(p)).group()
     assert (group.estimator, group.variant) == (estimator, scheme)
     assert list(group.coordinates["h"]) == list(case.steps)
     return group.arrays, group.attributes

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import stored
 import typer
 import yaml
 from words import Rows, default_of, in_symbols, key_rows, key_table, linked, paragraphs, plain, table, value_of
@@ -275,6 +276,7 @@ PAGES = {
     "models": models,
     "schemes": schemes,
     "experiments": experiments,
+    "results": stored.page,
     "python": python,
     "glossary": glossary,
 }

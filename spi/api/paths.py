@@ -94,7 +94,7 @@ def _one_path(ready: TrajectoryPlan, line: Line) -> xr.Dataset:
     state = State(of_any_kind)
     _compile(ready, line)
     workers.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
-    found = dataset_of(ready.group(state), "trajectory")
+    found = dataset_of(ready.results(state).group())
     found.attrs = _without_experiment(found.attrs)
     return found
 
@@ -164,7 +164,7 @@ def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line
 
 def _attributes(ready: TrajectoryPlan) -> dict[str, Any]:
     """What was integrated."""
-    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description()})
+    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description().attributes()})
 
 
 def _without_experiment(attributes: dict[str, Any]) -> dict[str, Any]:

@@ -28,9 +28,6 @@ OTHERS = (("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2")
 SEQUENCES = (("o", "s", "^", "v", "p", "h"), ("D", "<", ">", "P", "X", "*"), ("d", "8", "H", "x", "+", "1"))
 RAMPS = ("plasma", "viridis", "cividis")
 
-#: What estimators of weak errors are called.
-ESTIMATORS = {"plain": "plain Monte Carlo", "multilevel": "multilevel", "kolmogorov": "Kolmogorov, no sampling"}
-
 SYMBOLS = {
     "sigma": r"\sigma",
     "inertia": "I",
@@ -204,7 +201,7 @@ def facts(
     if about.truncate_noise:
         told["truncate_noise"] = "truncated noise"
     if estimator:
-        told["estimator"] = ESTIMATORS.get(estimator, estimator)
+        told["estimator"] = estimator
     if len(functions) == 1:
         told["function"] = rf"$\varphi(y)={formula(functions[0])}$"
     if path is not None:

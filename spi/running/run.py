@@ -172,7 +172,7 @@ class Session:
         replaced = storage.replaced_hash(self.target)
         if not self.fresh:  # another run may have written there in the meantime
             storage.check_replaceable(self.target, identity(experiment))
-        groups = tuple(state.plan.group(state) for state in checkpoint.states)
+        groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
         storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
         if replaced not in (None, experiment.hash):
             old = sums_path(experiment, self.target.parent, spec_hash=replaced)

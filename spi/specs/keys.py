@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Self, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
@@ -22,9 +22,6 @@ from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
 from .mistakes import again, details, every
-
-#: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
-ESTIMATORS = ("plain", "multilevel", "kolmogorov")
 
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -287,7 +284,6 @@ Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.
 SchemeName = Annotated[str, Field(json_schema_extra={"anyOf": [{"enum": list(SCHEMES)}, {"pattern": NAME}]})]
 Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
-Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]

@@ -20,11 +20,12 @@ from spi.drawing import page, style
 from spi.kinds.trajectory.figure import fields
 from spi.report import views
 from spi.schemes import SCHEMES
+from spi.storage.records import Order
 
 
 def errors(cases):
     names = ("one", "two", "three", "four")[:cases]
-    told = {"order": 0.5, "order_ci": (0.49, 0.53)}
+    told = {"order": Order(0.5, 0.49, 0.53, 9)}
     groups = [
         strong_group(scheme, case, 0.1 * (1 + i) * H**0.5, 0.01 * H**0.5, H > 0, H, case_title=f"case {case}", **told)
         for case in names

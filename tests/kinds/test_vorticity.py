@@ -249,7 +249,7 @@ def test_every_fourth_state(spec):
     for overrides in ([], ["every=4", "times=[1, 0.25]"]):
         (case,) = spec(SPEC, overrides=overrides).cases
         plan = study.plan(case, study.parts(case)[0])
-        (reading,) = views.readings(trajectories(plan.group(finished(plan))))
+        (reading,) = views.readings(trajectories(plan.results(finished(plan)).group()))
         readings.append(reading)
         assert plan.cost().path_steps == 16 * 64
     whole, some = readings
@@ -272,7 +272,7 @@ def moving(scheme, factor=1.0, panels=("vorticity",), n=N, **attributes):
     turned = (states(n)[::2] + 1j * states(n)[1::2]) * np.exp(1j * np.outer(T, np.arange(n * n // 2)))
     y = np.stack([turned.real, turned.imag], axis=-1).reshape(len(T), -1)
     y *= np.linspace(1.0, factor, len(T))[:, None]
-    return trajectory_group(scheme, T, y, np.ones((len(T), 1)), panels=panels, lattice="torus", **attributes)
+    return trajectory_group(scheme, T, y, np.ones((len(T), 1)), panels=panels, surface="torus", **attributes)
 
 
 def test_fields_side_by_side():
@@ -353,7 +353,7 @@ def test_a_long_film_has_200_frames():
     t = np.arange(1001) * 0.25
     y = np.outer(np.cos(t), states(3))
     long, short = (
-        trajectory_group("splitting", t[:n], y[:n], np.ones((n, 1)), case=case, lattice="torus")
+        trajectory_group("splitting", t[:n], y[:n], np.ones((n, 1)), case=case, surface="torus")
         for case, n in (("long", 1001), ("short", 3))
     )
     film = views.film(trajectories(long, short))

@@ -174,7 +174,7 @@ for name, overrides in json.load(sys.stdin).items():
         state = State(plan)
         workers.advance_here([state], lambda number: None)
         workers.finish([state], lambda number: None)
-        plan.group(state)
+        plan.results(state).group()
         after = [len(kernel.overloads) for kernel in KERNELS]
         missed.setdefault(name, []).append([b - a for a, b in zip(before, after)])
 json.dump(missed, sys.stdout)

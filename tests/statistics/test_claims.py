@@ -26,7 +26,7 @@ from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
 from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
-from spi.storage.records import Description, by_case
+from spi.storage.records import Description, Order, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
 
@@ -325,7 +325,7 @@ def of(scheme, quantity, sense, number, case="three", **others):
     return Claim(case, scheme, quantity, sense, number, 0.0, f"{number:g}", **others)
 
 
-STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=0.9, order_ci=(0.4, 1.4)))
+STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=Order(0.9, 0.4, 1.4, 9)))
 JUDGED = expecting(
     STRONG,
     of("splitting", "order", EQUAL, 0.5),

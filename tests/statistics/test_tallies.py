@@ -364,7 +364,7 @@ def plan(request, tmp_path):
 
 def numbers_of_group(plan, state):
     """What a state gives in the end, but times."""
-    found = plan.group(state)
+    found = plan.results(state).group()
     return {name: values for name, values in found.arrays.items() if not name.endswith(("seconds", "ns_per_step"))}
 
 

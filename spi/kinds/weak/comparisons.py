@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from . import WeakErrors
+from .results import WeakErrors
 
 if TYPE_CHECKING:
     from spi.statistics.estimators import Largest

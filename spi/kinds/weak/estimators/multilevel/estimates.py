@@ -1,21 +1,23 @@
-"""What the sums of a multilevel estimator tell: errors, Giles' table, rates (see multilevel.py)."""
+"""What the sums of a multilevel estimator tell: errors, Giles' table, rates (see plans.py)."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from spi.numerics.rng import LANES
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
-from spi.storage.records import Group, Order, Variables
+from spi.storage.records import Order
 
+from ...results import History, Sampled, WeakErrors
+from ...results import Levels as LevelTable
+from ...study.fields import extension, result_steps, sampled_errors, weak_errors
+from ...study.sums import mean_over_paths, standard_deviation
 from .extrapolated import errors_at_steps, shares_above
-from .groups import PER_POINT, error_variables, extension, order_variables, result_steps, weak_group
 from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
-from .sums import mean_over_paths, standard_deviation
 
 if TYPE_CHECKING:
-    from .multilevel import Levels, MultilevelPlan
+    from .plans import Levels, MultilevelPlan
 
 _CLEAR = 4.0  # a mean difference counts for the rate of means if it is so many times its standard error
 _EQUAL = np.full(GROUPS, PARTS)  # all groups of a level are equally large, so any equal counts will do
@@ -70,36 +72,38 @@ def consistency(p: "MultilevelPlan", levels: "Levels") -> np.ndarray:
         return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + sd[:-1]))
 
 
-def group(p: "MultilevelPlan", levels: "Levels", seconds: float) -> Group:
+def results(p: "MultilevelPlan", levels: "Levels", seconds: float) -> WeakErrors:
     """The results of one scheme of a case, from its levels; `seconds` is the wall-clock time spent."""
-    per_sample = levels.cpu_seconds / samples_of(levels)
     steps = sum(level.steps * int(n) * LANES for level, n in zip(p.levels, levels.blocks, strict=True))
-    found = errors(p, levels)
-    allocations = np.arange(1, len(levels.more.history_cpu_seconds) + 1)
-    variables = {
-        **error_variables(result_steps(p), *found),
-        **_expectations(p, levels, found.error),
-        **_of_levels(p, levels, per_sample),
-        "history_error": (("allocation", *PER_POINT), levels.more.history_error),
-        "history_error_stderr": (("allocation", *PER_POINT), levels.more.history_error_stderr),
-        "history_cpu_seconds": (("allocation",), levels.more.history_cpu_seconds),
-    }
-    attributes = {
+    found, more = errors(p, levels), levels.more
+    fields, sampled = sampled_errors(result_steps(p), *found)
+    expectation, of_expectation = _expectations(p, levels, found.error)
+    work: Any = {
         "samples": int(levels.blocks.sum()) * LANES,
-        "cpu_seconds": float(levels.cpu_seconds.sum()),
-        "wall_seconds": seconds,
         "ns_per_step": 1e9 * float(levels.cpu_seconds.sum() / steps),
-        "compared_with": "",
-        "twins": has_antithetic_path(p.scheme),
-        "control": "the limit without sampling" if p.control else "",
-        "control_bound": levels.more.control_bound,
-        "level_cost_rate": _cost_rate(_coarse(p), per_sample[:-1]),
     }
-    return weak_group(p, {"level": _coarse(p), "allocation": allocations}, variables, attributes)
+    return weak_errors(
+        p,
+        seconds,
+        **fields,
+        expectation=expectation,
+        sampled=Sampled(**sampled, **of_expectation, **work),
+        levels=_of_levels(p, levels),
+        history=History(
+            allocations=np.arange(1, len(more.history_cpu_seconds) + 1),
+            error=more.history_error,
+            error_stderr=more.history_error_stderr,
+            cpu_seconds=more.history_cpu_seconds,
+        ),
+        cpu_seconds=float(levels.cpu_seconds.sum()),
+    )
 
 
-def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> Variables:
-    """E phi at all steps: at the largest one from the last level, at the others by the differences between levels."""
+def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+    """E phi at all steps: at the largest one from the last level, at the others by the differences between levels.
+
+    Beside it the fields of Sampled that say how sure it is.
+    """
     h, found = np.array(p.case.steps), moments(p, levels)
     stderr, coarse = _stderr(levels, found), _coarse(p)
     fine, square = means_of_powers(p, levels)[VALUE][:2, -1]
@@ -110,38 +114,38 @@ def _expectations(p: "MultilevelPlan", levels: "Levels", error: np.ndarray) -> V
         to_reference, to_steps = shares_above(p)
         largest = (to_reference @ found.mean[:-1])[:, np.newaxis]
         spread = np.sqrt(stderr[-1] ** 2 + to_steps**2 @ stderr[:-1] ** 2).T
-    return {
-        "expectation": (PER_POINT, found.mean[-1][:, np.newaxis] - largest + differences),
-        "expectation_stderr": (PER_POINT, spread),
-        "reference": (("function",), found.mean[-1] - largest[:, 0]),
-        "sd": (("function",), standard_deviation(fine, square)),
+    return found.mean[-1][:, np.newaxis] - largest + differences, {
+        "expectation_stderr": spread,
+        "reference": found.mean[-1] - largest[:, 0],
+        "sd": standard_deviation(fine, square),
     }
 
 
-def _of_levels(p: "MultilevelPlan", levels: "Levels", per_sample: np.ndarray) -> Variables:
+def _of_levels(p: "MultilevelPlan", levels: "Levels") -> LevelTable:
     """Giles' table of the levels that are differences, and how fast means and variances fall."""
-    axes, coarse, found, functions = ("function", "level"), _coarse(p), moments(p, levels), len(p.case.functions)
+    coarse, found, functions = _coarse(p), moments(p, levels), range(len(p.case.functions))
     (mean, without), stderr = averages(p, levels), _stderr(levels, found)
-    mean, without = mean[:-1], without[:, :-1]
+    mean, without, per_sample = mean[:-1], without[:, :-1], (levels.cpu_seconds / samples_of(levels))[:-1]
     clear = np.abs(mean) > _CLEAR * stderr[:-1]
-    means = [
-        fit_order(coarse, np.abs(mean[:, f]), np.abs(without[..., f]), _EQUAL, clear[:, f]) for f in range(functions)
-    ]
+    means = [fit_order(coarse, np.abs(mean[:, f]), np.abs(without[..., f]), _EQUAL, clear[:, f]) for f in functions]
     beta = _beta(p, levels)
-    variances = [
-        variance_rate(coarse, levels.sums[:-1, :, :, f], levels.blocks[:-1], beta[:-1, f]) for f in range(functions)
-    ]
-    return {
-        "level_mean": (axes, mean.T),
-        "level_variance": (axes, found.variance[:-1].T),
-        "level_kurtosis": (axes, found.kurtosis[:-1].T),
-        "level_consistency": (axes, consistency(p, levels).T),
-        "level_samples": (("level",), samples_of(levels)[:-1]),
-        "level_nonfinite": (("level",), levels.nonfinite[:-1]),
-        "level_seconds": (("level",), per_sample[:-1]),
-        **order_variables(means, "level_mean_rate"),
-        **order_variables(variances, "level_variance_rate"),
-    }
+    variances = [variance_rate(coarse, levels.sums[:-1, :, :, f], levels.blocks[:-1], beta[:-1, f]) for f in functions]
+    return LevelTable(
+        h=coarse,
+        mean=mean.T,
+        variance=found.variance[:-1].T,
+        kurtosis=found.kurtosis[:-1].T,
+        consistency=consistency(p, levels).T,
+        samples=samples_of(levels)[:-1],
+        nonfinite=levels.nonfinite[:-1],
+        seconds=per_sample,
+        mean_rate=tuple(means),
+        variance_rate=tuple(variances),
+        cost_rate=_cost_rate(coarse, per_sample),
+        twins=has_antithetic_path(p.scheme),
+        control="the limit without sampling" if p.control else "",
+        control_bound=levels.more.control_bound,
+    )
 
 
 def _coarse(p: "MultilevelPlan") -> np.ndarray:

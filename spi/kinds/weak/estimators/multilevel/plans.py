@@ -35,14 +35,15 @@ from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, jackknife_stderr
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
-from spi.storage.records import Group, Part
+from spi.storage.records import Part
 
-from .estimates import Errors, errors, group, moments
+from ...results import WeakErrors
+from ...study.fields import result_steps
+from ...study.sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
+from ..kolmogorov.study import solution
+from .estimates import Errors, errors, moments, results
 from .extrapolated import shares
-from .groups import result_steps
-from .kolmogorov import solution
 from .levels import Level, levels_of
-from .sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
 SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
@@ -230,9 +231,9 @@ class MultilevelPlan(Blockwise, PartPlan):
         """The errors that the levels tell."""
         return errors(self, levels)
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
-        return group(self, snapshot(self, state), state.seconds)
+        return results(self, snapshot(self, state), state.seconds)
 
 
 def _control(case: Any, record: Any) -> tuple | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .groups import extrapolation
+from ...study.fields import extrapolation
 
 
 def errors_at_steps(p: Any, differences: np.ndarray) -> np.ndarray:

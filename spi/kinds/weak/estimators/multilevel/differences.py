@@ -26,24 +26,20 @@ from spi.kinds.plans import KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import has_antithetic_path
-from spi.storage.records import Group, Part, Variables
+from spi.storage.records import Part
 
+from ...results import Differences, Sampled, WeakErrors
+from ...study.fields import sampled_errors, weak_errors
+from ...study.sums import sampling_calls, values_of_blocks
 from . import estimates
 from .estimates import Errors
-from .groups import PER_POINT, error_variables, order_variables, weak_group
 from .levels import DIFFERENCE, VALUE, Level
-from .multilevel import Levels, MultilevelPlan, Rows, snapshot
-from .sums import sampling_calls, values_of_blocks
+from .plans import Levels, MultilevelPlan, Rows, snapshot
 
 #: The scheme of weak order 2.
 ORDER_2 = "splitting_order2"
 
 _BOTH_SIDES = (AS_TOSSED, COINS_TURNED)
-
-
-def multilevel_plan(case: Any, part: Part) -> MultilevelPlan:
-    """The plan of the estimator ``multilevel`` for one scheme of a case: by differences where that is better."""
-    return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).of(case, part)
 
 
 def can_compare(case: Any, part: Part) -> bool:
@@ -125,47 +121,49 @@ class DifferencesPlan(MultilevelPlan):
         arrays = {name: getattr(levels, name)[kept] for name in ("blocks", "sums", "nonfinite", "cpu_seconds")}
         return Levels(**arrays, more=more)
 
-    def group(self, state: State) -> Group:
-        """The results of one scheme of a case, from its final state."""
-        levels = snapshot(self, state)
-        order2 = estimates.group(self.order2, self.without_differences(levels), state.seconds)
+    def results(self, state: State) -> WeakErrors:
+        """The results of one scheme of a case, from its final state; its levels are those of the other scheme."""
+        levels, first = snapshot(self, state), self.base + 1
+        order2 = estimates.results(self.order2, self.without_differences(levels), state.seconds)
+        found, samples = estimates.moments(self, levels), estimates.samples_of(levels)[first:]
+        mean, variance = found.mean[first:].T, found.variance[first:].T
+        fields, sampled = sampled_errors(np.array(self.case.steps), *self.errors(levels))
+        of_order2: Any = order2.sampled
         steps = np.array([level.steps for level in self.levels])
-        attributes = {
+        sampled |= {
+            "expectation_stderr": np.hypot(of_order2.expectation_stderr, np.sqrt(variance / samples)),
+            **{name: getattr(of_order2, name) for name in ("reference", "sd")},
             "samples": int(levels.blocks.sum()) * LANES,
-            "cpu_seconds": float(levels.cpu_seconds.sum()),
             "ns_per_step": 1e9 * float(levels.cpu_seconds.sum() / (steps @ levels.blocks * LANES)),
-            "compared_with": ORDER_2,
-            "twins": False,
         }
-        kept = {
-            name: order2.attributes[name] for name in ("wall_seconds", "control", "control_bound", "level_cost_rate")
-        }
-        coordinates = {name: order2.coordinates[name] for name in ("level", "allocation")}
-        return weak_group(self, coordinates, _variables(self, levels, order2.variables), kept | attributes)
+        return weak_errors(
+            self,
+            state.seconds,
+            **fields,
+            expectation=order2.expectation + mean,
+            sampled=Sampled(**sampled),
+            **{name: getattr(order2, name) for name in ("levels", "history")},
+            differences=_table(self, levels),
+            cpu_seconds=float(levels.cpu_seconds.sum()),
+        )
 
 
-def _variables(p: DifferencesPlan, levels: Levels, order2: Variables) -> Variables:
-    """The variables of the scheme; `order2` are those of the scheme of weak order 2, of which the levels are kept."""
-    h, first, functions = np.array(p.case.steps), p.base + 1, range(len(p.case.functions))
-    found, samples = estimates.moments(p, levels), estimates.samples_of(levels)[first:]
-    mean, variance = found.mean[first:].T, found.variance[first:].T
-    base, base_stderr = (order2[name][1] for name in ("expectation", "expectation_stderr"))
+def _table(p: DifferencesPlan, levels: Levels) -> Differences:
+    """The differences, and how fast their variances fall."""
+    h, first, found = np.array(p.case.steps), p.base + 1, estimates.moments(p, levels)
     sums, blocks, beta = levels.sums[first:], levels.blocks[first:], np.zeros(len(h))
-    rates = [estimates.variance_rate(h, sums[:, :, :, f], blocks, beta) for f in functions]
-    return {
-        **order2,
-        **error_variables(h, *p.errors(levels)),
-        "expectation": (PER_POINT, base + mean),
-        "expectation_stderr": (PER_POINT, np.hypot(base_stderr, np.sqrt(variance / samples))),
-        "difference_mean": (PER_POINT, mean),
-        "difference_variance": (PER_POINT, variance),
-        "difference_kurtosis": (PER_POINT, found.kurtosis[first:].T),
-        "difference_consistency": (PER_POINT, _consistency(p, levels)),
-        "difference_samples": (("h",), samples),
-        "difference_nonfinite": (("h",), levels.nonfinite[first:]),
-        "difference_seconds": (("h",), levels.cpu_seconds[first:] / samples),
-        **order_variables(rates, "difference_variance_rate"),
-    }
+    samples, functions = estimates.samples_of(levels)[first:], range(len(p.case.functions))
+    return Differences(
+        scheme=ORDER_2,
+        mean=found.mean[first:].T,
+        variance=found.variance[first:].T,
+        kurtosis=found.kurtosis[first:].T,
+        consistency=_consistency(p, levels),
+        samples=samples,
+        nonfinite=levels.nonfinite[first:],
+        seconds=levels.cpu_seconds[first:] / samples,
+        variance_rate=tuple(estimates.variance_rate(h, sums[:, :, :, f], blocks, beta) for f in functions),
+    )
 
 
 def _consistency(p: DifferencesPlan, levels: Levels) -> np.ndarray:

@@ -20,10 +20,18 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.tallies import Chunk
-from spi.storage.records import Group, Part, Variables
+from spi.storage.records import Part
 
-from .groups import PER_POINT, error_variables, extension, extrapolation, result_steps, weak_group
-from .sums import compile_kernels, mean_over_paths, sampling_calls, standard_deviation, values_of_blocks, with_powers
+from ...results import Prefixes, Sampled, WeakErrors
+from ...study.fields import extension, extrapolation, result_steps, sampled_errors, weak_errors
+from ...study.sums import (
+    compile_kernels,
+    mean_over_paths,
+    sampling_calls,
+    standard_deviation,
+    values_of_blocks,
+    with_powers,
+)
 
 _BATCH_BYTES = 64e6
 
@@ -59,20 +67,20 @@ class Rows(NamedTuple):
     report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
 
 
+def plan(case: Any, part: Part) -> "PlainPlan":
+    """The plan for one scheme of a case."""
+    reference = case.reference_record(part.eps)
+    of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
+    steps = sorted({*case.steps, *of_reference}, reverse=True)
+    schemes = [case.row(part.scheme, part.eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+    times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
+    return PlainPlan(case=case, part=part, grid=times, samples=case.samples)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PlainPlan(BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
-
-    @classmethod
-    def of(cls, case: Any, part: Part) -> "PlainPlan":
-        """The plan for one scheme of a case."""
-        reference = case.reference_record(part.eps)
-        of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
-        steps = sorted({*case.steps, *of_reference}, reverse=True)
-        schemes = [case.row(part.scheme, part.eps).record, reference]
-        terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
-        times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
-        return cls(case=case, part=part, grid=times, samples=case.samples)
 
     @property
     def prefixes(self) -> tuple[int, ...]:
@@ -160,18 +168,23 @@ class PlainPlan(BlocksPlan):
         error, without = errors(self, known.differences, counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
         totals = state.total()
-        coordinates, of_prefixes = _of_prefixes(self, totals)
-        attributes = {
-            "samples": self.samples,
-            "cpu_seconds": totals.cpu_seconds,
-            "wall_seconds": state.seconds,
-            "ns_per_step": 1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples),
-            "reference_nonfinite": int(totals.nonfinite[0]),
-        }
-        return weak_group(self, coordinates, _of_all_paths(self, totals) | of_prefixes, attributes)
+        fields, sampled = _of_all_paths(self, totals)
+        return weak_errors(
+            self,
+            state.seconds,
+            **fields,
+            prefixes=_of_prefixes(self, totals),
+            sampled=Sampled(
+                **sampled,
+                samples=self.samples,
+                ns_per_step=float(1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples)),
+            ),
+            cpu_seconds=totals.cpu_seconds,
+            reference_nonfinite=int(totals.nonfinite[0]),
+        )
 
 
 def errors(p: PlainPlan, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -197,35 +210,33 @@ def _by_step(x: np.ndarray) -> np.ndarray:
     return np.moveaxis(x, -1, -2)[..., :0:-1]
 
 
-def _of_all_paths(p: PlainPlan, totals: Totals) -> Variables:
-    """The variables that all paths together give."""
+def _of_all_paths(p: PlainPlan, totals: Totals) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What all paths together give, fields of WeakErrors and of Sampled."""
     counts = group_counts(p.samples)
     mean, without = mean_over_paths(totals.values[0], counts)
     expectation = _by_step(mean)
-    error, error_without = errors(p, totals.differences, counts)
+    fields, sampled = sampled_errors(result_steps(p), *errors(p, totals.differences, counts), counts)
     coarsest = totals.values[:, -1].sum(axis=-1) / p.samples
-    return error_variables(result_steps(p), error, error_without, counts) | {
-        "expectation": (PER_POINT, expectation),
-        "expectation_stderr": (PER_POINT, jackknife_stderr(expectation, _by_step(without), counts)),
-        "reference": (("function",), mean[0]),
-        "sd": (("function",), standard_deviation(*coarsest)),
-        "nonfinite": (("h",), totals.nonfinite[:0:-1]),
+    return fields | {"expectation": expectation, "nonfinite": totals.nonfinite[:0:-1]}, sampled | {
+        "expectation_stderr": jackknife_stderr(expectation, _by_step(without), counts),
+        "reference": mean[0],
+        "sd": standard_deviation(*coarsest),
     }
 
 
-def _of_prefixes(p: PlainPlan, totals: Totals) -> tuple[dict[str, np.ndarray], Variables]:
-    """The coordinate and the variables of the first so many paths; nothing if no results of them are asked for."""
+def _of_prefixes(p: PlainPlan, totals: Totals) -> Prefixes | None:
+    """What the first so many paths give; None if no results of them are asked for."""
     if not p.prefixes:
-        return {}, {}
+        return None
     found, stderrs = [], []
     for samples, differences in zip(p.prefixes, totals.prefix_differences, strict=True):
         counts = group_counts(samples)
         error, without = errors(p, differences, counts)
         found.append(error)
         stderrs.append(jackknife_stderr(error, without, counts))
-    axes = ("samples", *PER_POINT)
-    return {"samples": np.array(p.prefixes, np.int64)}, {
-        "prefix_error": (axes, np.array(found)),
-        "prefix_error_stderr": (axes, np.array(stderrs)),
-        "prefix_cpu_seconds": (("samples",), totals.prefix_cpu_seconds),
-    }
+    return Prefixes(
+        samples=np.array(p.prefixes, np.int64),
+        error=np.array(found),
+        error_stderr=np.array(stderrs),
+        cpu_seconds=totals.prefix_cpu_seconds,
+    )

@@ -16,9 +16,10 @@ from spi.expressions import as_numpy, canonical, functions_of
 from spi.kinds.plans import Cost, Done, PartPlan, State
 from spi.schemes.stages import compositions
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Group, Order, Part
+from spi.storage.records import Order, Part
 
-from .groups import PER_POINT, extrapolation, order_variables, result_steps, weak_group
+from ...results import Unsampled, WeakErrors
+from ...study.fields import extrapolation, result_steps, weak_errors
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
@@ -42,14 +43,14 @@ class Solution(NamedTuple):
         raise TypeError("a solution without sampling is found at once")
 
 
+def plan(case: Any, part: Part) -> "KolmogorovPlan":
+    """The plan for one scheme of a case."""
+    return KolmogorovPlan(case=case, part=part)
+
+
 @dataclass(frozen=True, kw_only=True)
 class KolmogorovPlan(PartPlan):
     """Weak errors of one splitting scheme from its backward operators."""
-
-    @classmethod
-    def of(cls, case: Any, part: Part) -> "KolmogorovPlan":
-        """The plan for one scheme of a case."""
-        return cls(case=case, part=part)
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
@@ -101,25 +102,29 @@ class KolmogorovPlan(PartPlan):
         """0 or 1 of 1; no standard error."""
         return Done(state.tally().paths, 1, float("nan"))
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
         found, combine = state.total(), extrapolation(self)
         error, bound = combine.combined(found.error), combine.combined_bounds(found.error_bound)
         h, resolved = result_steps(self), np.abs(error) >= _CLEAR * bound
+        unsampled = Unsampled(
+            error_bound=bound,
+            expectation_bound=combine.combined_bounds(found.value_bound),
+            limit=found.limit,
+            limit_bound=found.limit_bound,
+            notes=found.notes,
+        )
         each = zip(error, bound, resolved, strict=True)
-        orders = [_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each]
-        variables = {
-            "error": (PER_POINT, error),
-            "error_bound": (PER_POINT, bound),
-            "resolved": (PER_POINT, resolved),
-            "expectation": (PER_POINT, combine.combined(found.value)),
-            "expectation_bound": (PER_POINT, combine.combined_bounds(found.value_bound)),
-            "limit": (("function",), found.limit),
-            "limit_bound": (("function",), found.limit_bound),
-            **order_variables(orders),
-        }
-        attributes = {"cpu_seconds": found.cpu_seconds, "wall_seconds": state.seconds, "notes": found.notes}
-        return weak_group(self, {}, variables, attributes)
+        return weak_errors(
+            self,
+            state.seconds,
+            error=error,
+            resolved=resolved,
+            expectation=combine.combined(found.value),
+            orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
+            unsampled=unsampled,
+            cpu_seconds=found.cpu_seconds,
+        )
 
 
 def _untimed(notes: dict[str, Any]) -> dict[str, Any]:
