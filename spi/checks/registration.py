@@ -10,7 +10,7 @@ _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
-    """{name: word or fact} of all that a "model", a "scheme" or an "observer" is asked."""
+    """{name: word or fact} of all that a "model" or a "scheme" is asked."""
     found = {name: word for name, word in vars(protocol).items() if hasattr(word, "declared")}
     return {name: word for name, word in found.items() if word.declared.asked == asked}
 

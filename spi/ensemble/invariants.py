@@ -4,29 +4,9 @@ The exact solution preserves C(y).  With damping at the rate gamma it preserves 
 homogeneous of degree k, so that this takes the place of C(y) wherever Casimir functions are judged.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, number, unrolled
-from ..numerics.rng import LANES
-from .lanes import load_lane
-from .protocol import casimir_indices, casimirs, decay_rates, large
-
-
-class Decaying(NamedTuple):
-    """Casimir functions that decay, for observers."""
-
-    at_start: tuple  #: C(y_0)
-    exponents: np.ndarray  #: (levels, C), k gamma h of the step size h of each level
-
-
-def watched_casimirs(model, initial, step_sizes):
-    """What :func:`watch_casimirs` must know of paths from `initial` on: C(y_0), or a :class:`Decaying`."""
-    first, rates = casimirs(model, initial), decay_rates(model)
-    return Decaying(first, np.multiply.outer(np.array(step_sizes, float), rates)) if rates else first
+from .protocol import casimirs, decay_rates, large
 
 
 def growth(model, t):
@@ -41,64 +21,3 @@ def casimirs_of_states(model, states):
     if large(model):
         return np.array([casimirs(model, state) for state in np.ascontiguousarray(states.T)]).T
     return np.array(casimirs(model, tuple(states)))
-
-
-def _growth(first, c, level, n):
-    """The factor of Casimir function c after n steps of a level."""
-    return np.exp(first.exponents[level, c] * n) if isinstance(first, Decaying) else 1.0
-
-
-def _at_start(first):
-    return first.at_start if isinstance(first, Decaying) else first
-
-
-@overload(_growth, jit_options=INLINED)
-def _(first, c, level, n):
-    if isinstance(first, types.NamedTuple):
-        return lambda first, c, level, n: np.exp(first.exponents[level, c] * n)
-    return lambda first, c, level, n: 1.0
-
-
-@overload(_at_start, jit_options=INLINED)
-def _(first):
-    return (lambda first: first.at_start) if isinstance(first, types.NamedTuple) else (lambda first: first)
-
-
-@unrolled(casimir_indices)
-def _watch_one(index, model, worst, first, level, n, y):
-    c = number(index)
-    grown = _growth(first, c, level, n)
-    for lane in range(LANES):
-        change = abs(grown * casimirs(model, load_lane(model, y, lane))[c] - _at_start(first)[c])
-        if not change <= worst[c, lane]:  # true for NaN
-            worst[c, lane] = change
-    return worst
-
-
-def _watch_all(model, worst, first, level, n, paths, y):
-    """All Casimir functions of a path at once, as a large model finds them."""
-    for lane in range(paths):
-        values = casimirs(model, load_lane(model, y, lane))
-        for c in range(len(values)):
-            change = abs(values[c] - first[c])
-            if not change <= worst[c, lane]:
-                worst[c, lane] = change
-
-
-def watch_casimirs(model, worst, first, level, n, paths, y):
-    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers of step n of a level.
-
-    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of a large model
-    only the first `paths` lanes are watched.
-    """
-    if large(model):
-        _watch_all(model, worst, first, level, n, paths, y)
-    else:
-        _watch_one(model, worst, first, level, n, y)
-
-
-@overload(watch_casimirs, jit_options=INLINED)
-def _(model, worst, first, level, n, paths, y):
-    if large(model):
-        return _watch_all
-    return lambda model, worst, first, level, n, paths, y: _watch_one(model, worst, first, level, n, y)

@@ -5,7 +5,7 @@ from numba.extending import overload
 
 from ..compiler.dispatch import INDICES, INLINED
 from .areas import Areas, NoAreas
-from .increments import Kept
+from .increments import Coins, Kept, NoCoins
 from .protocol import advance, advance_large, area_pairs, large, memory_size, needs_areas, substeps, tosses, work_size
 
 
@@ -23,17 +23,6 @@ def _(reference_scheme, scheme, model):
         max(work_size(reference_scheme, model), work_size(scheme, model)),
         max(memory_size(reference_scheme, model), memory_size(scheme, model)),
     )
-
-
-def tosses_any(reference_scheme, scheme, model):
-    """Whether either scheme needs coins."""
-    return any(_tosses(s, model) for s in (reference_scheme, scheme) if s is not None)
-
-
-@overload(tosses_any, jit_options=INLINED)
-def _(reference_scheme, scheme, model):
-    either = _tosses(scheme, model) or (reference_scheme != types.none and _tosses(reference_scheme, model))
-    return lambda reference_scheme, scheme, model: either
 
 
 def _tosses(scheme, model):
@@ -57,7 +46,9 @@ def _(reference_scheme, scheme, model):
 
 def _kept(schemes, model):
     areas = any(_keeps_areas(s, model) for s in schemes)
-    return Kept(INDICES[max(substeps(s) for s in schemes)](), Areas() if areas else NoAreas())
+    coins = any(_tosses(s, model) for s in schemes)
+    finest = INDICES[max(substeps(s) for s in schemes)]()
+    return Kept(finest, Areas() if areas else NoAreas(), Coins() if coins else NoCoins())
 
 
 def advance_path(reference_scheme, scheme, by_reference, model, paths, h, dW, coins, y, work, report):
