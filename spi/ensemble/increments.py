@@ -45,9 +45,7 @@ def draw_channels(model, increments, noise, draw, block, scale, words, stride):
     """
     rows = increments.ravel()
     for k in channels(model):
-        draw_increments(
-            noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows[k * LANES :], stride
-        )
+        draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows[k * LANES :], stride)
 
 
 @unrolled(noise_indices)

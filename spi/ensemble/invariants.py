@@ -6,7 +6,10 @@ homogeneous of degree k, so that this takes the place of C(y) wherever Casimir f
 
 import numpy as np
 
-from .protocol import casimirs, decay_rates, large
+from ..compiler.dispatch import kernel, number, unrolled
+from ..numerics.rng import LANES
+from .lanes import load_lane
+from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, hamiltonian, large
 
 
 def growth(model, t):
@@ -21,3 +24,34 @@ def casimirs_of_states(model, states):
     if large(model):
         return np.array([casimirs(model, state) for state in np.ascontiguousarray(states.T)]).T
     return np.array(casimirs(model, tuple(states)))
+
+
+def empty_invariants(model, states):
+    """Room for so many states (n, d), and for H (n,) and the Casimir functions (n, C) of them."""
+    return np.zeros((states, dimension(model))), np.empty(states), np.empty((states, conserved(model)))
+
+
+def invariants_of(model, states):
+    """H (n,) and the Casimir functions (n, C) of states (n, d), as kernels round them."""
+    _, energy, values = empty_invariants(model, len(states))
+    invariants(model, states, energy, values)
+    return energy, values
+
+
+@unrolled(casimir_indices)
+def _keep_casimir(index, model, values, row, found):
+    c = number(index)
+    values[row, c] = found[c]
+    return values
+
+
+@kernel
+def invariants(model, states, energy, values):
+    """H and the Casimirs of each row of `states` (n, d), in `energy` (n,) and `values` (n, C)."""
+    block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
+    for row in range(len(states)):
+        for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
+            block[i * LANES] = states[row, i]
+        y = load_lane(model, block, 0)
+        energy[row] = hamiltonian(model, y)
+        _keep_casimir(model, values, row, casimirs(model, y))

@@ -28,7 +28,7 @@ from .increments import (
     truncate,
     turn_coins,
 )
-from .observer import observe
+from .observer import last_states_only, observe
 from .protocol import REPORT, SUMMED
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
@@ -100,11 +100,6 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, a
 def steps_of(times):
     """(levels,) how many steps each step size of a grid takes."""
     return times.reference_steps >> times.doublings
-
-
-def step_sizes_of(times):
-    """(levels,) the step sizes of a grid."""
-    return times.reference_step * 2.0**times.doublings
 
 
 def shortest(times):
@@ -230,6 +225,22 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
         paths = min(LANES, samples - block * LANES)
         scheme, model, grid, noise, observer = records[0]
         integrate_block(scheme, model, states[row], grid, noise, observer, report[row], block, row, paths)
+
+
+def arguments_of(scheme, model, initial, times, noise, first, blocks, end, observer=None):
+    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left."""
+    states = np.array(initial, float)
+    if states.ndim == 1:
+        states = states_at(states, scheme, model, times, blocks)
+    observer = last_states_only(times) if observer is None else observer
+    return scheme, model, states, times, noise, observer, empty_report(blocks, len(times.doublings)), first, end
+
+
+def integrated(*what):
+    """What :func:`integrate` makes of :func:`arguments_of`: the last states, and the report."""
+    arguments = arguments_of(*what)
+    integrate(*arguments)
+    return arguments[2], arguments[6]
 
 
 def in_batches(state, advance, left, most):

@@ -32,7 +32,7 @@ from .estimates import Errors
 from .groups import PER_POINT, error_variables, order_variables, weak_group
 from .levels import DIFFERENCE, VALUE, Level
 from .multilevel import Levels, MultilevelPlan, Rows, snapshot
-from .sums import sampling_calls, values_of_blocks
+from .sums import values_of_blocks
 
 #: The scheme of weak order 2.
 ORDER_2 = "splitting_order2"
@@ -86,7 +86,7 @@ class DifferencesPlan(MultilevelPlan):
     def kernel_calls(self) -> list[KernelCall]:
         """Those of both schemes."""
         difference = self.levels[-1]
-        return [*self.order2.kernel_calls(), *sampling_calls(self, _with_sides(self, difference), difference.stream)]
+        return [*self.order2.kernel_calls(), *self.calls_of_a_step(_with_sides(self, difference), difference.stream)]
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks of one level."""
