@@ -246,7 +246,7 @@ load_text = long_time_cases.load_text
 @pytest.mark.parametrize(
     ("text", "name", "asked"),
     [
-        (STRONG, "casimir_drift", "strong.study.paths.watched_casimirs"),
+        (STRONG, "casimir_drift", "strong.study.paths.path_observer"),
         (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
         (LONG_TIME, "casimir_worst", "long_time.study.paths.growth"),
     ],
@@ -263,7 +263,9 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
     assert worst < 1e-13 and group.attributes["model_damping"] == 0.5
     # negative control: with another decay
     right = pkgutil.resolve_name(f"spi.kinds.{asked}")
-    monkeypatch.setattr(f"spi.kinds.{asked}", lambda model, *about: right(model._replace(damping=0.4), *about))
+    monkeypatch.setattr(
+        f"spi.kinds.{asked}", lambda model, *about, **more: right(model._replace(damping=0.4), *about, **more)
+    )
     _, worst = group_and_worst()
     assert worst > 1e-3
 
