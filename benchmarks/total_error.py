@@ -18,11 +18,11 @@ import numpy as np
 
 from spi.ensemble.loop import grid, limited_threads
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.kolmogorov import solution
-from spi.kinds.weak.study.levels import Level
+from spi.kinds.weak.estimators.kolmogorov.study import solution
+from spi.kinds.weak.estimators.multilevel.levels import Level
 from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import weak_exponents
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part

@@ -96,7 +96,7 @@ def _signals():
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    from spi.running.runs import load
+    from spi.running.run import load
 
     monkeypatch.chdir(tmp_path)
 

@@ -21,7 +21,7 @@ import yaml
 
 from spi.cli import app, options
 from spi.running import shipped
-from spi.running.runs import load
+from spi.running.run import load
 from spi.specs import SpecError
 
 ROOT = Path(__file__).parents[1]

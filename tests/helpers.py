@@ -347,13 +347,3 @@ def printed(results):
     text = io.StringIO()
     views.print_tables(results, text)
     return text.getvalue()
-
-
-#: What groups made by hand say of themselves, as those of studies do.
-DESCRIBED = {
-    "seed": 1,
-    "final_time": 1.0,
-    "initial": (math.cos(1.1), 0.0, math.sin(1.1)),
-    "model": "rigid_body",
-    "model_inertia": (2.0, 1.0, 2 / 3),
-}

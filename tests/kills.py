@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from spi import storage
-from spi.running import runs as runner
-from spi.running.runs import Limits, Watch, load
+from spi.running import run as runner
+from spi.running.run import Limits, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -84,7 +84,7 @@ def killed(kind, out, kills, generator, context):
 def forks():
     """Processes that begin where everything has been imported."""
     context = get_context("forkserver")
-    context.set_forkserver_preload(["spi.running.runs", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
+    context.set_forkserver_preload(["spi.running.run", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
     return context
 
 

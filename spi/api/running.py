@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..ensemble.loop import thread_count, use_threads
-from ..running import runs, workers
+from ..running import run as runs
+from ..running import workers
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load

@@ -4,8 +4,6 @@ Derivatives are central differences of eighth order, compared with the sizes of 
 rotations, exponentials and shears, with rates large or small, are all judged alike.
 """
 
-import contextlib
-import functools
 import inspect
 import itertools
 import math
@@ -14,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import digest_of, sources
-from ..compiler import modules
-from ..compiler.inlining import is_compiling, uncompiled
+from ..compiler.inlining import uncompiled
 from ..ensemble.fields import cross_product
 from ..ensemble.protocol import (
     casimirs,
@@ -52,8 +48,6 @@ _ANGLES = (
     30.0,
 )  # at which angle methods are compared: below each of the bounds for cheaper sines, and above
 
-_PASSED: set[type] = set()  # in this process
-
 
 class NotedAngles(NamedTuple):
     """Takes every angle, and keeps in its one entry the largest modulus of those it is given."""
@@ -87,34 +81,6 @@ def check_model(record, states, written=True):
         return [wrong]
     with uncompiled(), np.errstate(all="ignore"):
         return next(filter(None, (_complaints(record, y) for y in states)), [])
-
-
-@functools.cache
-def _digest_of_checks():
-    """What a model has passed if it has passed the checks."""
-    return digest_of(sources("checks", "compiler", "ensemble", "numerics"))
-
-
-def check_once(record, initial):
-    """What is wrong with a foreign model near an initial state, as :func:`check_model`.
-
-    Nothing if a class of this code has passed before, which is kept beside the stored modules.
-    """
-    cls = type(record)
-    if not modules.is_foreign(cls) or cls in _PASSED:
-        return []
-    name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{_digest_of_checks()}.checked"
-    passed = modules.folder() / name
-    if modules.digest(cls) and passed.exists():
-        return []
-    states = states_around(initial, record, 2 if dimension(record) <= 12 else 1)
-    if not (found := check_model(record, states, written=modules.system_of(cls) is None)):
-        _PASSED.add(cls)
-        if modules.digest(cls) and is_compiling():
-            with contextlib.suppress(OSError):  # then it is checked again in the next process
-                passed.parent.mkdir(parents=True, exist_ok=True)
-                passed.touch()
-    return found
 
 
 def _complaints(model, y):
@@ -179,7 +145,7 @@ def _structure(model, y):
         both = [derivative_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units]
         gradient = np.array([changed for changed, _ in both])
         if differ(B @ gradient, 0.0 * y[0], _DIFFERENCES, np.linalg.norm(B) * gradient, [s for _, s in both]):
-            yield f"casimirs, number {c}, is no Casimir function: structure(its gradient) is not 0"
+            yield f"casimirs, number {c}, is not a Casimir function: structure(its gradient) is not 0"
 
 
 def _gradients(model, y):
@@ -272,7 +238,7 @@ def _commuting(model, y):
     flows = list(_flows_of(model, "noise", noises(model), noise_flow, noise_angle))
     for pair in commuting_noises(model):
         if pair not in itertools.combinations(range(len(flows)), 2):
-            yield f"commuting_noises has {pair}, which is no pair (k, l) of noises with 0 <= k < l < {len(flows)}"
+            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {len(flows)}"
             continue
         first, second = (flows[k] for k in pair)
         s, t = (
@@ -310,13 +276,13 @@ def _exactness(model, flow, y, rate):
         yield f"{flow} is not finite at t = {t:.3g}, y = {_shown(y)}"
         return
     if differ(flow.act(s, there), flow.act(s + t, y), _EXACT, there, y):
-        yield f"{flow} is no flow: after times t and s it is not where it is after t + s"
+        yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
         return
     units = _unit_vectors(model)
     before, after = (_matrix([structure(model, z, e) for e in units]) for z in (y, there))
     jacobian = np.array([derivative_along(lambda z: flow.act(t, z), y, e)[0] for e in units]).T
     if differ(jacobian @ before @ jacobian.T, after, _DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before):
-        yield f"{flow} is no Poisson map: it changes the structure"
+        yield f"{flow} is not a Poisson map: it changes the structure"
     sizes = [casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
     for c, (was, now) in enumerate(zip(casimirs(model, y), casimirs(model, there), strict=True)):
         if differ(was, now, _EXACT, *(size[c] for size in sizes)):

@@ -152,7 +152,7 @@ def check(
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
-    from ..running.runs import cost, reports
+    from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
@@ -162,7 +162,7 @@ def check(
 @app.command()
 def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
     """Print the Python source of the models of experiments."""
-    from ..running.runs import sources
+    from ..running.run import sources
 
     for experiment in load(specs, profile, overrides, None, None):
         for text in sources(experiment):
@@ -174,7 +174,7 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from ..running.runs import layers
+    from ..running.run import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
@@ -239,7 +239,7 @@ def _code(error: Exception) -> int | None:
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError
-    from ..running.runs import Stopped
+    from ..running.run import Stopped
     from ..specs import SpecError
     from ..storage import StorageError
 

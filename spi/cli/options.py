@@ -57,7 +57,7 @@ def load(
 
     Raises SpecError with the mistakes of all of them.
     """
-    from ..running.loading import load, load_as
+    from ..running.load import load, load_as
     from ..specs import SpecError
 
     overrides = list(overrides or [])

@@ -32,7 +32,7 @@ from .streams import tell
 
 if TYPE_CHECKING:
     from ..running.checkpoint import Shard
-    from ..running.runs import Limits, Watch
+    from ..running.run import Limits, Watch
     from ..running.workers import Workers
     from ..specs import Experiment
     from ..storage.records import Results
@@ -69,7 +69,7 @@ def run(
     Exit code 4 if a claim of a spec failed.
     """
     experiments = load(specs, profile, overrides, samples, seed, kind)
-    from ..running import runs as runner
+    from ..running import run as runner
     from ..running import shards
     from .progress import ProgressLine
 
@@ -121,7 +121,7 @@ def verify(
     """
     from .. import storage
     from ..printing import print_verification
-    from ..running.verification import verify
+    from ..running.verify import verify
     from .progress import ProgressLine
 
     file = stored(source)
@@ -148,7 +148,7 @@ def _prepare(threads: int | None) -> None:
 
 
 def _limits(max_time: str | None, checkpoint: str) -> "Limits":
-    from ..running.runs import Limits
+    from ..running.run import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
     return Limits(_seconds("--checkpoint", checkpoint), most)

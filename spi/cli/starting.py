@@ -49,7 +49,7 @@ def _list_experiments(folder: Path) -> list[str]:
     """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
     from ..printing.catalogue import print_experiments
     from ..running import shipped
-    from ..running.runs import headings
+    from ..running.run import headings
 
     found, _ = headings(map(shipped.path_of, shipped.names()))
     print_experiments("experiments that come with spi: spi run NAME", {path.stem: one for path, one in found.items()})
@@ -101,7 +101,7 @@ def _template(which: str, target: Path) -> dict[Path, str]:
 
 def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
     """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
-    from ..running.loading import load, load_as
+    from ..running.load import load, load_as
 
     experiment = load(source) if kind is None else load_as(kind, source)
     return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}

@@ -17,10 +17,10 @@ VARIABLE = "SPI_WITHOUT"
 
 
 def left_out():
-    """The parts that SPI_WITHOUT names; ValueError if one of them is unknown."""
+    """The parts that SPI_WITHOUT names; the program ends with one line if one of them is unknown."""
     parts = tuple(filter(None, os.environ.get(VARIABLE, "").split(",")))
     if unknown := [part for part in parts if part not in PARTS]:
-        raise ValueError(f"{VARIABLE} names {unknown[0]!r}, which is none of {', '.join(PARTS)}")
+        raise SystemExit(f"spi: {VARIABLE} names {unknown[0]!r}, which is none of {', '.join(PARTS)}")
     return parts
 
 

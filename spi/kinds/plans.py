@@ -17,7 +17,8 @@ from spi.ensemble.protocol import in_kernels, large
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.statistics.tallies import Chunk, PathSet, Sums
-from spi.storage.records import Group, Part, describe
+from spi.storage.records import Description, Part
+from spi.storage.stored import Stored
 
 from .state import Nothing, State
 
@@ -90,7 +91,7 @@ class Plan(Protocol):
     def progress(self, state: State) -> Done:
         """How far a state is."""
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> Stored:
         """The results, from the final state; nothing is computed at length or measured here."""
 
 
@@ -128,9 +129,9 @@ class PartPlan:
         """The record of the scheme."""
         return self.row.record
 
-    def description(self) -> dict[str, Any]:
-        """The attributes that say what was integrated."""
-        return describe(self.case, self.row, self.part)
+    def description(self) -> Description:
+        """What is integrated."""
+        return Description.describe(self.case, self.row, self.part)
 
     def kernel_calls(self) -> list[KernelCall]:
         """None."""

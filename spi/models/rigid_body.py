@@ -87,7 +87,7 @@ class RigidBodySharedNoise(NamedTuple):
     """As rigid_body, with the one noise Ĥ = sum_k y_k^2 / (2 Î_k); splitting is *not* consistent here.
 
     The flow of Ĥ is not known in closed form.  ``noise_flow`` composes the three rotations with one increment, as the
-    remark does: it is no flow, and the splitting scheme built on it converges to another equation.
+    remark does: it is not a flow, and the splitting scheme built on it converges to another equation.
     """
 
     inertia: Annotated[Positives, "moments of inertia I_1, I_2, I_3"]

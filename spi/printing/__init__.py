@@ -25,7 +25,7 @@ def as_csv(records: list[dict[str, Any]]) -> str:
 
 
 def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
-    """Print that an experiment is valid and what it would cost (a ``spi.running.runs.Cost``)."""
+    """Print that an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
     cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
     new_console(file).print(
         f"{printable(experiment.called)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
@@ -45,7 +45,7 @@ def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = N
 
 
 def print_verification(path: Any, found: Any, file: IO[str] | None = None) -> None:
-    """Print what came out when paths were computed again (a ``spi.running.verification.Verification``)."""
+    """Print what came out when paths were computed again (a ``spi.running.verify.Verification``)."""
     console = new_console(file)
 
     def write(line: str) -> None:

@@ -15,7 +15,7 @@ from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
 from ..report import views
 from ..running import shipped
-from ..running.loading import load_as
+from ..running.load import load_as
 from ..specs import text_of
 from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Reading, Results, by_case
@@ -81,6 +81,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to report")
     judged, attributes = views.verdicts(results), results.attributes
+    counts, recorder = Counter(one.verdict for one in judged), Recorder()
+    views.show(results, recorder, with_title=False)
     return Section(
         name=path.stem,
         anchor=anchor,
@@ -89,10 +91,10 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         paper_figure=attributes.get("figure"),
         asks=attributes.get("asks", ""),
         told=_told(kind, by_case(read)),
-        verdicts=_counted(judged),
+        verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=list(_complaints(judged)),
         orders=_orders(kind, by_case(read)),
-        items=_printed(results),
+        items=recorder.items,
         cost=list(_cost(results)),
         provenance=list(_provenance(attributes)),
         command=_command(path.stem, attributes),
@@ -111,11 +113,6 @@ def _titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
     abouts = [case[0].about for case in cases]
     counts = Counter(about.case_title for about in abouts)
     return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
-
-
-def _counted(judged: Iterable[Verdict]) -> dict[str, int]:
-    counts = Counter(one.verdict for one in judged)
-    return {verdict: counts[verdict] for verdict in VERDICTS} if counts else {}
 
 
 def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
@@ -153,12 +150,6 @@ def _orders_of(kind: str, case: Sequence[Any]) -> Iterator[tuple[str, str, str, 
             yield subject, f"{one.value:.3f}", f"[{one.low:.3f}, {one.high:.3f}]", told
         else:
             yield subject, "not resolved", "", told
-
-
-def _printed(results: Results) -> list[Titled | str]:
-    recorder = Recorder()
-    views.show(results, recorder, with_title=False)
-    return recorder.items
 
 
 def _cost(results: Results) -> Iterator[tuple[str, str]]:

@@ -42,7 +42,7 @@ def _meant(name: str, folder: Path) -> str:
 
 
 def readings(results: Results) -> list[Reading]:
-    """What the kind of the results makes of each group: records with named fields, see ``kinds/*/reading.py``.
+    """The groups as the records of the kind, see ``kinds/*/results.py``.
 
     StorageError where a group lacks what its kind needs, as one may that another version of spi wrote.
     """
@@ -52,13 +52,11 @@ def readings(results: Results) -> list[Reading]:
 
 def _reading(kind: str, group: Group) -> Reading:
     try:
-        return KINDS[kind].reading.read(group)
+        return KINDS[kind].results.Record.of(group)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        name = "/".join(filter(None, (group.case, group.variant, group.estimator)))
         what = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise StorageError(
-            f"the group {name} cannot be read as results of kind {kind} ({what}); run the experiment again with --fresh"
-        ) from error
+        whose = f"the group {group.name} cannot be read as results of kind {kind} ({what})"
+        raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
 def verdicts(results: Results) -> list[claims.Verdict]:

@@ -14,7 +14,7 @@ from .. import NUMBERS_DIGEST, specs, storage
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from .loading import name_of, plans
+from .load import name_of, plans
 
 #: Of the time of a run, what writing checkpoints may take.
 _SHARE = 0.01

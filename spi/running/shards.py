@@ -12,9 +12,9 @@ import numpy as np
 
 from .. import specs, storage
 from ..kinds.state import State
-from . import engine
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
-from .session import NOBODY, USUAL, Session, Watch
+from .run import NOBODY, USUAL, Session, Watch
+from .workers import Task, advance_some_here, settle
 
 
 def run_shard(
@@ -27,7 +27,7 @@ def run_shard(
 ) -> Path:
     """Compute one shard of what an experiment wants for now, and return the path of the file it is kept in.
 
-    With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.running.runs.run` does.
+    With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.running.run.run` does.
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
     checkpoint = session.checkpoint
@@ -38,7 +38,7 @@ def run_shard(
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()
-        engine.advance_some_here(checkpoint.states, mine, session.tick)
+        advance_some_here(checkpoint.states, mine, session.tick)
         checkpoint.save()
     return checkpoint.path
 
@@ -52,7 +52,7 @@ def merge(
 ) -> Path:
     """Put the shards that :func:`run_shard` computed together, write the results file and return its path.
 
-    Raises StorageError as ``spi.running.runs.run`` does, or if there are no shards; Stopped if some are missing, or if
+    Raises StorageError as ``spi.running.run.run`` does, or if there are no shards; Stopped if some are missing, or if
     a multilevel estimator, now that it knows the variances, wants further paths: then they are to be run again.
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
@@ -61,7 +61,7 @@ def merge(
     with checkpoint.kept():
         _need_all(checkpoint)
         for state in checkpoint.states:
-            while not state.missing() and engine.settle(state):
+            while not state.missing() and settle(state):
                 pass
         if left := checkpoint.missing():
             checkpoint.save()
@@ -93,7 +93,7 @@ def _need_all(checkpoint: Checkpoint) -> None:
     raise Stopped(f"{'; '.join(lacking)}: run it, then `spi merge` again")
 
 
-def _shards(states: Sequence[State], count: int) -> list[list[engine.Task]]:
+def _shards(states: Sequence[State], count: int) -> list[list[Task]]:
     """The chunks that are wanted for now, in `count` shards of about equal work: (number of a part, chunk)."""
     tasks, work = [], []
     for number, state in enumerate(states):
@@ -102,7 +102,7 @@ def _shards(states: Sequence[State], count: int) -> list[list[engine.Task]]:
                 tasks.append((number, chunk))
                 work.append(chunk.blocks / path_set.chunk_blocks)
     middles = np.cumsum(work) - np.array(work) / 2
-    found: list[list[engine.Task]] = [[] for _ in range(count)]
+    found: list[list[Task]] = [[] for _ in range(count)]
     for task, place in zip(tasks, middles / max(sum(work), 1e-300) * count, strict=True):
         found[min(int(place), count - 1)].append(task)
     return found

@@ -4,7 +4,7 @@ A simple rule, so that an estimate depends on nothing but the scheme and the mod
 """
 
 from ..ensemble.protocol import area_pairs, dimension, flow_ns, needs_areas, noise_indices, substeps
-from .stages import sweeps
+from .sweeps import sweeps
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``

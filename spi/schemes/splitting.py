@@ -18,19 +18,8 @@ from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANG
 from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..numerics.rng import LANES
 from .large import run_stages_of_large, size_or
-from .stages import (
-    PARTS,
-    LoopTime,
-    Symmetric,
-    angle,
-    flow,
-    flows,
-    has_loops,
-    is_reversed_by_coin,
-    needs_coins,
-    substeps,
-    sweeps,
-)
+from .stages import PARTS, Symmetric, angle, flow, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
+from .sweeps import LoopTime, sweeps
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.

@@ -18,7 +18,6 @@ a b = -sigma_k sigma_l J_lk with |a| = |b|; a coin decides the sign of both, so 
 """
 
 import math
-from collections import Counter
 from typing import NamedTuple
 
 from ..compiler.dispatch import INDICES, method
@@ -145,7 +144,7 @@ def _sub_steps(order, fraction):
     return int(fraction * FINEST)
 
 
-class _Row(NamedTuple):
+class _Known(NamedTuple):
     """What is known of a stage by its type."""
 
     part: str
@@ -155,18 +154,16 @@ class _Row(NamedTuple):
 
 
 def stages_known(stages):
-    """What is known of the stages by their types, (part, order, coin, length) each."""
-    return tuple(_stages(stages))
-
-
-def _stages(stages):
-    """The stages by their types, of stages or of the Numba type of some."""
+    """What is known by their types of stages, or of the Numba type of some: a tuple of `_Known`."""
+    found = []
     for stage in stages:
         part, order, coin, length = (class_of(field(stage, name)) for name in ("part", "order", "coin", "length"))
-        yield _Row(_NAMES[part], order, coin is Coin, INDICES.index(length))
+        found.append(_Known(_NAMES[part], order, coin is Coin, INDICES.index(length)))
+    return tuple(found)
 
 
-def _indices(model):
+def indices_of(model):
+    """The indices of the flows of each part."""
     return {"drift": piece_indices(model), "noise": noise_indices(model), "loops": area_pairs(model)}
 
 
@@ -177,7 +174,7 @@ def flows_in_order(stages, indices, coin=1):
     and k is one of them.
     """
     found = []
-    for i, stage in enumerate(_stages(stages)):
+    for i, stage in enumerate(stages_known(stages)):
         arranged = stage.order.arranged(indices[stage.part])
         reverse = stage.coin and coin == -1
         found += [(i, stage.part, k, share) for k, share in (arranged[::-1] if reverse else arranged)]
@@ -198,7 +195,7 @@ def compositions(stages, model):
             1 / len(coins),
             tuple(
                 (part, k, share * stages[i].fraction)
-                for i, part, k, share in flows_in_order(stages, _indices(model), coin)
+                for i, part, k, share in flows_in_order(stages, indices_of(model), coin)
             ),
         )
         for coin in coins
@@ -207,12 +204,12 @@ def compositions(stages, model):
 
 def needs_coins(stages):
     """Whether the order of a stage depends on a coin."""
-    return any(stage.coin for stage in _stages(stages))
+    return any(stage.coin for stage in stages_known(stages))
 
 
 def has_loops(stages):
     """Whether a step has loops."""
-    return any(stage.part == "loops" for stage in _stages(stages))
+    return any(stage.part == "loops" for stage in stages_known(stages))
 
 
 def is_reversed_by_coin(stages):
@@ -241,72 +238,6 @@ def is_own_reverse(stages, model):
 
 def substeps(stages):
     """Into how many sub-steps, 1, 2, 4 or 8, a step must be resolved so that each noise flow has some of them."""
-    noise = [stage for stage in _stages(stages) if stage.part == "noise"]
+    noise = [stage for stage in stages_known(stages) if stage.part == "noise"]
     lengths = [stage.length // (2 if stage.order is Symmetric else 1) for stage in noise]
     return FINEST // math.gcd(FINEST, *lengths)
-
-
-def _with_spans(flows, stages):
-    """Flows as :func:`flows_in_order` gives them, each with the part of the step over which its increments are.
-
-    The part is (first, end, n) as in :func:`sweeps`, with the least n that will do; None for drift.
-    """
-    lengths = [stage.length for stage in _stages(stages)]
-    used = Counter()  # sub-steps of each Wiener process
-    found = []
-    for flow in flows:
-        i, part, k, share = flow
-        first = used[part, k]
-        used[part, k] += int(share * lengths[i])
-        found.append((*flow, _fewest(first, used[part, k]) if part == "noise" else None))
-    return found
-
-
-def _fewest(first, end):
-    common = math.gcd(FINEST, first, end)
-    return first // common, end // common, FINEST // common
-
-
-class LoopTime(NamedTuple):
-    """The time of a flow of a loop."""
-
-    noises: tuple[int, int]  #: (k, l), k < l
-    pair: int  #: the number of the pair among those of which there are areas
-    pairs: int  #: how many there are
-    sign: int  #: 1 where the noise flows act in the order k, l, and -1 where they act in the order l, k
-    place: int  #: of the flow in the loop, from 0
-
-
-def sweeps(stages, model):
-    """((stage, part, k, share of its fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
-
-    The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
-    before `end` where a step has n of them.  It does not depend on the coin, which moves flows of different processes.
-    The flows of loops are noise flows with a :class:`LoopTime`.
-
-    Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
-    lanes with the coin 1, those after n to the others.
-    """
-    found, every = [], _with_spans(flows_in_order(stages, _indices(model)), stages)
-    for i, stage in enumerate(_stages(stages)):
-        acting = [flow for flow in every if flow[0] == i]
-        if stage.part == "loops":
-            found += _loops(i, stages, [pair for _, _, pair, *_ in acting])
-            continue
-        if stage.coin:
-            first, last = acting[:-1], acting[-1:]
-            placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
-        else:
-            placed = [(f, 0) for f in acting]
-        found += [(*flow, coin, span) for (*flow, span), coin in placed]
-    return tuple(found)
-
-
-def _loops(i, stages, pairs):
-    """The flows of all loops, of stage i."""
-    sign = -1 if Backwards in [stage.order for stage in _stages(stages) if stage.part == "noise"] else 1
-    return [
-        (i, "noise", k, 1.0, 0, LoopTime(pair, p, len(pairs), sign, place))
-        for p, pair in enumerate(pairs)
-        for place, k in enumerate(2 * pair)
-    ]

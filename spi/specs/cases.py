@@ -1,6 +1,5 @@
 """What several kinds of experiment have in common: keys, and conditions between them."""
 
-import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -8,29 +7,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import pydantic
 
 from ..ensemble.protocol import NonNegative, Positive, dimension, large
-from ..exact.kolmogorov import Demands, can_solve, demands
-from ..expressions import canonical, functions_of, is_constant, parse_expression
+from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.damped import undamped
 from ..schemes import SCHEMES, Scheme, composed, with_eps
-from ..schemes.stages import compositions, has_loops
 from ..statistics.claims import Claim, Sort
 from ..systems import variables
 from ..systems.keys import MOST
-from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
+from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
 from .damping import damped_model
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
-    ESTIMATORS,
     Eps,
-    Estimators,
     Functions,
     Keys,
-    Levels,
-    Samples,
     SchemeName,
     Schemes,
     Seed,
@@ -42,7 +35,7 @@ from .keys import (
     shown,
     wrong,
 )
-from .mistakes import Mistakes
+from .mistakes import every
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
@@ -69,7 +62,7 @@ class BaseCase(Keys):
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
-    compositions: key_of(Compositions, "schemes of your own, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
+    compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
@@ -276,14 +269,11 @@ class FunctionsCase(ErrorCase):
 
     @condition("functions", "model")
     def _check_functions(self) -> Self:
-        trees, mistakes = {}, Mistakes()
-        for name, text in self.functions.items():
-            with mistakes.apart():
-                trees[name] = self._tree(name, text)
-        mistakes.report()
+        trees = every(self._tree, self.functions.items())
         if not self.variables:
             return self
-        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
+        return self.model_copy(update={"functions": texts})
 
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""
@@ -298,93 +288,8 @@ class FunctionsCase(ErrorCase):
         return tree
 
 
-class SampledCase(FunctionsCase):
-    """What the cases have in which expectations are estimated."""
-
-    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
-    samples: key_of(Samples | None, "number of Brownian paths") = None
-    standard_error: key_of(
-        Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
-    ) = None
-    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
-        None
-    )
-    accuracy: key_of(
-        Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
-    ) = None
-
-    extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
-
-    @condition("extrapolate", "schemes", "steps")
-    def _check_extrapolate(self) -> Self:
-        check_extrapolate(self)
-        return self
-
-    @condition("estimators", "schemes", "steps", "functions", "initial", "model")
-    def _check_estimators(self) -> Self:
-        check_once(self.estimators, "estimators")
-        for name in self.estimators if self.functions else ():
-            getattr(self, f"_check_{name}")()
-        return self
-
-    def _check_plain(self) -> None:
-        self._need("plain", "samples")
-
-    def _check_multilevel(self) -> None:
-        self._need("multilevel", "standard_error", "seconds")
-        if self.reference_scheme:
-            what = "has 'multilevel', which has references of its own, and reference_scheme is set"
-            raise wrong(what, "use plain or leave out reference_scheme", "estimators")
-        if can_solve(self.model) and not self.truncate_noise:
-            self._check_demands("multilevel", multiscale=True)
-
-    def _check_demands(self, estimator: str, multiscale: bool) -> None:
-        """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
-        for name in self.schemes:
-            row = self.row(name)
-            rows = row.composition
-            if rows is None or row.multiscale != multiscale or has_loops(rows):
-                continue
-            acting, texts = compositions(rows, self.model), tuple(self.functions.values())
-            need = _demands(self.model, acting, self.initial, self.final_time, self.steps, texts, self.accuracy)
-            if need.obstacle:
-                its = f" for '{name}'" if multiscale else ""
-                raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
-
-    def _check_kolmogorov(self) -> None:
-        """What the solvers without sampling can do."""
-        if self.damping:
-            what = "follows paths on a Casimir surface, which they leave with damping"
-        elif not can_solve(self.model):
-            able = [name for name, cls in MODELS.items() if can_solve(cls)]
-            what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
-        elif not any(self.row(s).solvable_without_sampling for s in self.schemes):
-            rows = self.row(self.schemes[0]).composition
-            without = " without loops" if rows and has_loops(rows) else ""
-            what = f"is for splitting schemes{without}, which '{self.schemes[0]}' is not"
-        elif self.truncate_noise:
-            what = "has no truncate_noise"
-        elif self.reference_scheme:
-            what = "has no reference_scheme"
-        else:
-            self._check_demands("kolmogorov", multiscale=False)
-            return
-        rest = [name for name in ESTIMATORS if name != "kolmogorov"]
-        raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
-
-    def _need(self, estimator: str, *keys: str) -> None:
-        """One of these keys must be given."""
-        if all(getattr(self, key) is None for key in keys):
-            add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
-            raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
-
-
-@functools.lru_cache(maxsize=256, typed=True)
-def _demands(
-    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
-) -> Demands:
-    """What solving without sampling takes; kept, because the layers of a file often ask the same.
-
-    Typed, because models of two classes may be equal tuples.
-    """
-    return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)
+def need(case: BaseCase, estimator: str, *keys: str) -> None:
+    """One of these keys must be given."""
+    if all(getattr(case, key) is None for key in keys):
+        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
+        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

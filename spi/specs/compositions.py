@@ -25,7 +25,7 @@ from ..schemes import SCHEMES
 from ..schemes.splitting import splitting
 from ..schemes.stages import ORDERS, PARTS, Flows, compositions, flows, has_loops
 from .keys import NAME, entries_in, shown, suggestion, wrong
-from .mistakes import Mistakes
+from .mistakes import every
 
 Stages = tuple[Flows, ...]
 
@@ -71,32 +71,23 @@ def _fraction(text: str) -> float:
 
 def _read(value: dict[str, Any]) -> dict[str, Stages]:
     """The mapping {name: texts of stages} as {name: stages}."""
-    read, mistakes = {}, Mistakes()
-    for name, texts in value.items():
-        with mistakes.apart():
-            read[name] = _stages(name, texts)
-    mistakes.report()
-    return read
+    return dict(zip(value, every(_stages, value.items()), strict=True))
 
 
 def _stages(name: str, texts: Any) -> Stages:
     if not re.match(NAME, name):
-        raise wrong("is no name of a composition", "must consist of letters, digits and _", name)
+        raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
         raise wrong("is the name of a scheme", "give the composition another name", name)
     if not isinstance(texts, list):
         raise wrong(f"is {shown(texts)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]", name)
     if len(texts) > _MOST_STAGES:
         raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_STAGES}", name)
-    stages, mistakes = [], Mistakes()
-    for n, text in enumerate(texts):
-        with mistakes.apart():
-            stages.append(_stage(text, name, n))
-    mistakes.report()
+    stages = every(_stage, ((text, name, n) for n, text in enumerate(texts)))
     try:
         splitting(*stages)
     except ValueError as error:
-        raise wrong("is no whole step", f"{error}", name) from None
+        raise wrong("is not a whole step", f"{error}", name) from None
     return tuple(stages)
 
 

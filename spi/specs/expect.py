@@ -14,6 +14,8 @@ test functions drops the claims about the others.
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from itertools import chain
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator
@@ -21,7 +23,7 @@ from pydantic import BeforeValidator
 from ..expressions.arithmetic import NumberError, parse
 from ..statistics.claims import EQUAL, Claim
 from .keys import shown, suggestion, wrong
-from .mistakes import Mistakes
+from .mistakes import every
 
 #: The keys of a spec whose entries claims may be about.
 NAMING = ("schemes", "estimators", "functions", "extrapolate")
@@ -51,13 +53,9 @@ def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
     """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
     if not isinstance(value, dict):
         return _stated(value, path) if path else {} if value is None else value
-    read, mistakes = {}, Mistakes()
-    for key, inner in value.items():
-        with mistakes.apart():
-            if inner is not None:
-                read[key] = _read(inner, (*path, key))
-    mistakes.report()
-    return read
+    given = {key: inner for key, inner in value.items() if inner is not None}
+    read = every(_read, ((inner, (*path, key)) for key, inner in given.items()))
+    return dict(zip(given, read, strict=True))
 
 
 def _stated(value: Any, path: tuple[str, ...]) -> Stated:
@@ -118,34 +116,29 @@ def claims(case: Any) -> tuple[Claim, ...]:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"
         )
-    found: list[Claim] = []
-    mistakes = Mistakes()
-    for scheme, stated in case.expect.items():
-        place = _Place(("expect", scheme))
-        with mistakes.apart():
-            if scheme not in case.schemes:
-                raise wrong("is none of the schemes", suggestion(scheme, case.schemes), *place.path)
-            right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
-            found += _claims(case, scheme, _mapping(stated, right, place), place)
-    mistakes.report()
-    return tuple(found)
+    return tuple(chain.from_iterable(every(partial(_of_scheme, case), case.expect.items())))
+
+
+def _of_scheme(case: Any, scheme: str, stated: Any) -> list[Claim]:
+    place = _Place(("expect", scheme))
+    if scheme not in case.schemes:
+        raise wrong("is not a known scheme", suggestion(scheme, case.schemes), *place.path)
+    right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
+    return _claims(case, scheme, _mapping(stated, right, place), place)
 
 
 def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> list[Claim]:
     scopes = [name for key in case.scoping for name in getattr(case, key)]
     scopes += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
-    found: list[Claim] = []
-    mistakes = Mistakes()
-    for key, value in stated.items():
+
+    def read(key: str, value: Any) -> list[Claim]:
         here = place._replace(path=(*place.path, key))
-        with mistakes.apart():
-            if key in case.quantities:
-                found.append(_claim(case, scheme, key, value, here))
-            else:
-                inside = _inside(case, key, scopes, here)
-                found += _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
-    mistakes.report()
-    return found
+        if key in case.quantities:
+            return [_claim(case, scheme, key, value, here)]
+        inside = _inside(case, key, scopes, here)
+        return _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
+
+    return list(chain.from_iterable(every(read, stated.items())))
 
 
 def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place:
@@ -157,7 +150,7 @@ def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place
         return place._replace(limits=(*place.limits, (name, largest)), text=text)
     if key not in scopes:
         right = suggestion(key, (*case.quantities, *scopes))
-        raise wrong("is nothing that can be expected here", right, *place.path)
+        raise wrong("is not a known quantity", right, *place.path)
     return place._replace(scopes=(*place.scopes, key))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Self, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
@@ -21,10 +21,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
-from .mistakes import Mistakes, again, details
-
-#: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
-ESTIMATORS = ("plain", "multilevel", "kolmogorov")
+from .mistakes import again, details, every
 
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -74,7 +71,7 @@ def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mappi
     """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
     unknown = [key for key in data if key not in known]
     meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
-    faults = [wrong("is no known key", suggestion(key, known), key) for key in unknown]
+    faults = [wrong("is not a known key", suggestion(key, known), key) for key in unknown]
     for key, field in needed.items():
         if key not in data and key not in meant:
             faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
@@ -84,7 +81,7 @@ def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mappi
 def condition(*keys: str) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
     """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between `keys`.
 
-    Where several entries of a key can be wrong it raises them all, as :class:`Mistakes` collects them.  It returns the
+    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It returns the
     record, or a copy with what it makes of it.  The conditions of a class are tried in the order in which they are
     defined, those of its bases first, once all keys can be read.  After one that is not met those that have a key in
     common with it are left out, so that what depends on a mistake is not reported as another.
@@ -248,12 +245,12 @@ NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 def _by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
-    mistakes = Mistakes()
-    for name in value if isinstance(value, dict) else ():
+
+    def check(name: str) -> None:
         if not re.match(NAME, name):
-            with mistakes.apart():
-                raise wrong("is no name of a function", "must consist of letters, digits and _", name)
-    mistakes.report()
+            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
+
+    every(check, ((name,) for name in value) if isinstance(value, dict) else ())
     return {"phi": value} if isinstance(value, str) else value
 
 
@@ -287,7 +284,6 @@ Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.
 SchemeName = Annotated[str, Field(json_schema_extra={"anyOf": [{"enum": list(SCHEMES)}, {"pattern": NAME}]})]
 Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
-Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]

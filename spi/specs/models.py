@@ -17,7 +17,7 @@ import pydantic
 from pydantic import BeforeValidator, Field, PlainValidator, create_model
 
 from .. import systems
-from ..checks.model_checks import check_once
+from ..checks.passed import check_once
 from ..compiler import modules
 from ..ensemble.protocol import fault, large
 from ..models import MODELS, check_model_class

@@ -67,15 +67,15 @@ def test_arrays_have_coordinates_and_names(results):
     dataset = results["one/splitting"].dataset
     assert dataset.casimir_drift.dims == ("h", "casimir") and dataset.attrs["scheme"] == "splitting"
     assert (dataset.seconds.attrs["units"], dataset.ns_per_step.attrs["units"]) == ("s", "ns")
-    assert dataset.error_stderr.attrs["long_name"] == "standard error of the error"
+    assert dataset.error_stderr.attrs["long_name"] == "standard error of the strong error"
     assert "error" in dir(results["one/splitting"]) and "error" not in dir(results)
     with pytest.raises(AttributeError, match="error is of one part; choose one by its name: three/euler_maruyama"):
         _ = results.error
     with pytest.raises(AttributeError, match=r"one/splitting has no eror; arrays: error, error_stderr.* mean error\?$"):
         _ = results["one/splitting"].eror
     for some in (results, results["one/splitting"]):
-        with pytest.raises(AttributeError, match=r" has (no )?order; arrays: .*; did you mean orders\?$"):
-            _ = some.order
+        with pytest.raises(AttributeError, match=r" has (no )?claim; arrays: .*; did you mean claims\?$"):
+            _ = some.claim
     with pytest.raises(AttributeError, match="dataset is of one part"):
         _ = results.dataset
 

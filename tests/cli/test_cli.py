@@ -424,7 +424,7 @@ def test_the_count_and_the_time_left_are_shown_at_any_width(width, monkeypatch):
     from rich.console import Console
 
     from spi.cli.progress import ProgressLine
-    from spi.running.runs import Progress
+    from spi.running.run import Progress
 
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     monkeypatch.setenv("COLUMNS", str(width))

@@ -13,7 +13,7 @@ from strong_results import strong, strong_group
 from spi import storage
 from spi.kinds import KINDS
 from spi.running import shipped
-from spi.running.runs import load
+from spi.running.run import load
 from spi.specs import SpecError
 
 NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments").glob("*.yaml"))
@@ -188,7 +188,7 @@ def test_a_new_experiment_is_valid_and_so_is_each_key_that_it_has_switched_off(o
     assert load("mine.yaml").name == "mine"
     wrong = [line.replace("# ", "# x", 1) if n == blocks[0][0] else line for n, line in enumerate(lines)]
     Path("mine.yaml").write_text(switched_on(wrong, blocks[:1]).replace("# x", "x", 1))
-    with pytest.raises(SpecError, match="no known key"):  # so the keys are really switched on
+    with pytest.raises(SpecError, match="not a known key"):  # so the keys are really switched on
         load("mine.yaml")
 
 
@@ -209,7 +209,7 @@ def test_a_new_experiment_may_be_one_of_another_kind():
     assert call("new", "mine", "--from", "rigid_body_qualitative", "--as", "strong")[0] == 0
     assert load("mine.yaml").kind == "strong" != load("rigid_body_qualitative").kind
     assert "did you mean 'strong'" in refusal("new", "other", "--from", "rigid_body_qualitative", "--as", "srong")
-    assert "give --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
+    assert "add --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
     assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
 
 

@@ -36,7 +36,7 @@ KERNELS, NUMBERS = ({file.as_posix() for file in files} for files in (spi.kernel
         ("kinds/strong/table.py", False, False),
         ("kinds/strong/keys.py", False, False),
         ("kinds/stability/figure/maps.py", False, False),
-        ("running/runs.py", False, False),
+        ("running/run.py", False, False),
         ("cli/__init__.py", False, False),
     ],
 )
@@ -139,6 +139,6 @@ def test_a_run_says_in_one_line_that_kernels_cannot_be_kept(tmp_path, below):
     program = "from spi.cli import main; main()"
     spec = PACKAGE.parent / "experiments" / "rigid_body_qualitative.yaml"
     _, err = start(tmp_path / below, tmp_path, "-c", program, "run", spec, *tiny, NUMBA_DISABLE_JIT="1")
-    said = [line for line in err.splitlines() if "cannot be kept" in line]
+    said = [line for line in err.splitlines() if "cannot be saved" in line]
     assert len(said) == (below != "cache")
     assert all(line.startswith(f"spi: {tmp_path / below}") for line in said)

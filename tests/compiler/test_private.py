@@ -115,4 +115,5 @@ def test_the_results_are_the_same_without_the_inside_of_numba(tmp_path):
 
 
 def test_an_unknown_part_is_refused(tmp_path):
-    assert "names 'cash', which is none of libraries, cache, refcounts" in outcome(tmp_path, "cache,cash")
+    right = "libraries, cache, refcounts"
+    assert outcome(tmp_path, "cache,cash") == f"spi: {private.VARIABLE} names 'cash', which is none of {right}\n"

@@ -20,11 +20,12 @@ from spi.drawing import page, style
 from spi.kinds.trajectory.figure import fields
 from spi.report import views
 from spi.schemes import SCHEMES
+from spi.storage.records import Order
 
 
 def errors(cases):
     names = ("one", "two", "three", "four")[:cases]
-    told = {"order": 0.5, "order_ci": (0.49, 0.53)}
+    told = {"order": Order(0.5, 0.49, 0.53, 9)}
     groups = [
         strong_group(scheme, case, 0.1 * (1 + i) * H**0.5, 0.01 * H**0.5, H > 0, H, case_title=f"case {case}", **told)
         for case in names
@@ -136,7 +137,7 @@ def test_the_command_writes_a_figure_with_embedded_letters(tmp_path, monkeypatch
     ("options", "message"),
     [
         (["--width", "one"], "--width: is for figures in the style paper only; ask for that style as well"),
-        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is no installed TrueType family"),
+        (["--style", "paper", "--font", "Nonsense"], "--font: 'Nonsense' is not an installed TrueType family"),
         (["--style", "paper", "--width", "three"], "--width: is 'three'; must be one or two"),
     ],
 )

@@ -16,7 +16,8 @@ from spi.ensemble.protocol import REPORT, advance, area_pairs, noise_indices
 from spi.models import MODELS, RigidBody
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_AREAS, splitting
-from spi.schemes.stages import compositions, flows, sweeps
+from spi.schemes.stages import compositions, flows
+from spi.schemes.sweeps import sweeps
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 

@@ -19,7 +19,7 @@ def draw(seed, channel, draws, block, words, normals):
 
 @pytest.mark.parametrize("h", [2.0**-10, 0.3])
 def test_fine_increments_are_the_normals_of_the_generator(h):
-    """Whatever the number of steps, also if it is no multiple of what one draw gives."""
+    """Whatever the number of steps, also if it is not a multiple of what one draw gives."""
     steps, blocks, seed = 11, 2, 2**63 + 12345
     draws = -(-steps // STEPS_PER_DRAW)
     (fine,) = increments_of(h=h, steps=steps, blocks=blocks, first_block=3, seed=seed)

@@ -16,7 +16,7 @@ from spi.kinds.weak import claims, reading
 from spi.kinds.weak import study as weak
 from spi.models import RigidBodySharedNoise
 from spi.report import views
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
@@ -235,5 +235,5 @@ def test_a_layer_with_fewer_levels_drops_the_claims_about_the_others():
     expect = "expect={splitting_order2: {extrapolate 0: {order: 2}, extrapolate 1: {order: 3}}}"
     assert [claim.scopes for claim in case_of(*keys, expect).claims] == [("extrapolate 0",), ("extrapolate 1",)]
     assert [claim.scopes for claim in case_of(*keys, expect, "extrapolate=1").claims] == [("extrapolate 1",)]
-    with pytest.raises(SpecError, match="extrapolate 2: is nothing that can be expected here"):
+    with pytest.raises(SpecError, match="extrapolate 2: is not a known quantity"):
         case_of(*keys, "expect={splitting_order2: {extrapolate 2: {order: 4}}}")

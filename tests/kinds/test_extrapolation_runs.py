@@ -11,9 +11,9 @@ from weak_cases import SPEC
 from spi.exact.kolmogorov import expectations
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.extrapolated import errors_at_steps, shares, shares_above
+from spi.kinds.weak.estimators.multilevel.extrapolated import errors_at_steps, shares, shares_above
 from spi.kinds.work_precision import study as work_precision
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
@@ -102,7 +102,7 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
         times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
         assert state.more.times.shape == times.shape
         state.more = state.more._replace(times=times)
-        found = p.group(state)
+        found = p.results(state).group()
         assert found.coordinates["h"].tolist() == list(steps)
         np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])
         counts = [sum(1 / h / 2**i for i in range(levels + 1)) for h in steps]

@@ -6,7 +6,7 @@ import numpy as np
 from helpers import COMPILED
 
 from spi import storage
-from spi.running.runs import load, run
+from spi.running.run import load, run
 from spi.storage.records import Description
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from strong_results import LABELS, H, strong
+from strong_results import LABELS, H, strong, unresolved
 from strong_results import strong_group as group_of
 from view_helpers import legend_texts, rendered, save
 
@@ -13,7 +13,7 @@ from spi.drawing import style
 from spi.drawing.axes import PANEL
 from spi.report import views
 from spi.schemes import SCHEMES
-from spi.storage.records import Results
+from spi.storage.records import Order, Results
 
 
 def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0, 1.0), h=H):
@@ -25,8 +25,7 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
     if scheme == "euler_maruyama":
         error[0], stderr[0], resolved[0] = np.inf, np.inf, False
     attributes = {
-        "order": order + 0.01,
-        "order_ci": (order - 0.01, order + 0.03),
+        "order": Order(order + 0.01, order - 0.01, order + 0.03, h.size),
         "case_title": f"case {case}, $5",
         "model_sigma": sigma,
         "truncate_noise": True,
@@ -137,7 +136,7 @@ def test_cases_side_by_side(results):
 @pytest.mark.parametrize("count", [1, 2, 20])
 def test_any_number_of_steps(count):
     group = strong_group("splitting", h=2.0 ** -np.arange(3, 3 + count))
-    group.attributes.update(order=np.nan, order_ci=(np.nan, np.nan))
+    group = unresolved(group)
     (ax,) = rendered(views.figure(strong(group))).axes
     assert legend_texts(ax)[0].endswith("order not resolved")
     assert 1 <= len(ax.get_xticks()) <= 6

@@ -1,5 +1,7 @@
 """Figures of trajectories: what is drawn, not how it looks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -220,8 +222,8 @@ def test_a_scheme_that_preserves_nothing_does_not_set_the_frame():
     euler_maruyama, _ = views.readings(trajectories(*prey()))
     near, far = np.linspace(0, 1, 5), np.linspace(0, 100, 5)
     for preserves, highest in (("nothing", 2.2), ("|y|", 106)):
-        other = euler_maruyama._replace(preserves=preserves)
-        _, high = curves.window([(euler_maruyama._replace(preserves="Casimirs"), near), (other, far)])
+        other = replace(euler_maruyama, preserves=preserves)
+        _, high = curves.window([(replace(euler_maruyama, preserves="Casimirs"), near), (other, far)])
         assert high == pytest.approx(highest, rel=0.05)
 
 

@@ -12,7 +12,7 @@ from states import check_going_on, taken
 
 from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 # fixtures

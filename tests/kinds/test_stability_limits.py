@@ -11,7 +11,7 @@ from spi.exact import kolmogorov
 from spi.kinds.stability import study as stability
 from spi.kinds.state import State
 from spi.models import MaxwellBloch
-from spi.running import engine
+from spi.running import workers
 from spi.schemes import scheme_entry
 from spi.schemes.stages import compositions
 from spi.storage.records import Part
@@ -97,9 +97,9 @@ def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     assert (np.abs(limit - wanted.limit) <= error + wanted.limit_bound).all()
     plan = stability.plan(case, Part("splitting"))
     state = State(plan)
-    engine.advance_here([state], ignore)
+    workers.advance_here([state], ignore)
     assert np.isnan(study(case, "splitting", state)[0]["truth"]).all()
-    engine.finish([state], ignore)
+    workers.finish([state], ignore)
     found, _ = study(case, "splitting", state)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3

@@ -11,7 +11,7 @@ from view_helpers import GREEN, ROWS, SCHEMES, edge, inches_of_panels, legends, 
 
 from spi.kinds.stability.figure import WORDS, maps
 from spi.kinds.stability.keys import PANELS
-from spi.kinds.stability.reading import REGIMES, read
+from spi.kinds.stability.results import REGIMES, Stability
 from spi.report import views
 
 
@@ -32,7 +32,7 @@ def test_maps_of_regimes():
     assert [ax.get_title() for ax in fig.axes[:3]] == ["Euler-Maruyama", "midpoint", "splitting"]
     for ax, group in zip([*fig.axes[:3], fig.axes[5]], groups, strict=True):
         assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
-        for (i, j), number in np.ndenumerate(read(group).regimes):
+        for (i, j), number in np.ndenumerate(Stability.of(group).regimes):
             assert colour_at(ax, H[j], VALUES[i]) == to_hex(maps.LOOKS[number][0])
     assert fig.axes[0].get_ylabel() == r"$\sigma$" and not fig.axes[1].get_ylabel()
     (legend,) = legends(fig)
@@ -47,7 +47,7 @@ def test_map_of_values_that_are_not_positive():
     group = predators("splitting", values=np.array([0.0, 0.5, 4.0]))
     (ax,) = views.figure(stability(group)).axes
     assert ax.get_yscale() == "linear" and [t.get_text() for t in ax.get_yticklabels()] == ["$0$", "$0.5$", "$4$"]
-    assert colour_at(ax, 1.0, 2.0) == to_hex(maps.LOOKS[read(group).regimes[2, 0]][0])
+    assert colour_at(ax, 1.0, 2.0) == to_hex(maps.LOOKS[Stability.of(group).regimes[2, 0]][0])
 
 
 @pytest.mark.parametrize(("values", "scale"), [((0.1, 1.0, 10.0), "log"), ((1.0, 1.001, 10.0), "linear")])

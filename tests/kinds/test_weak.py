@@ -37,7 +37,7 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
         levels, _ = results_of(case, scheme, "multilevel", levels_plan_of)
     else:
         p = levels_plan_of(case, scheme)
-        levels = p.group(after_blocks(p, ROUND)).arrays
+        levels = p.results(after_blocks(p, ROUND)).group().arrays
     in_plain, _ = results_of(case, scheme, "plain")
     assert levels["level_variance"].max() < 1e-17
 
@@ -82,7 +82,7 @@ def test_plain_counts_paths_that_blow_up():
     assert not np.isfinite(found["error"][:, 0]).any()
     assert not np.isfinite(found["error_stderr"][:, 0]).any()
     assert np.isfinite(found["error"][:, 1:]).all() and np.isfinite(found["error_stderr"][:, 1:]).all()
-    assert np.all(found["order_points"] <= 3)
+    assert np.all(found["points_in_fit"] <= 3)
 
 
 @compiled_only
@@ -92,7 +92,7 @@ def test_plain_reports_a_reference_that_blows_up():
     values = values_by_hand(case, "euler_maruyama")[case.reference_step]
     assert attributes["reference_nonfinite"] == (~np.isfinite(values)).any(axis=0).sum() > 0
     assert not found["resolved"].any()
-    assert np.isnan(found["order"]).all() and (found["order_points"] == 0).all()
+    assert np.isnan(found["order"]).all() and (found["points_in_fit"] == 0).all()
 
 
 @compiled_only
@@ -131,7 +131,7 @@ def test_cost_is_known_before_and_progress_on_the_way():
     assert p.progress(begun(p, 2))[:2] == (128, 150)
     done = finished(p)
     assert p.progress(done)[:2] == (150, 150)
-    stderr = p.group(done).variables["error_stderr"][1][0, 0]
+    stderr = p.results(done).group().variables["error_stderr"][1][0, 0]
     assert math.isclose(p.progress(done)[2], stderr, rel_tol=1e-12)
 
 
@@ -143,5 +143,5 @@ def test_solutions_that_are_kept_are_told_apart_by_their_functions():
         plan = weak.plan(
             case_of("estimators=[kolmogorov]", f"functions={{phi: {function}}}"), Part("splitting", "kolmogorov")
         )
-        found.append(plan.group(finished(plan)).arrays["limit"][0])
+        found.append(plan.results(finished(plan)).group().arrays["limit"][0])
     assert found[0] != found[1]

@@ -43,7 +43,7 @@ def variance_rates(system, scheme, reversals=None):
     if reversals is not None:
         differences = [level._replace(grid=level.grid._replace(reversals=np.array(reversals))) for level in p.levels]
         p = replace(p, levels=(*differences[:-1], p.levels[-1]))
-    found = p.group(after_blocks(p, 64)).arrays
+    found = p.results(after_blocks(p, 64)).group().arrays
     rates = [found[name] for name in ("level_variance_rate", "level_variance_rate_low", "level_variance_rate_high")]
     logarithms = np.log2(found["level_variance"][:, :4])
     return (*rates, np.polyfit(np.arange(4), logarithms.T, 1)[0])
@@ -169,7 +169,7 @@ def test_orders_by_multilevel(scheme, order, other, seconds):
         ["steps=2^-4 .. 2^-7", "reference_step=2^-9"] if order == 1 else ["steps=2^-1 .. 2^-4", "reference_step=2^-6"]
     )
     found, attributes = results_of(case_of(*steps, f"seconds={seconds}"), scheme, "multilevel")
-    assert found["resolved"].all() and (found["order_points"] == 4).all()
+    assert found["resolved"].all() and (found["points_in_fit"] == 4).all()
     assert has_order(found, order)
     assert not np.any((found["order_low"] <= other) & (other <= found["order_high"]))
     assert np.all(found["order_high"] - found["order_low"] < 0.6)

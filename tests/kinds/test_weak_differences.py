@@ -9,7 +9,7 @@ from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.study.differences import DifferencesPlan
+from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import BRIDGES, DIFFERENCES, LEVELS
 from spi.schemes import SCHEMES
@@ -73,7 +73,7 @@ def test_differences_are_what_plain_numpy_finds():
     case = case_of("seed=7", *COARSE)
     p = plan_of(case, "splitting", "multilevel")
     blocks = [ROUND * n for n in ((3, 1, 2, 1, 2) if COMPILED else (1,) * 5)]
-    group = p.group(after_blocks(p, blocks))
+    group = p.results(after_blocks(p, blocks)).group()
     found, attributes = group.arrays, group.attributes
     levels, base, differences = samples_by_hand(case, "splitting", blocks)
     assert attributes["compared_with"] == "splitting_order2" and not attributes["twins"]
@@ -143,7 +143,7 @@ def test_the_variance_falls_linearly_and_doubles_with_one_side_of_the_coins(weig
     if weights:  # negative control
         levels = [level._replace(weights=np.array([weights, level.weights[1]])) for level in p.levels[p.base + 1 :]]
         p = replace(p, levels=(*p.levels[: p.base + 1], *levels))
-    found = p.group(after_blocks(p, [ROUND] * (p.base + 1) + [4 * ROUND] * len(case.steps))).arrays
+    found = p.results(after_blocks(p, [ROUND] * (p.base + 1) + [4 * ROUND] * len(case.steps))).group().arrays
     of_step = found["difference_variance"][0] / np.array(case.steps)
     assert np.all(np.abs(of_step / (2.67 * factor) - 1) < 0.25)
     assert abs(found["difference_variance_rate"][0] - 1) < 0.15

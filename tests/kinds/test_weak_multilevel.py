@@ -18,7 +18,8 @@ from weak_cases import (
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.study import estimates, multilevel
+from spi.kinds.weak.estimators.multilevel import estimates
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
@@ -66,7 +67,7 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
     blocks = [ROUND * n for n in ((3, 1, 2, 1) if COMPILED else (1, 1, 1))]
     p = levels_plan_of(case, scheme)
     state = after_blocks(p, blocks)
-    group = p.group(state)
+    group = p.results(state).group()
     coordinates, found, attributes = group.coordinates, group.arrays, group.attributes
     levels, base, alone = levels_by_hand(case, scheme, blocks)
     differences = [d for d, _ in levels]
@@ -112,7 +113,7 @@ def test_standard_errors_of_multilevel_leave_out_groups():
     p = levels_plan_of(case, "splitting")
     blocks = [ROUND] * len(p.levels)
     error, without, counts = estimates.errors(p, levels_after(p, blocks))
-    found = p.group(after_blocks(p, blocks)).arrays["error_stderr"]
+    found = p.results(after_blocks(p, blocks)).group().arrays["error_stderr"]
     assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
     levels, *_ = levels_by_hand(case, "splitting", blocks)
     for i, h in enumerate(case.steps):
@@ -166,7 +167,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
             hoped = math.sqrt((variance / (blocks[:-1] * LANES)).sum())
             assert 0.8 * 0.0005 < hoped * math.sqrt(share) <= 0.0005 * 1.001
     state = finished(p)
-    levels, found = multilevel.snapshot(p, state), p.group(state).arrays
+    levels, found = multilevel.snapshot(p, state), p.results(state).group().arrays
     assert np.all(levels.blocks >= 2 * ROUND)
     stderr = found["error_stderr"][:, 0].max()
     if "seconds" in wish:

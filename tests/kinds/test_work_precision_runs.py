@@ -13,7 +13,7 @@ from work_study_cases import STRONG, WEAK, Clock, group_of, same
 from spi import storage
 from spi.kinds.state import State
 from spi.kinds.strong import study as strong
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.specs import SpecError
 
 # fixtures
@@ -120,8 +120,8 @@ ESTIMATORS = "add estimators: some of plain, multilevel, kolmogorov"
         (STRONG + "repeats: 1001\n", "9: repeats: is '1001'; must be at most 1000"),
         (STRONG + "targets: [0.1, 0]\n", "9: targets: entry 2 is '0'; must be greater than 0"),
         (STRONG + "targets: []\n", "9: targets: is an empty list; must have at least 1 item"),
-        (STRONG + "panels: [errors]\n", "9: panels: is no known key;"),
-        (STRONG + "prefixes: [10]\n", "9: prefixes: is no known key;"),
+        (STRONG + "panels: [errors]\n", "9: panels: is not a known key;"),
+        (STRONG + "prefixes: [10]\n", "9: prefixes: is not a known key;"),
         (
             "functions: y1\nestimators: [plain]\n",
             "1: samples: missing key 'samples', needed by the estimator 'plain'; add samples: number of Brownian paths",

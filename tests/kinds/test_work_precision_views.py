@@ -1,11 +1,10 @@
 """Figures of work and precision, from results made by hand."""
 
-import math
-
 import numpy as np
 import pytest
 from helpers import printed
 from matplotlib.colors import to_hex
+from strong_results import unresolved
 from work_cases import answers
 from work_results import MADE_UP, H, work_group, work_results
 
@@ -154,7 +153,7 @@ def test_nothing_to_draw(variables):
         axes, values = group.variables[name]
         group.variables[name] = axes, np.full(values.shape, np.nan)
     group.variables["resolved"] = ("h",), np.zeros(9, bool)
-    group.attributes.update(order=math.nan, order_ci=(math.nan, math.nan))
+    unresolved(group)
     results = Results({"kind": "work_precision", "title": "none"}, (group,))
     views.figure(results).draw_without_rendering()
     text = printed(results)

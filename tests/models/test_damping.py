@@ -42,7 +42,7 @@ from spi.ensemble.protocol import (
 from spi.models import RigidBody
 from spi.models.damped import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES
-from spi.running.runs import plans
+from spi.running.run import plans
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
 
@@ -257,7 +257,7 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
     (plan,) = plans(load_text(text, "schemes=[splitting]", ONE_NOISE))
 
     def group_and_worst():
-        group = plan.group(finished(plan))
+        group = plan.results(finished(plan)).group()
         return group, np.abs(group.variables[name][1]).max()
 
     group, worst = group_and_worst()
@@ -272,7 +272,7 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
 @pytest.mark.slow
 @compiled_only
 def test_damping_is_swept(load_text):
-    group = next(plan.group(finished(plan)) for plan in plans(load_text(STABILITY)))
+    group = next(plan.results(finished(plan)).group() for plan in plans(load_text(STABILITY)))
     assert group.variables["casimir_worst"][1].shape[0] == 2
     assert group.variables["casimir_worst"][1].max() < 1e-13
     assert "model_damping" not in group.attributes  # which has no one value
@@ -284,7 +284,7 @@ def test_expectations_of_the_damped_equation(load_text):
     plan = plans(load_text(WEAK, "functions=y1^2 + y2^2 + y3^2", "schemes=[splitting]"))[0]
     states = final_states(plan.scheme, plan.model, h=2.0**-4, steps=16, blocks=1)[0]
     assert np.allclose((states**2).sum(axis=0), np.exp(-1.0), rtol=1e-14)
-    group = plan.group(finished(plan))
+    group = plan.results(finished(plan)).group()
     assert np.abs(group.variables["error"][1]).max() < 1e-14
 
 

@@ -12,10 +12,11 @@ from helpers import COMPILED
 from own_models import OSCILLATOR, check_other_processes
 
 from spi import storage
-from spi.checks import model_checks
+from spi.checks import passed
 from spi.checks.compilable import CompilationError
-from spi.running import runs, shards, verification
-from spi.running.session import Watch
+from spi.running import run as runs
+from spi.running import shards, verify
+from spi.running.run import Watch
 from spi.specs import SpecError, models
 
 TOP = Path(__file__).parents[1].joinpath("heavy_top.py").read_text(encoding="utf-8")
@@ -128,8 +129,8 @@ WRONG_SPECS = [
     ("my_top.py", "[x]", "python: is a list; must be the path of a Python file"),
     (" name: HeavyTop,", "", "name: missing key 'name'; add name: the class in my_top.py, one of HeavyTop"),
     ("Top", "Tops", "name: is 'HeavyTops', for which there is no class in my_top.py; did you mean 'HeavyTop'?"),
-    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is no class derived from NamedTuple; correct my_top"),
-    ("inertia:", "inertai:", "inertai: is no known key; did you mean 'inertia'?"),
+    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is not a class derived from NamedTuple; correct my_top"),
+    ("inertia:", "inertai:", "inertai: is not a known key; did you mean 'inertia'?"),
     ("2/3]}", "x]}", "inertia: entry 3 is 'x' (unknown word 'x'); must be a number"),
     ("2/3]}", "2/3], weight: [1]}", "weight: is a list; must be a number"),
 ]
@@ -254,12 +255,12 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
 
 def test_checks_are_made_once_for_each_text(top, monkeypatch):
     asked = []
-    monkeypatch.setattr(model_checks, "check_model", lambda model, states, written: asked.append(model) or [])
+    monkeypatch.setattr(passed, "check_model", lambda model, states, written: asked.append(model) or [])
     unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
     assert len(asked) == 1
-    model_checks._PASSED.clear()  # as in another process
+    passed._PASSED.clear()  # as in another process
     top(source=TOP + unique)
     assert len(asked) == (1 if COMPILED else 2)
     top(source=TOP + unique + "#\n")
@@ -308,7 +309,7 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     with pytest.raises(storage.StorageError, match="results of another spec"):
         runs.results_of("s.yaml", "out")
     Path("my_model.py").unlink()
-    found = verification.verify(path, 1)
+    found = verify.verify(path, 1)
     assert found.checked and not found.different
 
 

@@ -15,7 +15,7 @@ from spi import storage
 from spi.cli import app
 from spi.report import pictures, sections
 from spi.report.page import files, views
-from spi.running.loading import load_as
+from spi.running.load import load_as
 from spi.statistics import claims
 from spi.storage.records import Results
 
@@ -264,12 +264,12 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():
-    from spi.running import loading, shipped
+    from spi.running import load, shipped
 
     path = shipped.path_of("rigid_body_strong")
     text = path.read_text(encoding="utf-8")
-    asks = loading.load(path)
-    silent = loading.load(path, text=re.sub("(?m)^asks: .*\n", "", text))
+    asks = load.load(path)
+    silent = load.load(path, text=re.sub("(?m)^asks: .*\n", "", text))
     assert asks.asks == "Which strong order do Euler-Maruyama, the midpoint rule and the splitting scheme have?"
     assert silent.asks is None and silent.hash == asks.hash and silent.effective == asks.effective
     for name in shipped.names():

@@ -10,7 +10,7 @@ from work_results import work_group, work_results
 
 from spi.kinds import KINDS
 from spi.report import views
-from spi.storage.records import by_case
+from spi.storage.records import Order, by_case
 
 NAN = float("nan")
 
@@ -24,7 +24,7 @@ def told(results):
 
 def test_strong():
     groups = [strong_group(scheme, scheme_label=scheme) for scheme in ("euler_maruyama", "splitting")]
-    unresolved = strong_group("midpoint", order=NAN, order_ci=(NAN, NAN))
+    unresolved = strong_group("midpoint", order=Order(NAN, NAN, NAN, 0))
     assert told(strong(*groups, unresolved)) == (
         "The strong order is 0.500 [0.480, 0.520] for euler_maruyama and 0.500 [0.480, 0.520] for splitting "
         "(all expected 1/2); it is not resolved everywhere for midpoint; "

@@ -11,7 +11,7 @@ from view_helpers import rendered
 from spi import storage
 from spi.kinds import KINDS
 from spi.report import views
-from spi.running.runs import load, run
+from spi.running.run import load, run
 
 FOLDER = Path(__file__).parents[2] / "experiments"
 FILES = sorted(FOLDER.glob("*.yaml"))

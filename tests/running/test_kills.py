@@ -6,7 +6,7 @@ import pytest
 from helpers import COMPILED
 from kills import RUNS, experiment, forks, killed, numbers, run, stray
 
-from spi.running.runs import results_path
+from spi.running.run import results_path
 
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)

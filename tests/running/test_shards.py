@@ -16,11 +16,11 @@ from helpers import COMPILED
 from spi import storage
 from spi.cli.running import _seconds
 from spi.numerics.rng import LANES
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import shards, workers
 from spi.running.checkpoint import Checkpoint, Shard
-from spi.running.runs import Limits, Watch, load
-from spi.running.verification import verify
+from spi.running.run import Limits, Watch, load
+from spi.running.verify import verify
 from spi.statistics import tallies
 
 if not COMPILED:

@@ -13,9 +13,9 @@ from zeitlin_cases import take
 from spi import storage
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import workers
-from spi.running.runs import Stopped, Watch
+from spi.running.run import Stopped, Watch
 from spi.specs import SpecError
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
@@ -48,13 +48,13 @@ def model(text):
         ("{name: zeitlin, n: 1}", "model.n: is '1'; must be at least 3"),
         ("{name: zeitlin, n: 257}", "model.n: is '257'; must be at most 255"),
         ("{name: zeitlin, n: 5.5}", "model.n: is '5.5' (not whole); must be a whole number"),
-        ("{name: zeitlin, n: 5, sigma: [1]}", "model.sigma: is no known key; known: name, n, noise, normalisation"),
+        ("{name: zeitlin, n: 5, sigma: [1]}", "model.sigma: is not a known key; known: name, n, noise, normalisation"),
         ("{name: zeitlin, n: 5, normalisation: other}", "model.normalisation: is 'other'; known: paper, zeitlin"),
         ("{name: zeitlin, n: 5, casimirs_watched: 0}", "model.casimirs_watched: is '0'; must be at least 1"),
         (model("3"), "model.noise: is '3'; must be a mapping, lines of key: value"),
         (model("{shell: 1}"), "model.noise.sigma: missing key 'sigma'; add sigma: strength of the noise"),
         (model("{shell: 1, sigma: -1}"), "model.noise.sigma: is '-1'; must be at least 0"),
-        (model("{shel: 1, sigma: 1}"), "model.noise.shel: is no known key; did you mean 'shell'?"),
+        (model("{shel: 1, sigma: 1}"), "model.noise.shel: is not a known key; did you mean 'shell'?"),
         (model("{shell: 1, sigma: 1, hamiltonian: cubic}"), "is 'cubic'; known: quadratic, linear"),
         (model("{shell: 4, sigma: 1}"), "model.noise: has the shell 4, which has no modes; must be from 1 to 3"),
         (model("{shell: 0, sigma: 1}"), "model.noise: has the shell 0, which has no modes; must be from 1 to 3"),

@@ -7,7 +7,8 @@ from spi.models import MaxwellBloch
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving, ImplicitEuler
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, Splitting, has_antithetic_path, splitting
-from spi.schemes.stages import compositions, flows, sweeps
+from spi.schemes.stages import compositions, flows
+from spi.schemes.sweeps import sweeps
 
 MODEL = MaxwellBloch((0.8, 1.3))
 DRIFT, NOISE = flows("drift"), flows("noise")

@@ -109,8 +109,8 @@ def strong_case(name, sigma, scheme, final_time):
 def test_strong_orders(name, sigma, scheme, final_time, order):
     case = strong_case(name, sigma, scheme, final_time)
     plan = strong.plan(case, Part(scheme))
-    group = plan.group(finished(plan))
-    low, high = group.attributes["order_ci"]
+    group = plan.results(finished(plan)).group()
+    low, high = group.arrays["order_low"], group.arrays["order_high"]
     assert low <= order <= high
     other = 1.5 - order  # negative control: 1/2 and 1 are told apart
     assert not low <= other <= high
@@ -124,7 +124,7 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
     """Until T = 1 some of 500 paths diverge (NaN or infinity) at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
-    group = plan.group(finished(plan))
+    group = plan.results(finished(plan)).group()
     assert group.variables["nonfinite"][1].any() and "finite" in group.attributes["note"]
 
 

@@ -10,8 +10,8 @@ from spi import storage
 from spi.printing.catalogue import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
-from spi.running.loading import Source, plans, plans_of
-from spi.running.runs import cost, headings, run
+from spi.running.load import Source, plans, plans_of
+from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import LIE_TROTTER
 from spi.schemes.stages import flows
@@ -165,9 +165,12 @@ RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
             "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
         ),
         ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
-        ("[noise 1/2, drift 1]", "is no whole step; the fractions of the noise add up to 0.5 and not to 1"),
-        ("[noise 1, drift 1, drift -1/2]", "is no whole step; the fractions of the drift add up to 0.5 and not to 1"),
-        ("[]", "is no whole step; the fractions of the drift add up to 0 and not to 1"),
+        ("[noise 1/2, drift 1]", "is not a whole step; the fractions of the noise add up to 0.5 and not to 1"),
+        (
+            "[noise 1, drift 1, drift -1/2]",
+            "is not a whole step; the fractions of the drift add up to 0.5 and not to 1",
+        ),
+        ("[]", "is not a whole step; the fractions of the drift add up to 0 and not to 1"),
         ("noise 1", r"is 'noise 1'; must be a list of stages, as in \[noise 1/2, drift 1, noise 1/2\]"),
         (f"[noise 1{', drift 1/16' * 16}]", "has 17 entries; must have at most 16"),
     ],
@@ -182,7 +185,7 @@ def test_what_is_wrong_with_stages_is_said_in_one_line(spec, stages, complaint):
     [
         ("  mine:", "  splitting:", "8: compositions.splitting: is the name of a scheme; give the composition .*"),
         ("  mine:", "  ap_splitting_eps_1:", "8: compositions.ap_splitting_eps_1: is the name of a scheme; .*"),
-        ("  mine:", "  my own:", "8: compositions.my own: is no name of a composition; must consist of letters, .*"),
+        ("  mine:", "  my own:", "8: compositions.my own: is not a valid name; must consist of letters, .*"),
         (f"\n  mine: {MINE}", "", "7: compositions: is empty; must be a mapping, lines of key: value"),
         (f"\n  mine: {MINE}", " [mine]", "7: compositions: is a list; must be a mapping, lines of key: value"),
         (SCHEMES_LINE, "schemes: [mien]", "9: schemes: entry 1 is 'mien'; did you mean 'mine'[?]"),

@@ -15,7 +15,7 @@ from spi.expressions.arithmetic import NumberError, parse
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
-from spi.running.runs import layers, load
+from spi.running.run import layers, load
 from spi.specs import SpecError
 
 GOOD = """\
@@ -214,9 +214,9 @@ SCHEMES = (
     ("old", "new", "message"),
     [
         # keys
-        ("samples", "smaples", "12: smaples: is no known key; did you mean 'samples'?"),
-        ("  inertia", "  inerta", "5: model.inerta: is no known key; did you mean 'inertia'?"),
-        ("kind: strong", "knd: strong", "2: knd: is no known key; did you mean 'kind'?"),
+        ("samples", "smaples", "12: smaples: is not a known key; did you mean 'samples'?"),
+        ("  inertia", "  inerta", "5: model.inerta: is not a known key; did you mean 'inertia'?"),
+        ("kind: strong", "knd: strong", "2: knd: is not a known key; did you mean 'kind'?"),
         (
             "kind: strong\n",
             "",
@@ -230,7 +230,7 @@ SCHEMES = (
             "add noise_inertia: moments of inertia Î_1, Î_2, Î_3 of the noise",
         ),
         ("  name: rigid_body\n", "", f"3: model.name: missing key 'name'; add name: {' or '.join(MODELS)}"),
-        ("  name: rigid_body", "  nmae: rigid_body", "4: model.nmae: is no known key; did you mean 'name'?"),
+        ("  name: rigid_body", "  nmae: rigid_body", "4: model.nmae: is not a known key; did you mean 'name'?"),
         ("samples: 10", "samples: 10\nsamples: 11", "13: samples: is given twice; remove one"),
         ("  inertia", "  name: x\n  inertia", "5: model.name: is given twice; remove one"),
         ("samples", "[a]: 3\nsamples", "1: has a list or mapping as a key; keys must be words"),
@@ -336,7 +336,7 @@ SCHEMES = (
         (
             "final_time: 1",
             "final_time: 0.9",
-            "9: steps: has 2^-2, of which final_time 0.9 is no multiple; the nearest multiples are 0.75 and 1",
+            "9: steps: has 2^-2, of which final_time 0.9 is not a multiple; the nearest multiples are 0.75 and 1",
         ),
         (
             "final_time: 1",
@@ -366,7 +366,7 @@ SCHEMES = (
         (
             "samples",
             "cases:\n- name: a\n  sampels: 3\nsamples",
-            "14: cases.sampels: is no known key; did you mean 'samples'?",
+            "14: cases.sampels: is not a known key; did you mean 'samples'?",
         ),
         (
             "samples",
@@ -376,12 +376,12 @@ SCHEMES = (
         (
             "samples",
             "profiles: {papr: {}}\nsamples",
-            "12: profiles.papr: is no known key; did you mean 'paper'?",
+            "12: profiles.papr: is not a known key; did you mean 'paper'?",
         ),
         (
             "samples",
             "profiles:\n  paper:\n    sample: 5\nsamples",
-            "14: profiles.paper.sample: is no known key; did you mean 'samples'?",
+            "14: profiles.paper.sample: is not a known key; did you mean 'samples'?",
         ),
         (
             "samples",
@@ -391,12 +391,12 @@ SCHEMES = (
         (
             "samples",
             "profiles:\n  paper: {model: {sigm: 0}}\nsamples",
-            "13: profiles.paper.model.sigm: is no known key; did you mean 'sigma'?",
+            "13: profiles.paper.model.sigm: is not a known key; did you mean 'sigma'?",
         ),
         (
             "samples",
             "profiles:\n  paper: {cases: {b: {}}}\nsamples",
-            "13: profiles.paper.cases.b: is no known case; known: main",
+            "13: profiles.paper.cases.b: is not a known case; known: main",
         ),
         ("samples", "profiles: 3\nsamples", "12: profiles: is '3'; must be a mapping, lines of key: value"),
         (
@@ -410,7 +410,7 @@ SCHEMES = (
             "15: cases.samples: missing key 'samples'; add samples: number of Brownian paths",
         ),
         # aliases
-        ("samples", "<<: 3\nsamples", "12: <<: is no mapping; give the alias of one, as in <<: *name"),
+        ("samples", "<<: 3\nsamples", "12: <<: is not a mapping; give the alias of one, as in <<: *name"),
         (
             "samples",
             "profiles: &a {paper: *a}\nsamples",
@@ -488,22 +488,22 @@ def test_unreadable_files(tmp_path, monkeypatch):
 
 
 def test_unknown_profile(spec):
-    assert error(spec, GOOD, "papre") == "s.yaml: --profile: 'papre' is no known profile; did you mean 'paper'?"
+    assert error(spec, GOOD, "papre") == "s.yaml: --profile: 'papre' is not a known profile; did you mean 'paper'?"
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("samples", "samples: is no assignment; write --set key=value"),
-        ("=3", "=3: is no assignment; write --set key=value"),
-        ("sampels=3", "sampels: is no known key; did you mean 'samples'?"),
+        ("samples", "samples: is not an assignment; write --set key=value"),
+        ("=3", "=3: is not an assignment; write --set key=value"),
+        ("sampels=3", "sampels: is not a known key; did you mean 'samples'?"),
         ("samples=-3", "samples: is '-3'; must be at least 1"),
         ("samples=", f"samples: is empty; {WHOLE}"),
-        ("model.sigm=[1, 0, 0]", "model.sigm: is no known key; did you mean 'sigma'?"),
+        ("model.sigm=[1, 0, 0]", "model.sigm: is not a known key; did you mean 'sigma'?"),
         ("model.sigma=[1, 0]", "model.sigma: has 2 entries; must have 3"),
         ("model=3", "model: is '3'; must be a mapping, lines of key: value"),
         ("model.sigma.x=3", "model.sigma: is a mapping; must be a list in square brackets"),
-        ("cases.mian.samples=3", "cases.mian: is no known case; did you mean 'main'?"),
+        ("cases.mian.samples=3", "cases.mian: is not a known case; did you mean 'main'?"),
         (
             "steps=[1/3]",
             "steps: has 0.333333333333, which is not 2, 4, 8, ... times the reference_step 2^-6; "
@@ -536,7 +536,7 @@ def test_garbage_is_an_error_of_a_line_for_each_mistake(tmp_path_factory, text):
 #: Pieces of GOOD, what stands in their place, what is then reported besides, and when that is seen: in the keys of each
 #: layer, in those of a whole case, or between keys.
 MISTAKES = [
-    ("title:", "titel:", "1: titel: is no known key; did you mean 'title'?", 0),
+    ("title:", "titel:", "1: titel: is not a known key; did you mean 'title'?", 0),
     ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3", 1),
     ("final_time: 1", "final_time: -1", "8: final_time: is '-1'; must be greater than 0", 0),
     ("euler_maruyama", "euler_mar", "11: schemes: entry 1 is 'euler_mar'; did you mean 'euler_maruyama'?", 2),
@@ -591,7 +591,7 @@ def test_a_wrong_option_does_not_hide_another():
     assert messages_of(GOOD, overrides=wrong) == [
         " --set samples: is '-3'; must be at least 1",
         " --set steps: is 'x'; must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13",
-        " --set sed: is no known key; did you mean 'seed'?",
+        " --set sed: is not a known key; did you mean 'seed'?",
     ]
     # steps that are right with the final time that was meant are no mistake
     assert messages_of(GOOD, overrides=["final_time=2.y", "steps=[2]"]) == [
@@ -628,7 +628,7 @@ def test_a_file_may_be_called_by_a_name_in_messages():
         spec_module.load("folder/s.yaml", layers(), text=text, called="s")
     found = [line[: line.index(": is")] for line in caught.value.messages]
     assert found == ["s: line 8: final_time", "s: line 12: sampels"]
-    with pytest.raises(SpecError, match=r"^s: --set sed: is no known key"):
+    with pytest.raises(SpecError, match=r"^s: --set sed: is not a known key"):
         spec_module.load("folder/s.yaml", layers(), text=GOOD, overrides=["sed=1"], called="s")
     good = spec_module.load("folder/s.yaml", layers(), text=GOOD, called="s")
     assert (good.called, good.path) == ("s", Path("folder/s.yaml")) and load_text(GOOD).called == "s.yaml"
@@ -735,7 +735,11 @@ def test_bad_expression_elsewhere(spec):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("  phi", "  phi 1", "9: functions.phi 1: is no name of a function; must consist of letters, digits and _"),
+        (
+            "  phi",
+            "  phi 1",
+            "9: functions.phi 1: is not a valid name; must consist of letters, digits and _",
+        ),
         ("y1^2", "[y1]", "10: functions.energy: is a list; must be text"),
         ("  energy: y1^2\n", "  energy:\n", "10: functions.energy: is empty; must be text"),
         (

@@ -22,11 +22,11 @@ from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
 from spi.report import views
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
 from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
-from spi.storage.records import Description, by_case
+from spi.storage.records import Description, Order, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
 
@@ -203,20 +203,20 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
     assert stated(load(text, overrides=["estimators=[kolmogorov]", "functions={g: y2}"])) == [
         ("main", "splitting", "order 2", "kolmogorov", "g")
     ]
-    with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is none of the schemes"):
+    with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is not a known scheme"):
         load(SPEC, overrides=["schemes=[splitting]", "expect.euler_maruyama.order=1"])
 
 
 @pytest.mark.parametrize(
     ("base", "text", "line", "message"),
     [
-        (SPEC, "expect:\n  spliting: {order: 1}\n", 10, "spliting: is none of the schemes; did you mean 'splitting'?"),
-        (SPEC, "expect:\n  midpoint: {order: 1}\n", 10, "is none of the schemes; known: splitting, euler_maruyama"),
+        (SPEC, "expect:\n  spliting: {order: 1}\n", 10, "spliting: is not a known scheme; did you mean 'splitting'?"),
+        (SPEC, "expect:\n  midpoint: {order: 1}\n", 10, "is not a known scheme; known: splitting, euler_maruyama"),
         (
             SPEC,
             IN + "ordr: 1\n",
             11,
-            "expect.splitting.ordr: is nothing that can be expected here; did you mean 'order'",
+            "expect.splitting.ordr: is not a known quantity; did you mean 'order'",
         ),
         (SPEC, IN + "order: half\n", 11, "expect.splitting.order: is 'half' (unknown word 'half'); must be a number"),
         (SPEC, IN + "order: [1]\n", 11, "is a list; must be a number such as 1/2"),
@@ -230,13 +230,23 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
         (SPEC, IN + "up to x: {error: 1}\n", 11, "has no number (unknown word 'x'); must be like"),
         (SPEC, IN + "up to 1: 1\n", 11, "is '1'; must be a mapping of quantities"),
         (SPEC, IN + "eps up to 1: {error: 1}\n", 11, "has no limit 'eps'; known: h"),
-        (SPEC, IN + "plain: {order: 1}\n", 11, "is nothing that can be expected here; known: order"),
+        (SPEC, IN + "plain: {order: 1}\n", 11, "is not a known quantity; known: order"),
         (WEAK, IN + "plan: {order: 1}\n", 13, "did you mean 'plain'?"),
-        (WEAK, IN + "plain:\n      ordr: 1\n", 14, "expect.splitting.plain.ordr: is nothing"),
-        (TRAJECTORY, IN + "order: 1\n", 10, "is nothing that can be expected here"),
+        (WEAK, IN + "plain:\n      ordr: 1\n", 14, "expect.splitting.plain.ordr: is not a known quantity"),
+        (TRAJECTORY, IN + "order: 1\n", 10, "is not a known quantity"),
         (SWEEP, IN + "t up to 1: {finite: 1}\n", 12, "has no limit 't'; known: h, s"),
-        (SPEC, "profiles:\n  quick:\n    expect:\n      spliting: {order: 1}\n", 12, "quick.expect.spliting: is none"),
-        (SPEC, "cases:\n  - name: a\n    expect: {splitting: {ordr: 1}}\n", 11, "expect.splitting.ordr: is nothing"),
+        (
+            SPEC,
+            "profiles:\n  quick:\n    expect:\n      spliting: {order: 1}\n",
+            12,
+            "quick.expect.spliting: is not a known scheme",
+        ),
+        (
+            SPEC,
+            "cases:\n  - name: a\n    expect: {splitting: {ordr: 1}}\n",
+            11,
+            "expect.splitting.ordr: is not a known quantity",
+        ),
     ],
 )
 def test_a_wrong_claim_is_named_with_its_line(load, tmp_path, base, text, line, message):
@@ -315,7 +325,7 @@ def of(scheme, quantity, sense, number, case="three", **others):
     return Claim(case, scheme, quantity, sense, number, 0.0, f"{number:g}", **others)
 
 
-STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=0.9, order_ci=(0.4, 1.4)))
+STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=Order(0.9, 0.4, 1.4, 9)))
 JUDGED = expecting(
     STRONG,
     of("splitting", "order", EQUAL, 0.5),

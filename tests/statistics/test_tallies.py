@@ -14,7 +14,7 @@ from spi.ensemble import loop
 from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest
 from spi.storage import sums
 
@@ -364,7 +364,7 @@ def plan(request, tmp_path):
 
 def numbers_of_group(plan, state):
     """What a state gives in the end, but times."""
-    found = plan.group(state)
+    found = plan.results(state).group()
     return {name: values for name, values in found.arrays.items() if not name.endswith(("seconds", "ns_per_step"))}
 
 

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 from helpers import COMPILED, LANES, SCHEMES, take_steps
-from yaml_cases import ZOO, given, made
+from yaml_cases import SYSTEMS, given, made
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, noise_flow
@@ -141,7 +141,7 @@ LONG = {
         (1, 0.3, -0.6),
     ),
     "hyperbolic": ("{algebra: 'so(2,1)', hamiltonian: y1^2/2 + y3^2, noises: [y3/1000]}", (0.3, 0.2, 0.9)),
-    "heavy top": (ZOO["heavy top"][0], (1.0, 0.5, 0.3, 0.6, 0.1, 0.8)),
+    "heavy top": (SYSTEMS["heavy top"][0], (1.0, 0.5, 0.3, 0.6, 0.1, 0.8)),
 }
 
 

@@ -14,7 +14,7 @@ from spi import systems
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
 
 SPEC = """\
@@ -52,9 +52,9 @@ noises:
             FILE,
             "noises:",
             "noise:",
-            "3: model.system: is 'top.yaml', line 7, noise: is no known key; did you mean 'noises'",
+            "3: model.system: is 'top.yaml', line 7, noise: is not a known key; did you mean 'noises'",
         ),
-        (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is no mapping; give it some of algebra"),
+        (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is not a mapping; give it some of algebra"),
         (FILE, "  a: 2", "  a: 2\n  a: 3", "3: model.system: is 'top.yaml', line 5"),
         (FILE, "so(3)", "so(3", "3: model.system: is 'top.yaml', line 2, algebra: "),
         (
@@ -65,7 +65,7 @@ noises:
         ),
         (SPEC, "{a: 3}", "{c: y}", "4: model.parameters.c: is 'y' (unknown word 'y'"),
         (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
-        (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is no known key; did you mean 'noises'?"),
+        (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is not a known key; did you mean 'noises'?"),
         (SPEC, "{a: 3}", "{a: 3}\n  name: 2top", "5: model.name: is '2top'; must be a word of letters"),
         (SPEC, "{a: 3}", "{a: 3}\n  name: lambda", "5: model.name: is 'lambda'; must be a word of letters"),
         (SPEC, "{a: 3}", "{a: 3}\n  sigma: [1]", "5: model.sigma: has 1 entries; must have 2, one for each noise"),

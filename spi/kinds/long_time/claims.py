@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.statistics.claims import WIDEST, Quantity, each_step, lost_is_infinite
 
-from .reading import Law, LongTimes
+from .results import Law, LongTimes
 
 
 def quantities(readings: Iterable[LongTimes]) -> Iterator[Quantity]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.statistics.claims import Quantity, each_step, lost_is_infinite
 
-from .reading import Stability
+from .results import Stability
 
 
 def quantities(readings: Iterable[Stability]) -> Iterator[Quantity]:

@@ -6,50 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, joined, sentence, whose
-from spi.printing.text import in_order, lines_of, new_table, power_of_two, print_whole, short
+from spi.printing.text import lines_of, new_table, power_of_two, print_whole, short
 
-from .reading import CASIMIR_KEPT, REGIMES, Stability, largest_step
+from .results import CASIMIR_KEPT, REGIMES, Stability, largest_step
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-#: The columns of the records, in this order; of what a reading lacks there is none.
-COLUMNS = (
-    *("case", "scheme", "eps", "sweep", "value", "h", "regime", "finite", "largest_norm", "error", "error_stderr"),
-    *("casimir_worst", "casimir_median", "law_distance", "law_distance_stderr", "positive", "largest_angle"),
-    *("solves", "iterations", "failures", "largest_residual", "samples", "reference_step"),
-)
 
 
 def rows(readings: Iterable[Stability]) -> Iterator[dict[str, Any]]:
     """A record per value and step size; of several Casimirs the largest error."""
     for reading in readings:
-        whole = {
-            "case": reading.about.case,
-            "scheme": reading.about.scheme,
-            "eps": reading.about.eps,
-            "sweep": reading.word,
-            "samples": reading.samples,
-            "reference_step": reading.reference_step,
-        }
-        arrays, regimes = _arrays(reading), reading.regimes
-        for i, value in enumerate(reading.values.tolist()):
-            for j, h in enumerate(reading.h.tolist()):
-                record = {**whole, "value": value, "h": h, "regime": REGIMES[regimes[i, j]]}
-                yield in_order(record | {name: values[i, j].item() for name, values in arrays.items()}, COLUMNS)
-
-
-def _arrays(reading: Stability) -> dict[str, np.ndarray]:
-    """The columns that are arrays (V, S), by name."""
-    found = {name: getattr(reading, name) for name in ("finite", "largest_norm", "error", "error_stderr")}
-    if reading.casimirs:
-        found |= {"casimir_worst": reading.casimirs.largest_worst, "casimir_median": reading.casimirs.largest_median}
-    if reading.law:
-        found |= {"law_distance": reading.law.distance, "law_distance_stderr": reading.law.distance_stderr}
-    optional = {name: getattr(reading, name) for name in ("positive", "largest_angle")}
-    found |= {name: values for name, values in optional.items() if values is not None}
-    return found | (reading.solver._asdict() if reading.solver else {})
+        regime = {"regime": (("value", "h"), np.array(REGIMES)[reading.regimes])}
+        yield from rows_of(reading, ["value", "h"], largest=["casimir"], derived=regime)
 
 
 def show(console: "Console", heading: str, readings: Sequence[Stability]) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 from spi.statistics.claims import Quantity, drifts, each_step, order
 
-from .reading import StrongErrors
+from .results import StrongErrors
 
 
 def quantities(readings: Iterable[StrongErrors]) -> Iterator[Quantity]:

@@ -21,7 +21,7 @@ from spi.drawing.axes import (
     with_order,
 )
 
-from .reading import StrongErrors
+from .results import StrongErrors
 
 UNRESOLVED = "#999999"
 ERROR = r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$"

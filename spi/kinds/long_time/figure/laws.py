@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules
 
-from ..reading import LongTimes, with_laws
+from ..results import LongTimes, with_laws
 
 MOST = 4  # variables shown
 ZERO = 2.0  # standard errors: up to these a distance is statistically zero

@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from spi.drawing import style
 from spi.drawing.layout import Entry, Line
 
-from ..reading import CASIMIR_LOST, FAILING, GROWTH, Stability
+from ..results import CASIMIR_LOST, FAILING, GROWTH, Stability
 
 SIZE = (2.3, 2.45)  # inches of a map
 LEAST = 1.6  # inches of its width in a paper

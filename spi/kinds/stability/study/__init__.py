@@ -19,11 +19,12 @@ from spi.kinds.blocks import BlocksPlan, Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.schemes import typical_ns
 from spi.statistics.tallies import PathSet
-from spi.storage.records import Group, Part
+from spi.storage.records import Description, Part
 
+from ..results import Stability
 from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
+from .outcome import results
 from .paths import Paths, Rows, added, extremes_of, no_paths, rows_of
-from .results import group
 
 _MOST_BLOCKS = 64
 
@@ -122,11 +123,20 @@ class StabilityPlan(Blockwise):
         done = sum(state.tally(i).paths for i in range(len(self.points)))
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
-    def description(self) -> dict[str, Any]:
-        """The attributes that say what was integrated, whatever the value of the swept parameter."""
+    def description(self) -> Description:
+        """What is integrated, without what differs from value to value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
-        return dict(item for item in first.items() if all(item in other.items() for other in others))
+        same = {
+            name: value for name, value in first._asdict().items() if all(getattr(o, name) == value for o in others)
+        }
+        alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]
+        own = {
+            "case": self.case.name,
+            "variant": self.part.variant,
+            "truncate_noise": same.get("truncate_noise", False),
+        }
+        return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
-        return group(self, state)
+        return results(self, state)

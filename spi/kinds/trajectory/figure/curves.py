@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from spi.drawing.layout import Entry
 
-from ..reading import Trajectory
+from ..results import Trajectory
 
 Bound = float | np.ndarray
 Frame = tuple[Bound, Bound]  #: the lowest and the highest value, or those of each column
