@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from spi.compiler.dispatch import kernel, number, unrolled
+from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import area_count
 from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field
 from spi.ensemble.increments import first_lane
@@ -196,7 +197,7 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
         advance(scheme, model, h, dW[n], coins[n], y, work, report)
 
 
-def take_steps(scheme, model, h, dW, y, coins=None):
+def take_steps(scheme, model, h, dW, y, coins=None, advance=_advance):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
     For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  One that needs Lévy areas has
@@ -211,13 +212,18 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     dW = dW.reshape(len(dW), -1)
     assert dW.shape[1] >= (2 * substeps(scheme) - 1) * noises(model) * LANES
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
-    _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
+    advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report
 
 
 def take_step(scheme, model, h, dW, y, coins=None):
-    """The same for one step with increments dW [noise, lane] and coins [lane]."""
-    return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, None if coins is None else coins[np.newaxis])
+    """The same for one step with increments dW [noise, lane] and coins [lane], uncompiled: that takes less time.
+
+    What kernels make of the same Python code is tested for every scheme, see test_ensemble.py.
+    """
+    coins, plain = None if coins is None else coins[np.newaxis], getattr(_advance, "py_func", _advance)
+    with uncompiled(), np.errstate(all="ignore"):
+        return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, coins, plain)
 
 
 def composed(model, flows, h, y, dW):

@@ -196,6 +196,7 @@ def test_the_mean_is_that_of_the_damped_equation():
     assert (np.abs(y.mean(axis=1)) < 4.5 * y.std(axis=1) / np.sqrt(y.shape[1])).all()
 
 
+@pytest.mark.slow
 @compiled_only
 def test_schemes_have_one_limit_and_strong_order_one_with_one_noise():
     one_noise = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))  # of the same kernels as with three
@@ -270,6 +271,7 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
     assert worst > 1e-3
 
 
+@pytest.mark.slow
 @compiled_only
 def test_damping_is_swept(load_text):
     group = next(plan.results(finished(plan)).group() for plan in plans(load_text(STABILITY)))
