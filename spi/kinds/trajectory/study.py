@@ -12,7 +12,7 @@ from spi.compiler.dispatch import kernel, number, unrolled
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import growth
 from spi.ensemble.lanes import load_lane
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, empty_report, grid, integrate, report_columns, thread_count
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, empty_report, grid, integrate, report_columns
 from spi.ensemble.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian, large
 from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
 from spi.models.zeitlin.fields import lattice_of
@@ -159,7 +159,7 @@ class TrajectoryPlan(PathsPlan):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
         return Trajectory(
-            about=self.description(),
+            **self.whole(state),
             t=t,
             y=path.y,
             hamiltonian=energy,
@@ -174,8 +174,6 @@ class TrajectoryPlan(PathsPlan):
             times=case.times or (),
             preserves=self.row.preserves,
             surface=None if lattice_of(case.model) is None else "torus",
-            wall_seconds=state.seconds,
-            threads=thread_count(),
             **_reported(path.report),
         )
 
