@@ -14,7 +14,8 @@ import numpy as np
 from examples import STEP, example, row
 from machine import vector_width
 
-from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
+from spi.ensemble.loop import RandomStream, empty_report, grid, integrate, states_at, use_threads
+from spi.ensemble.observer import last_states_only
 from spi.ensemble.protocol import noises, tosses
 from spi.numerics.rng import BROWNIAN, LANES
 
@@ -37,9 +38,9 @@ class Times(NamedTuple):
 def our_work(scheme, model, initial, steps, *, h=STEP, truncate=False, blocks=BLOCKS):
     """A function that runs the bare ensemble at one step size."""
     noise, report = RandomStream(np.uint64(1), np.uint64(BROWNIAN)), empty_report(blocks, 1)
-    states = FinalStates(np.zeros((blocks, 1, type(model).dimension * LANES)), np.array([steps]))
     times = grid(h, steps, truncate=truncate)
-    return lambda: integrate(scheme, model, initial, times, noise, states, report, 0, blocks, blocks * LANES)
+    start, nothing = states_at(initial, scheme, model, times, blocks), last_states_only(times)
+    return lambda: integrate(scheme, model, start.copy(), times, noise, nothing, report, 0, blocks * LANES)
 
 
 class Pair:

@@ -30,7 +30,7 @@ from peer_problem import BATCH, EXPONENTS, INITIAL, MODEL, PATHS, REFERENCE, Row
 from peer_programs import diffrax_rows, torchsde_rows
 
 from spi.compiler.dispatch import kernel
-from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate, use_threads
+from spi.ensemble.loop import RandomStream, grid, integrated, paths_of, use_threads
 from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 from spi.schemes import SCHEMES
 
@@ -67,11 +67,10 @@ def our_increments():
 
 def our_states(scheme, exponent, paths, doublings=(0,)):
     """Last states (step sizes, paths, 3) at the steps 2^doublings 2^-exponent."""
-    row, steps, blocks, levels = SCHEMES[scheme], 2**exponent, paths // LANES, len(doublings)
-    last = FinalStates(np.zeros((blocks, levels, 3 * LANES)), steps >> np.array(doublings))
+    row, steps = SCHEMES[scheme], 2**exponent
     times = grid(1.0 / steps, steps, doublings, row.needs_truncation)
-    integrate(row.record, MODEL, INITIAL, times, NOISE, last, empty_report(blocks, levels), 0, blocks, paths)
-    return last.y.reshape(blocks, levels, 3, LANES).transpose(1, 0, 3, 2).reshape(levels, paths, 3)
+    states, _ = integrated(row.record, MODEL, INITIAL, times, NOISE, 0, paths // LANES, paths)
+    return paths_of(states, 3).swapaxes(1, 2)
 
 
 def our_work(scheme, n):

@@ -7,10 +7,10 @@ import numpy as np
 from examples import STEP, example
 from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
 
-from spi.ensemble.loop import RandomStream, empty_report, grid, integrate, use_threads
+from spi.ensemble.loop import RandomStream, arguments_of, grid, integrate, use_threads
+from spi.ensemble.observer import path_observer
 from spi.expressions import parse_expression
-from spi.kinds.strong.study.paths import sums_of
-from spi.kinds.weak.study.sums import add_powers, values_of_blocks
+from spi.kinds.weak.study.sums import values_of_blocks, with_powers
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS
@@ -22,9 +22,10 @@ SPLITTING = SCHEMES["splitting"].record
 
 def strong_work(model, initial, doublings):
     """The pass of the strong study, with several step sizes; per step of the smallest."""
-    times, report = grid(STEP, STEPS, doublings, True), empty_report(BLOCKS, len(doublings))
-    sums = sums_of(model, initial, times, BLOCKS)
-    return lambda: integrate(SPLITTING, model, initial, times, NOISE, sums, report, 0, BLOCKS, BLOCKS * LANES)
+    times = grid(STEP, STEPS, doublings, True)
+    observer = path_observer(model, initial, times, BLOCKS, squares=True)
+    arguments = arguments_of(SPLITTING, model, initial, times, NOISE, 0, BLOCKS, BLOCKS * LANES, observer)
+    return lambda: integrate(*arguments)
 
 
 def weak_work(model, initial, blocks, steps):
@@ -36,7 +37,7 @@ def weak_work(model, initial, blocks, steps):
 
     def work():
         values, _ = values_of_blocks(plan, times, NOISE, 0, blocks, blocks * LANES)
-        add_powers(values.reshape(blocks, -1, LANES), 0, blocks * LANES, np.zeros((2, 1, GROUPS)))
+        with_powers(np.zeros((2, 1, 1, GROUPS)), values, 0, blocks * LANES)
 
     return work
 

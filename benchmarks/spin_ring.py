@@ -129,17 +129,16 @@ def strong_run(model, scheme, steps):
     """Have the kernel of strong errors make `steps` reference steps of one block, and as many of twice the size."""
     import numpy as np
 
-    from spi.ensemble.loop import brownian, empty_report, integrate, nested_grid
+    from spi.ensemble.loop import brownian, integrated, nested_grid
+    from spi.ensemble.observer import path_observer
     from spi.ensemble.protocol import dimension
-    from spi.kinds.strong.study.paths import sums_of
     from spi.schemes import SCHEMES
 
     times = nested_grid(steps * 2.0**-10, 2.0**-10, [2.0**-9], True, None)
     initial = tuple(np.cos(np.arange(dimension(model))).tolist())
-    sums = sums_of(model, initial, times, 1)
-    report = empty_report(1, 2)
-    integrate(SCHEMES[scheme].record, model, initial, times, brownian(1), sums, report, 0, 1, 64)
-    return sums.drift.max()
+    observer = path_observer(model, initial, times, 1, squares=True)
+    integrated(SCHEMES[scheme].record, model, initial, times, brownian(1), 0, 1, 64, observer)
+    return observer.extremes.max()
 
 
 class Measured(NamedTuple):

@@ -29,9 +29,9 @@ from typing import NamedTuple
 import numpy as np
 from machine import arithmetic_peak, best_time
 
-from spi.ensemble.loop import brownian, empty_report, grid, integrate
+from spi.ensemble.loop import brownian, grid, integrated
+from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import in_kernels
-from spi.kinds.trajectory.study import recorder_of_one
 from spi.models.zeitlin import Zeitlin
 from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import row_order
@@ -226,9 +226,9 @@ def our_states(n, h, steps, scheme, paths=1, every=1):
     model = in_kernels(Zeitlin(n, normalisation="zeitlin"))
     omega, (m1, m2) = typical(n), np.array(modes(n)).T
     initial = np.stack([omega[m1, m2].real, omega[m1, m2].imag], axis=1).ravel()
-    states, report = np.tile(initial, (steps // every + 1, 1)), empty_report(1, 1)
-    observer = recorder_of_one(states, 0, every)
-    integrate(SCHEMES[scheme].record, model, initial, grid(h, steps), brownian(1), observer, report, 0, 1, paths)
+    states, times = np.tile(initial, (steps // every + 1, 1)), grid(h, steps)
+    observer = state_recorder(times, states[np.newaxis], every)
+    integrated(SCHEMES[scheme].record, model, initial, times, brownian(1), 0, 1, paths, observer)
     return states
 
 

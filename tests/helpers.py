@@ -18,11 +18,13 @@ import numpy as np
 import pytest
 
 from spi.compiler.dispatch import kernel, number, unrolled
+from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import area_count
 from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field
 from spi.ensemble.increments import first_lane
 from spi.ensemble.lanes import load_lane, store_lane
-from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate
+from spi.ensemble.loop import RandomStream, grid, integrated, paths_of
+from spi.ensemble.observer import STATES, last_states_only
 from spi.ensemble.protocol import (
     REPORT,
     advance,
@@ -79,20 +81,6 @@ for _name, _word in vars(Damped).items():
 
 
 # --- records for the ensemble ----------------------------------------------------------------------------------------
-
-
-class Snapshots(NamedTuple):
-    """An observer that keeps the states after every ``strides[level]`` steps of each level; idle lanes are not kept."""
-
-    strides: np.ndarray
-    states: np.ndarray  #: block, level, snapshot, component * LANES + lane
-
-    def observe(observer, model, row, paths, level, n, y, reference):
-        if n % observer.strides[level] == 0:
-            kept = observer.states[row, level, n // observer.strides[level] - 1]
-            for i in range(dimension(model)):
-                for lane in range(paths):
-                    kept[i * LANES + lane] = y[i * LANES + lane]
 
 
 @unrolled(noise_indices)
@@ -173,49 +161,31 @@ def simulate(
 
     Returns the states at ``snapshots`` equidistant times, an array [level, snapshot, component, path] (with 0 in place
     of ``snapshots``: a list of levels, all steps kept), and the report, an array [block, level, column].
-
-    By the observer FinalStates, run until each of these times, because studies need its kernels as well.  Where all
-    steps are kept, or lanes are idle because there are fewer ``samples``, it is the observer Snapshots.
     """
-    paths = {"blocks": blocks, "first_block": first_block, "seed": seed, "initial": initial}
-    if snapshots and samples is None:
-        ends = [steps * n // snapshots for n in range(1, snapshots + 1)]
-        times = [grid(h, end, doublings, truncate, reversals, area_terms=area_terms) for end in ends]
-        states, reports = zip(*(_until_the_end(scheme, model, until, **paths) for until in times), strict=True)
-        return np.stack(states, axis=1), reports[-1]
-    d, levels = type(model).dimension, len(doublings)
-    counts = np.array([steps >> s for s in doublings])
+    d, levels, counts = type(model).dimension, len(doublings), np.array([steps >> s for s in doublings])
     assert all(count << s == steps for count, s in zip(counts, doublings, strict=True))
-    strides = counts // snapshots if snapshots else np.ones(levels, np.int64)
-    observer = Snapshots(strides, np.full((blocks, levels, snapshots or steps, d * LANES), np.nan))
     times = grid(h, steps, doublings, truncate, reversals, area_terms=area_terms)
-    report = _run(scheme, model, times, observer, samples=samples, **paths)
-    states = observer.states.reshape(blocks, levels, -1, d, LANES).transpose(1, 2, 3, 0, 4)
-    states = states.reshape(levels, -1, d, blocks * LANES)
-    return (states if snapshots else [states[level, :count] for level, count in enumerate(counts)]), report
+    each = counts // (snapshots or counts)
+    kept = np.array([snapshots] * levels if snapshots else counts)
+    places = np.cumsum(kept) - kept
+    rows = np.full((blocks, kept.sum(), d * LANES), np.nan)
+    observer = last_states_only(times)._replace(
+        rows=rows, holds=STATES, levels=np.stack([places, each, counts], axis=1).astype(np.int64)
+    )
+    end = (first_block + blocks) * LANES if samples is None else samples
+    noise = RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
+    _, report = integrated(scheme, model, initial, times, noise, first_block, blocks, end, observer)
+    states = rows.reshape(blocks, -1, d, LANES).transpose(1, 2, 0, 3).reshape(-1, d, blocks * LANES)
+    of_levels = [states[place : place + count] for place, count in zip(places, kept, strict=True)]
+    return (np.stack(of_levels) if snapshots else of_levels), report
 
 
 def final_states(scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, seed=1, stream=BROWNIAN, **options):
-    """The last states alone, by the observer FinalStates, an array [level, component, path]; `options` are grid's."""
-    initial = options.pop("initial", INITIAL)
-    paths = {"blocks": blocks, "first_block": first_block, "seed": seed, "stream": stream, "initial": initial}
-    return _until_the_end(scheme, model, grid(h, steps, **options), **paths)[0]
-
-
-def _until_the_end(scheme, model, times, *, blocks, **paths):
-    """The last states [level, component, path], and the report."""
-    levels, d = len(times.doublings), dimension(model)
-    observer = FinalStates(np.zeros((blocks, levels, d * LANES)), times.reference_steps >> times.doublings)
-    report = _run(scheme, model, times, observer, blocks=blocks, **paths)
-    return observer.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1), report
-
-
-def _run(scheme, model, times, observer, *, blocks, first_block, seed, initial, stream=BROWNIAN, samples=None):
-    """Integrate blocks of paths, with all of their lanes unless there are fewer `samples`; returns the report."""
-    report, end = empty_report(blocks, len(times.doublings)), first_block + blocks
-    noise, samples = RandomStream(np.uint64(seed), np.uint64(stream)), end * LANES if samples is None else samples
-    integrate(scheme, model, initial, times, noise, observer, report, first_block, blocks, samples)
-    return report
+    """The last states alone, an array [level, component, path]; `options` are grid's."""
+    initial, noise = options.pop("initial", INITIAL), RandomStream(np.uint64(seed), np.uint64(stream))
+    times, end = grid(h, steps, **options), (first_block + blocks) * LANES
+    states, _ = integrated(scheme, model, initial, times, noise, first_block, blocks, end)
+    return paths_of(states, dimension(model))
 
 
 # --- schemes and flows without the ensemble --------------------------------------------------------------------------
@@ -227,7 +197,7 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
         advance(scheme, model, h, dW[n], coins[n], y, work, report)
 
 
-def take_steps(scheme, model, h, dW, y, coins=None):
+def take_steps(scheme, model, h, dW, y, coins=None, advance=_advance):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
     For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  One that needs Lévy areas has
@@ -242,13 +212,18 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     dW = dW.reshape(len(dW), -1)
     assert dW.shape[1] >= (2 * substeps(scheme) - 1) * noises(model) * LANES
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
-    _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
+    advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report
 
 
 def take_step(scheme, model, h, dW, y, coins=None):
-    """The same for one step with increments dW [noise, lane] and coins [lane]."""
-    return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, None if coins is None else coins[np.newaxis])
+    """The same for one step with increments dW [noise, lane] and coins [lane], uncompiled: that takes less time.
+
+    What kernels make of the same Python code is tested for every scheme, see test_ensemble.py.
+    """
+    coins, plain = None if coins is None else coins[np.newaxis], getattr(_advance, "py_func", _advance)
+    with uncompiled(), np.errstate(all="ignore"):
+        return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, coins, plain)
 
 
 def composed(model, flows, h, y, dW):

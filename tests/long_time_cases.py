@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from states import finished
 
-from spi.ensemble.loop import FinalStates, RandomStream, empty_report, grid, integrate
-from spi.ensemble.protocol import memory_size
+from spi.ensemble.loop import RandomStream, grid, integrated, states_at
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
 from spi.numerics.rng import BROWNIAN, LANES
@@ -50,17 +49,14 @@ def study(case, scheme, state=None):
 
 
 def initial_rows(scheme, model, initial, blocks):
-    rows = np.zeros((blocks, len(initial) * LANES + memory_size(scheme, model)))
-    rows[:, : len(initial) * LANES] = np.repeat(initial, LANES)
-    return rows
+    return states_at(initial, scheme, model, grid(1.0, 1), blocks)[:, 0]
 
 
 def rows_after(scheme, model, rows, h, first, steps, seed=3):
-    """The rows that ``integrate`` takes and FinalStates keeps, after so many more steps."""
-    last, report = FinalStates(np.empty((len(rows), 1, rows.shape[1])), np.array([first + steps])), empty_report(2, 1)
+    """The states of blocks (blocks, floats) after so many more steps."""
     times, noise = grid(h, steps, first_step=first), RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
-    integrate(scheme, model, rows, times, noise, last, report[: len(rows)], 0, len(rows), len(rows) * LANES)
-    return last.y[:, 0]
+    states, _ = integrated(scheme, model, rows[:, np.newaxis], times, noise, 0, len(rows), len(rows) * LANES)
+    return states[:, 0]
 
 
 def paths_done(plan, chunk, casimir=None):

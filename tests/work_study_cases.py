@@ -67,10 +67,9 @@ class Clock:
         )
         monkeypatch.setattr(work_precision, "integrate", self.integrate)
 
-    def integrate(self, scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
+    def integrate(self, scheme, model, states, grid, noise, observer, report, first_block, samples):
         if len(self.calls) == self.fail_at:
             raise KeyboardInterrupt
-        sizes = len(grid.doublings)
-        assert report.shape[:2] == (blocks, sizes) and len(observer[0]) == blocks and first_block == 0
+        assert report.shape[:2] == states.shape[:2] == (samples // 64, len(grid.doublings)) and first_block == 0
         self.calls.append(SimpleNamespace(scheme=scheme, grid=grid, samples=samples, threads=thread_count()))
         self.now += 2.0**-20 * self.rates[(len(self.calls) - 1) % len(self.rates)] * grid.reference_steps * samples

@@ -1,26 +1,31 @@
 """Expectations E phi(y_h(T)) of functions of the final state, the functions expressions or Python."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import FinalStates, Grid, empty_report, grid, integrate, shortest, steps_of
+from ..ensemble.loop import grid, integrated, paths_of
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..kinds.plans import KernelCall
+from ..kinds.blocks import BlocksPlan
+from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan
+from ..kinds.weak.study.sums import mean_over_paths, standard_deviation, with_powers
 from ..numerics.rng import LANES
+from ..running import workers
 from ..running.compiling import compile_missing
 from ..specs import SpecError
+from ..statistics.estimators import GROUPS, group_counts
 from .paths import plan_of
 from .progress import Line
 from .specs import whole
 
-_BATCH_BYTES = 16e6  # of final states; the division into batches decides the last bits of means
+_BATCH_BYTES = 16e6  # of final states
 
 Phi = Callable[[np.ndarray], Any]  #: values (paths,) of states (d, paths)
 
@@ -58,13 +63,21 @@ def expectations(
     finest = each[0]
     phis = _callables(functions, finest)
     doublings = [_doublings(one.case.step, finest.case.step) for one in each]
-    sums = _Sums.none((len(phis), len(each)))
+    state = State(_means_plan(finest, doublings, phis, count))
     with Line("expectations", progress) as line:
-        for states, done in _final_states(finest, doublings, count, line):
-            sums = sums.plus(_values(phis, states))
-            line.share("paths", done, count)
+        compile_missing([(scheme, call) for call in state.plan.kernel_calls()], line.watch.report_compiling)
+        workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
     h = [one.case.step for one in each][::-1]
-    return _dataset(sums, list(phis), h, {"samples": count, "scheme": scheme, "model": finest.case.model_name})
+    about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
+    return _dataset(state.total(), list(phis), h, about)
+
+
+def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[str, Phi], samples: int) -> Any:
+    """The plan of the paths at all step sizes."""
+    case, h = finest.case, finest.case.step
+    terms = fourier_terms(case.model, [finest.scheme], h)
+    times = grid(h, round(case.final_time / h), doublings, case.truncate_noise, area_terms=terms)
+    return MeansPlan(case=case, part=finest.part, grid=times, samples=samples, functions=functions)
 
 
 def _plans(model: Any, scheme: str, keys: dict[str, Any], steps: list[Any]) -> list[TrajectoryPlan]:
@@ -98,75 +111,86 @@ def _doublings(h: float, finest: float) -> int:
     return doublings
 
 
-def _final_states(
-    ready: TrajectoryPlan, doublings: list[int], samples: int, line: Line
-) -> Iterator[tuple[np.ndarray, int]]:
-    """Final states (steps from small to large, d, paths) of some paths at a time, and how many paths are done."""
-    h, d, levels = ready.case.step, len(ready.initial), len(doublings)
-    terms = fourier_terms(ready.case.model, [ready.scheme], h)
-    count = round(ready.case.final_time / h)
-    times = grid(h, count, doublings, ready.case.truncate_noise, area_terms=terms)
-    most, total = max(1, int(_BATCH_BYTES / (8 * LANES * levels * d))), math.ceil(samples / LANES)
+class Sums(NamedTuple):
+    """What is known of some paths, for F functions at L step sizes."""
 
-    def call(times: Grid, first: int, blocks: int, end: int) -> KernelCall:
-        last = FinalStates(np.zeros((blocks, levels, d * LANES)), steps_of(times))
-        what = ready.scheme, ready.model, ready.initial, times, ready.stream
-        return KernelCall(integrate, (*what, last, empty_report(blocks, levels), first, blocks, end))
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    values: np.ndarray  #: (1, L, F, GROUPS) sums of phi
+    apart: np.ndarray  #: (2, L, F, GROUPS) of phi(y) - phi(y_0), which loses fewer digits, and of its square
+    nonfinite: np.ndarray  #: (L,)
 
-    compile_missing([(ready.part.scheme, call(shortest(times), 0, 1, LANES))], line.watch.report_compiling)
-    for first in range(0, total, most):
-        blocks = min(most, total - first)
-        one = call(times, first, blocks, samples)
-        one.kernel(*one.arguments)
-        last = one.arguments[5]
-        y = last.y.reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1)
-        done = min((first + blocks) * LANES, samples)
-        yield y[..., : done - first * LANES], done
+    def plus(self, later: "Sums") -> "Sums":
+        """These paths and some later ones."""
+        mine, others = self._asdict(), later._asdict()
+        return Sums(**{name: mine[name] + others[name] for name in self._fields})
 
 
-def _values(phis: dict[str, Phi], states: np.ndarray) -> np.ndarray:
-    """The values (functions, steps, paths) of all functions."""
-    values = np.empty((len(phis), len(states), states.shape[-1]))
-    for f, (name, phi) in enumerate(phis.items()):
-        for level, y in enumerate(states):
-            with np.errstate(all="ignore"):
-                found = np.asarray(phi(y))
-            if found.shape != y.shape[-1:]:
-                raise ValueError(f"the function {name} returned shape {found.shape} for {y.shape[-1]} paths; one each")
-            values[f, level] = found
-    return values
+@dataclass(frozen=True, kw_only=True)
+class MeansPlan(BlocksPlan):
+    """Means of functions at the end of paths, summed up as the weak study does, whose bits they have."""
 
+    functions: dict[str, Phi]
 
-class _Sums:
-    """The number of paths, the means of the functions, sums of squares about them, and how many were not finite."""
+    @property
+    def at_start(self) -> np.ndarray:
+        """(F,) phi(y_0)."""
+        y = np.repeat(np.reshape(self.initial, (-1, 1)), LANES, axis=1)
+        return np.array([self._values(name, y)[0] for name in self.functions])
 
-    def __init__(self, paths: int, mean: np.ndarray, squares: np.ndarray, nonfinite: np.ndarray) -> None:
-        self.paths, self.mean, self.squares, self.nonfinite = paths, mean, squares, nonfinite
-
-    @classmethod
-    def none(cls, shape: tuple[int, int]) -> "_Sums":
-        return cls(0, np.zeros(shape), np.zeros(shape), np.zeros(shape[1], int))
-
-    def plus(self, values: np.ndarray) -> "_Sums":
-        """With values (functions, steps, paths) added as Chan, Golub and LeVeque do, without cancellation."""
-        n = values.shape[-1]
+    def _values(self, name: str, y: np.ndarray) -> np.ndarray:
+        """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
         with np.errstate(all="ignore"):
-            mean = values.mean(axis=-1)
-            squares = ((values - mean[..., np.newaxis]) ** 2).sum(axis=-1)
-            apart, paths = mean - self.mean, self.paths + n
-            together = self.squares + squares + apart**2 * (self.paths * n / paths)
-            lost = (~np.isfinite(values).all(axis=0)).sum(axis=-1)
-            return _Sums(paths, self.mean + apart * (n / paths), together, self.nonfinite + lost)
+            values = np.asarray(self.functions[name](y))
+        if values.shape != y.shape[-1:]:
+            raise ValueError(f"the function {name} returned shape {values.shape} for {y.shape[-1]} paths; one each")
+        return values
+
+    def empty(self, number: int) -> Sums:
+        """The sums over no paths."""
+        shape = len(self.steps), len(self.functions), GROUPS
+        return Sums(0, 0.0, 0.0, np.zeros((1, *shape)), np.zeros((2, *shape)), np.zeros(len(self.steps), int))
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        return max(1, int(_BATCH_BYTES / (8 * LANES * len(self.steps) * (len(self.initial) + 3 * len(self.functions)))))
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+        """The values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
+        what = self.scheme, self.model, self.initial, self.grid, self.stream
+        states, _ = integrated(*what, first, blocks, end)
+        y = paths_of(states, len(self.initial))[..., : end - first * LANES]
+        values = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
+        for level, of_level in enumerate(y):
+            for f, name in enumerate(self.functions):
+                values[level, f, : y.shape[-1]] = self._values(name, of_level)
+        return np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
+
+    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
+        """The sums with the values `at`, of which the first is that of block `first`."""
+        values = rows[at]
+        real = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
+        with np.errstate(all="ignore"):
+            apart = values - self.at_start[:, np.newaxis]
+        return sums._replace(
+            values=with_powers(sums.values, values, first, end),
+            apart=with_powers(sums.apart, apart, first, end),
+            nonfinite=sums.nonfinite + (~np.isfinite(values).all(axis=2) & real).sum(axis=(0, 2)),
+        )
 
 
-def _dataset(sums: _Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
+def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
     """The result, from the largest step to the smallest."""
-    stderr = np.sqrt(sums.squares / (sums.paths - 1) / sums.paths)
+    counts = group_counts(sums.paths)
+    mean, _ = mean_over_paths(sums.values[0], counts)
+    (apart, square), _ = mean_over_paths(sums.apart, counts)
+    stderr = standard_deviation(apart, square) / math.sqrt(sums.paths - 1)
     axes = ("function", "h")
     return xr.Dataset(
         {
-            "expectation": (axes, sums.mean[:, ::-1], {"long_name": "E phi(y_h(T))"}),
-            "expectation_stderr": (axes, stderr[:, ::-1], {"long_name": "standard error of the expectation"}),
+            "expectation": (axes, mean[::-1].T, {"long_name": "E phi(y_h(T))"}),
+            "expectation_stderr": (axes, stderr[::-1].T, {"long_name": "standard error of the expectation"}),
             "nonfinite": (("h",), sums.nonfinite[::-1], {"long_name": "diverged paths (NaN or infinity)"}),
         },
         {"function": names, "h": ("h", h, {"long_name": "step size"})},

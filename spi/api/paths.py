@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..ensemble.loop import empty_report, integrate
-from ..ensemble.protocol import casimir_indices
+from ..ensemble.invariants import invariants_of
+from ..ensemble.loop import integrated
+from ..ensemble.observer import state_recorder
 from ..kinds.state import State
-from ..kinds.trajectory.study import Recorder, TrajectoryPlan, invariants, plan
+from ..kinds.trajectory.study import TrajectoryPlan, plan
 from ..numerics.rng import LANES
 from ..running import workers
 from ..running.compiling import compile_missing
@@ -113,31 +114,29 @@ def _batches(ready: TrajectoryPlan, samples: int, line: Line) -> Iterator[np.nda
     for first in range(0, total, most):
         line.share("paths", first, total)
         blocks = min(most, total - first)
-        y = np.empty((blocks, times, LANES, d))
-        y[:, 0] = ready.initial
-        what = ready.scheme, ready.model, ready.initial, ready.grid, ready.stream
-        integrate(*what, Recorder(y, 0, ready.case.every), empty_report(blocks, 1), first, blocks, samples)
-        yield y.transpose(0, 2, 1, 3).reshape(-1, times, d)[: samples - first * LANES]
+        y = np.empty((blocks, times, d * LANES))
+        y[:, 0] = np.repeat(ready.initial, LANES)
+        what = ready.scheme, ready.model, ready.initial, ready.grid, ready.stream, first, blocks, samples
+        integrated(*what, state_recorder(ready.grid, y, ready.case.every))
+        lanes = y.reshape(blocks, times, d, LANES).transpose(0, 3, 1, 2)
+        yield lanes.reshape(-1, times, d)[: samples - first * LANES]
 
 
 def _all_states(ready: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
     """The states of all paths with their invariants."""
     y = np.concatenate(list(_batches(ready, samples, line)))
-    times, count = times_of(ready), len(casimir_indices(ready.model))
-    energy, conserved = np.empty(y.shape[:2]), np.empty((*y.shape[:2], count))
-    flat = y.reshape(-1, y.shape[2])
-    invariants(ready.model, flat, energy.reshape(-1), conserved.reshape(len(flat), count))
+    energy, conserved = invariants_of(ready.model, y.reshape(-1, y.shape[2]))
     return xr.Dataset(
         {
             "y": (("path", "t", "component"), y, {"long_name": "state"}),
-            "hamiltonian": (("path", "t"), energy, {"long_name": "Hamiltonian"}),
-            "casimirs": (("path", "t", "casimir"), conserved, {"long_name": "Casimirs"}),
+            "hamiltonian": (("path", "t"), energy.reshape(y.shape[:2]), {"long_name": "Hamiltonian"}),
+            "casimirs": (("path", "t", "casimir"), conserved.reshape(*y.shape[:2], -1), {"long_name": "Casimirs"}),
         },
         {
             "path": np.arange(samples),
-            "t": ("t", times, {"long_name": "time"}),
+            "t": ("t", times_of(ready), {"long_name": "time"}),
             "component": component_names(ready.case.variables, y.shape[2]),
-            "casimir": np.arange(count),
+            "casimir": np.arange(conserved.shape[1]),
         },
         _attributes(ready),
     )

@@ -10,7 +10,7 @@ _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
-    """{name: method or trait} of all that a "model", a "scheme" or an "observer" is asked."""
+    """{name: method or trait} of all that a "model" or a "scheme" is asked."""
     declared = {name: one.declared for name, one in vars(protocol).items() if hasattr(one, "declared")}
     return {name: getattr(protocol, name) for name, one in declared.items() if one.asked == asked}
 

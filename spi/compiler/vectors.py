@@ -41,7 +41,7 @@ class _VectorModel(models.PrimitiveModel):
 
 
 def without_refcount(array):
-    """The same array, whose references are not counted, for use while another reference is held.
+    """The same array, or tuple with arrays, whose references are not counted, for use while another reference is held.
 
     Numba counts references whenever an array is handed on, with atomic instructions, and cannot leave that out where
     there are branches; in small loops it takes longer than the work.
@@ -91,10 +91,19 @@ def _pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
 
 @intrinsic(without_refcount)
 def _(array):
+    def without_meminfo(context, builder, numba_type, value):
+        if isinstance(numba_type, types.BaseTuple):
+            for i, inner in enumerate(numba_type.types):
+                part = without_meminfo(context, builder, inner, builder.extract_value(value, i))
+                value = builder.insert_value(value, part, i)
+        elif isinstance(numba_type, types.Array):
+            array = cgutils.create_struct_proxy(numba_type)(context, builder, value)
+            array.meminfo = ir.Constant(array.meminfo.type, None)
+            value = array._getvalue()
+        return value
+
     def code(context, builder, signature, arguments):
-        same = cgutils.create_struct_proxy(array)(context, builder, arguments[0])
-        same.meminfo = ir.Constant(same.meminfo.type, None)
-        return same._getvalue()
+        return without_meminfo(context, builder, array, arguments[0])
 
     def counted(context, builder, signature, arguments):
         return impl_ret_borrowed(context, builder, array, arguments[0])

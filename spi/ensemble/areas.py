@@ -30,7 +30,7 @@ import numpy as np
 
 from ..compiler.dispatch import device, method, number, trait, unrolled
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
-from .protocol import area_pairs, needs_areas, noise_indices, noises
+from .protocol import area_pairs, large, needs_areas, noise_indices, noises
 
 #: By which multiple of h^(3/2) a drawn area may be off in the mean square.  So much, drawn anew in each step, adds 8 %
 #: to the strong error of ``splitting_areas`` for the rigid body with three noises, see docs/areas.md.
@@ -57,10 +57,16 @@ def area_channels(model):
     return tuple(k for pair in area_pairs(model) for k in pair)
 
 
-@trait
-def noise_channels(model):
-    """The noises that are on."""
-    return noise_indices(model)
+@device(by_type=True)
+def channels(model):
+    """The noises that are on, for a loop."""
+    if large(model):
+        return lambda model: range(noises(model))
+    on = noise_indices(model)
+    if on == tuple(range(len(on))):  # all of them, or none: Numba has no loop over an empty tuple
+        count = len(on)
+        return lambda model: range(count)
+    return lambda model: on
 
 
 def fourier_terms(model, schemes, drawn, used=None):
@@ -160,13 +166,13 @@ def add_fourier_areas(model, increments, noise, draw, block, h, terms, words):
     x, y = np.empty((m, _SIZE)), np.empty((m, _SIZE))
     w = np.empty((m, _SIZE))  # sqrt(2) dW / sqrt(h)
     area, g = np.zeros((area_count(model), _SIZE)), np.empty(_SIZE)
-    for k in noise_channels(model):
+    for k in channels(model):
         for step in range(STEPS_PER_DRAW):
             for lane in range(LANES):
                 w[k, step * LANES + lane] = np.sqrt(2.0 / h) * increments[step, k * LANES + lane]
     rest = np.pi * np.pi / 6.0
     for r in range(1, terms + 1):
-        for k in noise_channels(model):
+        for k in channels(model):
             draw_coefficients(noise, (2 * r - 1) * m + k, draw, block, words, x[k])
             draw_coefficients(noise, 2 * r * m + k, draw, block, words, y[k])
             subtract(y[k], w[k])
@@ -174,7 +180,7 @@ def add_fourier_areas(model, increments, noise, draw, block, h, terms, words):
             i, j = pairs[2 * p], pairs[2 * p + 1]
             add_turned(area[p], 1.0 / r, x[i], y[j], x[j], y[i])
         rest -= 1.0 / (r * r)
-    for k in noise_channels(model):
+    for k in channels(model):
         draw_coefficients(noise, k, draw, block, words, x[k])
     for p in range(area_count(model)):
         i, j = pairs[2 * p], pairs[2 * p + 1]

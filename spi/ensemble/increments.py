@@ -9,10 +9,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device, number, unrolled
+from ..compiler.dispatch import device, method, number, unrolled
 from ..compiler.records import field
-from ..numerics.rng import BRIDGES, LANES, STEPS_PER_DRAW, draw_increments
-from .areas import areas_length, copy_areas, draw_areas, join_areas
+from ..numerics.rng import (
+    BRIDGES,
+    COINS,
+    LANES,
+    STEPS_PER_DRAW,
+    STEPS_PER_TOSS,
+    draw_increments,
+    read_coins,
+    toss,
+)
+from .areas import areas_length, channels, copy_areas, draw_areas, join_areas
 from .protocol import noise_indices, noises
 
 
@@ -28,16 +37,15 @@ def first_lane(model, k, n, part):
     return ((n - 1 + part) * noises(model) + k) * LANES
 
 
-@unrolled(noise_indices)
-def draw_channels(index, model, increments, noise, draw, block, scale, words, stride):
+@device
+def draw_channels(model, increments, noise, draw, block, scale, words, stride):
     """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on.
 
     `stride` is the length of a row.
     """
-    k = number(index)
-    rows = increments.ravel()[k * LANES :]
-    draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows, stride)
-    return increments
+    rows = increments.ravel()
+    for k in channels(model):
+        draw_increments(noise.seed, noise.stream, np.uint64(k), draw, block, scale, words, rows[k * LANES :], stride)
 
 
 @unrolled(noise_indices)
@@ -67,21 +75,19 @@ def draw_bridges(index, model, increments, noise, draw, block, scale, words, nor
     return increments
 
 
-@unrolled(noise_indices)
-def keep_first_half(index, model, dW, first):
-    k = number(index)
-    for lane in range(k * LANES, (k + 1) * LANES):
-        first[lane] = dW[lane]
-    return dW
+@device
+def keep_first_half(model, dW, first):
+    for k in channels(model):
+        for lane in range(k * LANES, (k + 1) * LANES):
+            first[lane] = dW[lane]
 
 
-@unrolled(noise_indices)
-def add_first_half(index, model, dW, first):
+@device
+def add_first_half(model, dW, first):
     """dW = first half + second half, where dW holds the second."""
-    k = number(index)
-    for lane in range(k * LANES, (k + 1) * LANES):
-        dW[lane] = first[lane] + dW[lane]
-    return dW
+    for k in channels(model):
+        for lane in range(k * LANES, (k + 1) * LANES):
+            dW[lane] = first[lane] + dW[lane]
 
 
 @unrolled(noise_indices)
@@ -117,12 +123,11 @@ def turn_around(index, model, dW, turned, finest):
     return dW
 
 
-@unrolled(noise_indices)
-def clip(index, model, dW, clipped, bound):
-    k = number(index)
-    for lane in range(k * LANES, (k + 1) * LANES):
-        clipped[lane] = min(max(dW[lane], -bound), bound)
-    return dW
+@device
+def clip(model, dW, clipped, bound):
+    for k in channels(model):
+        for lane in range(k * LANES, (k + 1) * LANES):
+            clipped[lane] = min(max(dW[lane], -bound), bound)
 
 
 @unrolled(noise_indices)
@@ -149,6 +154,7 @@ class Kept(NamedTuple):
 
     substeps: NamedTuple  #: one of INDICES: into how many sub-steps it is resolved
     areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
+    coins: NamedTuple  #: Coins or NoCoins
 
 
 @device
@@ -233,13 +239,49 @@ def truncate(kept, model, dW, clipped, h):
     clip_substeps(model, dW, clipped, h, number(kept.substeps))
 
 
-@device
-def flip(coins, side, flipped):
-    for lane in range(LANES):
-        coins[flipped, lane] = -coins[side, lane]
+# And what it does with rows of coins, where a scheme tosses them.
 
 
-@device
-def copy(coins, source, target):
-    for lane in range(LANES):
-        coins[target, lane] = coins[source, lane]
+@method
+def draw_coins(kept, noise, n, block, bits, coins, row):
+    """The coins of step n in a row; `bits`, those of STEPS_PER_TOSS steps, are kept from step to step."""
+
+
+@method
+def copy_coins(kept, coins, source, target):
+    """The coins of one row in another."""
+
+
+@method
+def turn_coins(kept, coins, source, target):
+    """Those on the other side."""
+
+
+class NoCoins(NamedTuple):
+    """No scheme tosses: kernels contain nothing about coins."""
+
+    def draw_coins(kept, noise, n, block, bits, coins, row):
+        pass
+
+    def copy_coins(kept, coins, source, target):
+        pass
+
+    def turn_coins(kept, coins, source, target):
+        pass
+
+
+class Coins(NamedTuple):
+    """A scheme tosses."""
+
+    def draw_coins(kept, noise, n, block, bits, coins, row):
+        if n % STEPS_PER_TOSS == 0:
+            toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
+        read_coins(bits, n, coins[row])
+
+    def copy_coins(kept, coins, source, target):
+        for lane in range(LANES):
+            coins[target, lane] = coins[source, lane]
+
+    def turn_coins(kept, coins, source, target):
+        for lane in range(LANES):
+            coins[target, lane] = -coins[source, lane]

@@ -4,28 +4,12 @@ The exact solution preserves C(y).  With damping at the rate gamma it preserves 
 homogeneous of degree k, so that this takes the place of C(y) wherever Casimir functions are judged.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from ..compiler.dispatch import device, number, unrolled
-from ..compiler.records import class_of
+from ..compiler.dispatch import kernel, number, unrolled
 from ..numerics.rng import LANES
 from .lanes import load_lane
-from .protocol import casimir_indices, casimirs, decay_rates, large
-
-
-class Decaying(NamedTuple):
-    """Casimir functions that decay, for observers."""
-
-    at_start: tuple  #: C(y_0)
-    exponents: np.ndarray  #: (levels, C), k gamma h of the step size h of each level
-
-
-def watched_casimirs(model, initial, step_sizes):
-    """What :func:`watch_casimirs` must know of paths from `initial` on: C(y_0), or a :class:`Decaying`."""
-    first, rates = casimirs(model, initial), decay_rates(model)
-    return Decaying(first, np.multiply.outer(np.array(step_sizes, float), rates)) if rates else first
+from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, hamiltonian, large
 
 
 def growth(model, t):
@@ -42,47 +26,32 @@ def casimirs_of_states(model, states):
     return np.array(casimirs(model, tuple(states)))
 
 
-@device(by_type=True)
-def _growth(first, c, level, n):
-    """The factor of Casimir function c after n steps of a level."""
-    if class_of(first) is Decaying:
-        return lambda first, c, level, n: np.exp(first.exponents[level, c] * n)
-    return lambda first, c, level, n: 1.0
+def empty_invariants(model, states):
+    """Room for so many states (n, d), and for H (n,) and the Casimir functions (n, C) of them."""
+    return np.zeros((states, dimension(model))), np.empty(states), np.empty((states, conserved(model)))
 
 
-@device(by_type=True)
-def _at_start(first):
-    return (lambda first: first.at_start) if class_of(first) is Decaying else (lambda first: first)
+def invariants_of(model, states):
+    """H (n,) and the Casimir functions (n, C) of states (n, d), as kernels round them."""
+    _, energy, values = empty_invariants(model, len(states))
+    invariants(model, states, energy, values)
+    return energy, values
 
 
 @unrolled(casimir_indices)
-def _watch_one(index, model, worst, first, level, n, y):
+def _keep_casimir(index, model, values, row, found):
     c = number(index)
-    grown = _growth(first, c, level, n)
-    for lane in range(LANES):
-        change = abs(grown * casimirs(model, load_lane(model, y, lane))[c] - _at_start(first)[c])
-        if not change <= worst[c, lane]:  # true for NaN
-            worst[c, lane] = change
-    return worst
+    values[row, c] = found[c]
+    return values
 
 
-def _watch_all(model, worst, first, level, n, paths, y):
-    """All Casimir functions of a path at once, as an array-state model finds them."""
-    for lane in range(paths):
-        values = casimirs(model, load_lane(model, y, lane))
-        for c in range(len(values)):
-            change = abs(values[c] - first[c])
-            if not change <= worst[c, lane]:
-                worst[c, lane] = change
-
-
-@device(by_type=True)
-def watch_casimirs(model, worst, first, level, n, paths, y):
-    """For each lane of `worst` (C, LANES) the largest |C_c(y) - C_c(y_0)| so far, for observers of step n of a level.
-
-    `first` is what :func:`watched_casimirs` says; with damping C_c(y) counts exp(k gamma t) times.  Of an array-state
-    model only the first `paths` lanes are watched.
-    """
-    if large(model):
-        return _watch_all
-    return lambda model, worst, first, level, n, paths, y: _watch_one(model, worst, first, level, n, y)
+@kernel
+def invariants(model, states, energy, values):
+    """H and the Casimirs of each row of `states` (n, d), in `energy` (n,) and `values` (n, C)."""
+    block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
+    for row in range(len(states)):
+        for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
+            block[i * LANES] = states[row, i]
+        y = load_lane(model, block, 0)
+        energy[row] = hamiltonian(model, y)
+        _keep_casimir(model, values, row, casimirs(model, y))

@@ -12,15 +12,25 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, prange, set_num_threads, types
-from numba.extending import overload
+from numba import get_num_threads, prange, set_num_threads
 
-from ..compiler.dispatch import INLINED, device, kernel
-from ..numerics.rng import BROWNIAN, COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, read_coins, toss
-from .increments import copy, draw_steps, flip, join, keep, reversed_row, row_length, truncate
-from .lanes import store_lane
-from .protocol import REPORT, SUMMED, dimension, observe
-from .steppers import advance_path, kept_of_steps, largest_sizes, tosses_any
+from ..compiler.dispatch import device, kernel
+from ..compiler.vectors import without_refcount
+from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
+from .increments import (
+    copy_coins,
+    draw_coins,
+    draw_steps,
+    join,
+    keep,
+    reversed_row,
+    row_length,
+    truncate,
+    turn_coins,
+)
+from .observer import last_states_only, observe
+from .protocol import REPORT, SUMMED
+from .steppers import advance_path, kept_of_steps, largest_sizes
 
 #: How often a study that runs in batches can report, and be interrupted.
 BATCH_SECONDS = 0.5
@@ -41,6 +51,7 @@ class Grid(NamedTuple):
     reference_steps: int
     doublings: np.ndarray  #: int64, increasing, doublings[0] = 0
     truncate: bool  #: whether increments are clipped as ``truncation_bound`` says, per step size
+    first_level: np.ndarray  #: int64: the number of the first level with at least s doublings, s = 0, ..., most + 1
     reversals: np.ndarray  #: int64: AS_TOSSED, COINS_TURNED or, below the largest step, PAIRS_REVERSED
     by_reference: np.ndarray  #: int64: whether the reference scheme makes this path, if there is one
     reference_scheme: tuple | None = None
@@ -64,7 +75,19 @@ def grid(
     count = len(doublings)
     reversals = np.array([AS_TOSSED] * count if reversals is None else reversals, np.int64)
     by_reference = np.array([1] + [0] * (count - 1) if by_reference is None else by_reference, np.int64)
-    return Grid(step, steps, doublings, truncate, reversals, by_reference, reference_scheme, area_terms, first_step)
+    first_level = np.searchsorted(doublings, np.arange(doublings[-1] + 2))
+    return Grid(
+        step,
+        steps,
+        doublings,
+        truncate,
+        first_level,
+        reversals,
+        by_reference,
+        reference_scheme,
+        area_terms,
+        first_step,
+    )
 
 
 def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, area_terms=0):
@@ -77,11 +100,6 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, a
 def steps_of(times):
     """(levels,) how many steps each step size of a grid takes."""
     return times.reference_steps >> times.doublings
-
-
-def step_sizes_of(times):
-    """(levels,) the step sizes of a grid."""
-    return times.reference_step * 2.0**times.doublings
 
 
 def shortest(times):
@@ -101,76 +119,59 @@ def brownian(seed):
     return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
-def begin(model, initial, row, y):
-    """Put the initial state, one for all lanes or the row of this block, into `y`."""
-    if isinstance(initial, tuple) or initial.ndim == 1:
-        for lane in range(LANES):
-            store_lane(y, lane, initial)
-    else:
-        y[:] = initial[row]
+def states_at(initial, scheme, model, times, blocks):
+    """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
+    memory = largest_sizes(times.reference_scheme, scheme, model)[1]
+    states = np.zeros((blocks, len(times.doublings), len(initial) * LANES + memory))
+    states[..., : len(initial) * LANES] = np.repeat(initial, LANES)
+    return states
 
 
-@overload(begin, jit_options=INLINED)
-def _(model, initial, row, y):
-    if isinstance(initial, types.BaseTuple) or initial.ndim == 1:
-
-        def one_for_all(model, initial, row, y):
-            for lane in range(LANES):
-                store_lane(y, lane, initial)
-
-        return one_for_all
-
-    def row_of_block(model, initial, row, y):
-        for i in range(len(y)):
-            y[i] = initial[row, i]
-
-    return row_of_block
+def paths_of(states, d):
+    """(levels, d, paths): the states (blocks, levels, d * LANES or more) of :func:`integrate`, path by path."""
+    blocks, levels, _ = states.shape
+    return states[..., : d * LANES].reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1)
 
 
 @device(inline=False)
-def integrate_block(scheme, model, initial, grid, noise, observer, report, block, row, paths):
+def integrate_block(scheme, model, states, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
-    last = grid.doublings[-1]
-    levels = len(grid.doublings)
-    scratch, memory = largest_sizes(grid.reference_scheme, scheme, model)
-    y = np.zeros((levels, dimension(model) * LANES + memory))
-    for level in range(levels):
-        begin(model, initial, row, y[level])
-    first_level = np.searchsorted(grid.doublings, np.arange(last + 2))
+    scheme, model, grid, observer, report = without_refcount((scheme, model, grid, observer, report))
+    last, first_level = grid.doublings[-1], grid.first_level
     kept = kept_of_steps(grid.reference_scheme, scheme, model)
-    words, bits = np.empty(STEPS_PER_DRAW * LANES, np.uint64), np.empty(STEPS_PER_DRAW * LANES, np.uint64)
     # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
     first, changed = STEPS_PER_DRAW, STEPS_PER_DRAW + last + 1
-    dW = np.empty((changed + 1, row_length(kept, model)))
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
-    coins = np.empty((flipped + 1, LANES))
-    work = np.empty(scratch)
+    owned = (
+        np.empty(states.shape),  # because another block's row may share a line of the cache
+        np.empty((changed + 1, row_length(kept, model))),
+        np.empty((flipped + 1, LANES)),
+        np.empty(largest_sizes(grid.reference_scheme, scheme, model)[0]),
+        np.empty(STEPS_PER_DRAW * LANES, np.uint64),
+        np.empty(STEPS_PER_DRAW * LANES, np.uint64),
+    )
+    copy_rows(states, owned[0])
+    y, dW, coins, work, words, bits = without_refcount(owned)  # which is in use until the last line
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
             draw = np.uint64(n // STEPS_PER_DRAW)
             draw_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
-        if tosses_any(grid.reference_scheme, scheme, model):
-            if n % STEPS_PER_TOSS == 0:
-                toss(
-                    noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), np.uint64(block), bits
-                )
-            read_coins(bits, n, coins[here])
+        draw_coins(kept.coins, noise, n, np.uint64(block), bits, coins, here)
         drawn = n % STEPS_PER_DRAW
         # these belong to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
-        s = 0
+        s, h = 0, grid.reference_step
         while True:
             second_half = (n >> s) & 1
             for level in range(first_level[s], first_level[s + 1]):
-                h = grid.reference_step * 2.0**s
                 reversal = grid.reversals[level]
                 if reversal == PAIRS_REVERSED and not second_half:
                     continue
                 for turn in range(2 if reversal == PAIRS_REVERSED else 1):
                     increments, side = (drawn, here) if turn == 0 else (first + s, s)
                     if reversal != AS_TOSSED:
-                        flip(coins, side, flipped)
+                        turn_coins(kept.coins, coins, side, flipped)
                         side = flipped
                         increments = reversed_row(kept, model, dW, increments, changed)
                     if grid.truncate:
@@ -193,43 +194,53 @@ def integrate_block(scheme, model, initial, grid, noise, observer, report, block
             if s == last or not second_half:
                 break
             join(kept, model, dW[drawn], dW[first + s])
-            if tosses_any(grid.reference_scheme, scheme, model):
-                copy(coins, s, here)  # the coin of a step is that of its first half
-            s += 1
+            copy_coins(kept.coins, coins, s, here)  # the coin of a step is that of its first half
+            s, h = s + 1, 2.0 * h
         if s < last:
             keep(kept, model, dW[drawn], dW[first + s])
-            if tosses_any(grid.reference_scheme, scheme, model):
-                copy(coins, here, s)
+            copy_coins(kept.coins, coins, here, s)
+    copy_rows(owned[0], states)
+
+
+@device
+def copy_rows(source, target):
+    for level in range(source.shape[0]):
+        for i in range(source.shape[1]):
+            target[level, i] = source[level, i]
 
 
 @kernel(parallel=True)
-def integrate(scheme, model, initial, grid, noise, observer, report, first_block, blocks, samples):
-    """Integrate the paths of `blocks` blocks, from block `first_block` on; paths from number `samples` on are idle.
+def integrate(scheme, model, states, grid, noise, observer, report, first_block, samples):
+    """Move the states of some blocks of paths on, from block `first_block` on; paths from number `samples` on are idle.
 
-    `initial` is a state, a tuple or of a large model an array, or states to go on from after `grid.first_step` steps:
-    an array (blocks, dimension * LANES + memory) as :class:`FinalStates` keeps them.  `observer` and `report` (shape
-    blocks x step sizes x len(REPORT)) have one row per block, so that nothing depends on threads; to be added up
-    outside, in the order of blocks.
+    `states` (blocks, step sizes, dimension * LANES + memory) are those at the beginning, :func:`states_at` y_0 or after
+    `grid.first_step` steps, and then those at the end.  They, `observer` (an :class:`~spi.ensemble.observer.Observer`)
+    and `report` (blocks, step sizes, len(REPORT)) have a row per block, so that nothing depends on threads; to be added
+    up outside, in the order of blocks.
     """
-    records = [(scheme, model, initial, grid, noise, observer)]  # Numba's prange cannot take nested tuples, but a list
-    for row in prange(blocks):
+    records = [(scheme, model, grid, noise, observer)]  # Numba's prange cannot take nested tuples, but a list
+    for row in prange(len(states)):
         row = np.int64(row)
         block = first_block + row
         paths = min(LANES, samples - block * LANES)
-        scheme, model, initial, grid, noise, observer = records[0]
-        integrate_block(scheme, model, initial, grid, noise, observer, report[row], block, row, paths)
+        scheme, model, grid, noise, observer = records[0]
+        integrate_block(scheme, model, states[row], grid, noise, observer, report[row], block, row, paths)
 
 
-class FinalStates(NamedTuple):
-    """An observer that keeps the last states of each block."""
+def arguments_of(scheme, model, initial, times, noise, first, blocks, end, observer=None):
+    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left."""
+    states = np.array(initial, float)
+    if states.ndim == 1:
+        states = states_at(states, scheme, model, times, blocks)
+    observer = last_states_only(times) if observer is None else observer
+    return scheme, model, states, times, noise, observer, empty_report(blocks, len(times.doublings)), first, end
 
-    y: np.ndarray  #: (blocks, levels, dimension * LANES), or with room for the memory of a scheme
-    steps: np.ndarray  #: (levels,) int64, the number of the last step of each level
 
-    def observe(observer, model, row, paths, level, n, y, reference):
-        if n == observer.steps[level]:
-            for i in range(observer.y.shape[2]):
-                observer.y[row, level, i] = y[i]
+def integrated(*what):
+    """What :func:`integrate` makes of :func:`arguments_of`: the last states, and the report."""
+    arguments = arguments_of(*what)
+    integrate(*arguments)
+    return arguments[2], arguments[6]
 
 
 def in_batches(state, advance, left, most):

@@ -1,4 +1,4 @@
-"""The methods of the program: what a model, a scheme and an observer are asked.  Read this file first.
+"""The methods of the program: what a model and a scheme are asked.  Read this file first.
 
 The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich form,
 
@@ -9,8 +9,7 @@ with independent Wiener processes W_1, ..., W_m.  In the program indices start a
 A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per noise; None = that noise is off and is
 neither drawn nor applied).  In its class body stand its traits (``dimension = 3``) and the methods below
 (``def drift_flow(model, k, t, y, angles)``).  A **scheme** is a NamedTuple of options with the methods of schemes; its
-orders and what it preserves stand in ``schemes.SCHEMES``.  An **observer** is a NamedTuple of arrays into which a study
-collects what it needs.
+orders and what it preserves stand in ``schemes.SCHEMES``.
 
 A class must implement what is marked ``@method``; for ``@method(default=True)`` it need not, and
 ``@method(optional=True)`` says what only some models can.  A ``@trait`` is required unless it has a default.
@@ -369,16 +368,3 @@ def memory_size(scheme, model):
 #: failures in all, the largest relative residual; and the largest |angle| of a rotation (0 if none is above pi/4).
 REPORT = ("solves", "iterations", "failures", "largest_residual", "largest_angle")
 SUMMED = 3  #: so many of them are sums, the others maxima
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The method of an observer
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-@method
-def observe(observer, model, row, paths, level, n, y, reference):
-    """Called by the ensemble after step n (counted from 1) of step size number `level` (0 = the reference).
-
-    `y` are the states of the block at that level, `reference` those of the reference at the same time; `paths` says how
-    many lanes count (the last block may be partly idle) and `row` which row of its arrays belongs to this block.
-    """

@@ -3,7 +3,7 @@
 from ..compiler.dispatch import INDICES, device
 from ..compiler.records import is_none
 from .areas import Areas, NoAreas
-from .increments import Kept
+from .increments import Coins, Kept, NoCoins
 from .protocol import advance, advance_large, area_pairs, large, memory_size, needs_areas, substeps, tosses, work_size
 
 
@@ -18,28 +18,19 @@ def largest_sizes(reference_scheme, scheme, model):
     )
 
 
-@device(by_type=True)
-def tosses_any(reference_scheme, scheme, model):
-    """Whether either scheme needs coins."""
-    either = any(tosses(s) or _keeps_areas(s, model) for s in _given(reference_scheme, scheme))
-    return lambda reference_scheme, scheme, model: either
+def _keeps_areas(scheme, model):
+    return needs_areas(scheme) and bool(area_pairs(model))
 
 
 @device(by_type=True)
 def kept_of_steps(reference_scheme, scheme, model):
     """What either scheme must know of a step besides its increments: :class:`~spi.ensemble.increments.Kept`."""
-    schemes = _given(reference_scheme, scheme)
+    schemes = [one for one in (reference_scheme, scheme) if not is_none(one)]
     areas = any(_keeps_areas(s, model) for s in schemes)
-    kept = Kept(INDICES[max(substeps(s) for s in schemes)](), Areas() if areas else NoAreas())
+    coins = areas or any(tosses(s) for s in schemes)
+    finest = INDICES[max(substeps(s) for s in schemes)]()
+    kept = Kept(finest, Areas() if areas else NoAreas(), Coins() if coins else NoCoins())
     return lambda reference_scheme, scheme, model: kept
-
-
-def _given(*schemes):
-    return [scheme for scheme in schemes if not is_none(scheme)]
-
-
-def _keeps_areas(scheme, model):
-    return needs_areas(scheme) and bool(area_pairs(model))
 
 
 @device(by_type=True)

@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import INDICES, MOST, number
+from ..compiler.dispatch import MOST
 from .arithmetic import NumberError, Numbers, read
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Records: what they hold, what they mean for arrays and in generated code, how they are written
+# Records: what they hold, what they mean for arrays, how they are written
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-_MOST_WHOLE = 15  # as an exponent that is taken by repeated multiplication
+_MOST_WHOLE = 15
 
 
 class Constant(NamedTuple):
@@ -24,23 +24,22 @@ class Constant(NamedTuple):
 
 
 class Component(NamedTuple):
-    """y_{k+1}, with k given by one of INDICES."""
+    """y_{k+1}."""
 
-    index: NamedTuple
+    k: int
 
 
 class WholePower(NamedTuple):
-    """a^n by repeated multiplication, with n = 2, ..., 15 given by one of INDICES."""
+    """a^n, n = 2, ..., 15, which stays a whole power in texts."""
 
     a: NamedTuple
-    exponent: NamedTuple
+    exponent: int
 
 
 class Meaning(NamedTuple):
     """What a record with operands means."""
 
     array: np.ufunc  #: of arrays
-    code: str  #: Python source of it, for floats {0}, {1}; compiled and not
     text: str  #: in the grammar
     binds: int  #: how tightly the text binds: 1 sums, 2 products, 3 powers and minus signs, 4 atoms
     operands: tuple[int, ...]  #: how tightly the texts of operands must bind to need no parentheses
@@ -54,20 +53,20 @@ def _operation(name, *meaning):
     return cls
 
 
-Sum = _operation("Sum", np.add, "{0} + {1}", "{0} + {1}", 1, (1, 2))
-Difference = _operation("Difference", np.subtract, "{0} - {1}", "{0} - {1}", 1, (1, 2))
-Product = _operation("Product", np.multiply, "{0} * {1}", "{0}*{1}", 2, (2, 3))
-Quotient = _operation("Quotient", np.divide, "divided({0}, {1})", "{0}/{1}", 2, (2, 3))
-Power = _operation("Power", np.power, "np.power({0}, {1})", "{0}^{1}", 3, (4, 3))
-Negative = _operation("Negative", np.negative, "-{0}", "-{0}", 3, (3,))
-Sine = _operation("Sine", np.sin, "sin_versine(angles, {0})[0]", "sin({0})", 4, (0,))
-Cosine = _operation("Cosine", np.cos, "1.0 - sin_versine(angles, {0})[1]", "cos({0})", 4, (0,))
-Tangent = _operation("Tangent", np.tan, "np.tan({0})", "tan({0})", 4, (0,))
-HyperbolicTangent = _operation("HyperbolicTangent", np.tanh, "np.tanh({0})", "tanh({0})", 4, (0,))
-Exponential = _operation("Exponential", np.exp, "exp({0})", "exp({0})", 4, (0,))
-Logarithm = _operation("Logarithm", np.log, "log({0})", "log({0})", 4, (0,))
-SquareRoot = _operation("SquareRoot", np.sqrt, "np.sqrt({0})", "sqrt({0})", 4, (0,))
-Absolute = _operation("Absolute", np.abs, "abs({0})", "abs({0})", 4, (0,))
+Sum = _operation("Sum", np.add, "{0} + {1}", 1, (1, 2))
+Difference = _operation("Difference", np.subtract, "{0} - {1}", 1, (1, 2))
+Product = _operation("Product", np.multiply, "{0}*{1}", 2, (2, 3))
+Quotient = _operation("Quotient", np.divide, "{0}/{1}", 2, (2, 3))
+Power = _operation("Power", np.power, "{0}^{1}", 3, (4, 3))
+Negative = _operation("Negative", np.negative, "-{0}", 3, (3,))
+Sine = _operation("Sine", np.sin, "sin({0})", 4, (0,))
+Cosine = _operation("Cosine", np.cos, "cos({0})", 4, (0,))
+Tangent = _operation("Tangent", np.tan, "tan({0})", 4, (0,))
+HyperbolicTangent = _operation("HyperbolicTangent", np.tanh, "tanh({0})", 4, (0,))
+Exponential = _operation("Exponential", np.exp, "exp({0})", 4, (0,))
+Logarithm = _operation("Logarithm", np.log, "log({0})", 4, (0,))
+SquareRoot = _operation("SquareRoot", np.sqrt, "sqrt({0})", 4, (0,))
+Absolute = _operation("Absolute", np.abs, "abs({0})", 4, (0,))
 _SIGNS = {"+": Sum, "-": Difference, "*": Product, "/": Quotient, "^": Power}
 _FUNCTIONS = {"sin": Sine, "cos": Cosine, "tan": Tangent, "tanh": HyperbolicTangent, "exp": Exponential}
 _FUNCTIONS |= {"log": Logarithm, "sqrt": SquareRoot, "abs": Absolute}
@@ -85,8 +84,8 @@ class _Trees(Numbers):
 
     def __init__(self, dimension, names=()):
         within = min(dimension, MOST)  # of an array-state model an expression can name the first components only
-        components = {f"y{k + 1}": Component(INDICES[k]()) for k in range(within)}
-        self.named = {name: Component(INDICES[k]()) for k, name in enumerate(names)}
+        components = {f"y{k + 1}": Component(k) for k in range(within)}
+        self.named = {name: Component(k) for k, name in enumerate(names)}
         self.calls = any("(" in name for name in names)
         self.constants = {**Numbers.constants, **components, **self.named}
         self.state = f"y1 .. y{within}" if dimension > 1 else "only y1"
@@ -138,7 +137,7 @@ def _power(a, exponent):
     if exponent == 0.5:
         return SquareRoot(a)
     if exponent in range(2, _MOST_WHOLE + 1):
-        return WholePower(a, INDICES[int(exponent)]())
+        return WholePower(a, int(exponent))
     if -exponent in range(1, _MOST_WHOLE + 1):
         return Quotient(Constant(1.0), _power(a, -exponent))
     return Power(a, _tree(exponent))
@@ -168,11 +167,43 @@ def _written(expression, binds):
         own, text = 3 if math.copysign(1.0, expression.value) < 0.0 else 4, repr(expression.value)
         text = text if text == "-0.0" else text.removesuffix(".0")
     elif isinstance(expression, Component):
-        own, text = 4, f"y{number(expression.index) + 1}"
+        own, text = 4, f"y{expression.k + 1}"
     elif isinstance(expression, WholePower):
-        own, text = 3, f"{_written(expression.a, 4)}^{number(expression.exponent)}"
+        own, text = 3, f"{_written(expression.a, 4)}^{expression.exponent}"
     else:
         meaning = expression.meaning
         own = meaning.binds
         text = meaning.text.format(*map(_written, expression, meaning.operands))
     return text if own >= binds else f"({text})"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Values
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def as_numpy(expression):
+    """The function phi(y) of arrays y of shape (d, ...) with values of shape (...)."""
+
+    def value(e, y):
+        if isinstance(e, Constant):
+            return np.full(y.shape[1:], e.value)
+        if isinstance(e, Component):
+            return y[e.k]
+        if isinstance(e, WholePower):
+            return np.power(value(e.a, y), e.exponent)
+        return e.meaning.array(*(value(operand, y) for operand in e))
+
+    def phi(y):
+        with np.errstate(all="ignore"):
+            return np.array(value(expression, np.asarray(y, float)))  # never a view of y
+
+    return phi
+
+
+def functions_of(texts, dimension):
+    """:func:`as_numpy` of each of some texts.
+
+    What is kept by its arguments (``lru_cache``) takes texts: as trees sin(y1) and exp(y1) are equal tuples.
+    """
+    return [as_numpy(parse_expression(text, dimension)) for text in texts]

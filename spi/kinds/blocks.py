@@ -11,7 +11,7 @@ from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
-from .plans import PathsPlan
+from .plans import KernelCall, PathsPlan
 
 
 class _Batch(NamedTuple):
@@ -24,6 +24,10 @@ class _Batch(NamedTuple):
 
 class Blockwise:
     """How a plan advances that sums up paths block after block."""
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """The calls that have all kernels compiled, see :class:`Plan`."""
+        raise NotImplementedError
 
     def empty(self, number: int) -> Any:
         """The sums over no paths of a path set."""
@@ -50,6 +54,8 @@ class Blockwise:
 
     def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of one path set, see :class:`Plan`."""
+        for call in self.kernel_calls():  # so that nothing is compiled while it is timed
+            call.kernel(*call.arguments)
         number, last = chunks[0].path_set, chunks[-1].first + chunks[-1].blocks
         sums = self.empty(number) if known is None else known
         begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
@@ -82,7 +88,7 @@ class Blockwise:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BlocksPlan(Blockwise, PathsPlan):
+class BlocksPlan(PathsPlan, Blockwise):
     """The head of every plan with one set of paths, on one grid, that are summed up block after block."""
 
     def path_sets(self, more: Any) -> Sequence[PathSet]:

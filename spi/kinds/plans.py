@@ -7,12 +7,13 @@ When there are none, it **finishes**: it measures times, or finds what needs no 
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from spi.ensemble.loop import Grid, RandomStream, brownian, empty_report, integrate, shortest, thread_count
+from spi.ensemble.invariants import empty_invariants, invariants
+from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest, thread_count
 from spi.ensemble.protocol import in_kernels, large
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
@@ -141,6 +142,11 @@ class PartPlan:
         """None."""
         return []
 
+    def calls_of_a_step(self, times: Grid, stream: RandomStream) -> list[KernelCall]:
+        """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
+        step = arguments_of(self.scheme, self.model, self.initial, shortest(times), stream, 0, 1, LANES)
+        return [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
+
     def begin(self) -> Any:
         """Nothing."""
         return Nothing()
@@ -182,13 +188,6 @@ class PathsPlan(SchemePlan):
         """(levels,) how many steps each step size of the grid takes."""
         return self.grid.reference_steps >> self.grid.doublings
 
-    @property
-    def least(self) -> "PathsPlan":
-        """The same plan with one block of as few steps as can be."""
-        return replace(self, grid=shortest(self.grid), samples=LANES)
-
-    def integration(self, observer: Any) -> KernelCall:
-        """The integration of the first block, watched by an observer."""
-        what = self.scheme, self.model, self.initial, self.grid, self.stream
-        report = empty_report(1, len(self.grid.doublings))
-        return KernelCall(integrate, (*what, observer, report, 0, 1, LANES))
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block."""
+        return self.calls_of_a_step(self.grid, self.stream)

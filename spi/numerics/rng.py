@@ -24,6 +24,8 @@ DIFFERENCES = 1024  # those of its differences between two schemes at the step 2
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64
+#: Sums over paths are kept apart for so many parts of the lanes, lane mod PARTS.
+PARTS = 8
 #: Steps whose normals come from one evaluation of the generator.
 STEPS_PER_DRAW = 4
 #: Steps whose coins come from one evaluation.

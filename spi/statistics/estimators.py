@@ -10,15 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..numerics.rng import LANES
+from ..numerics.rng import LANES, PARTS
 from ..storage.records import Order
 
 Array = np.ndarray
 
 #: Number of jackknife groups.
 GROUPS = 64
-#: A block's lanes go into this many of them, lane mod PARTS; the next block into the next ones.
-PARTS = 8
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0
 _EXACT = 0.01  # errors are no powers of h to better than this, so that a more exact one has no more weight in a fit

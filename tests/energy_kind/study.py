@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import FinalStates, empty_report, integrate, nested_grid
+from spi.ensemble.loop import integrated, nested_grid
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
@@ -54,11 +54,8 @@ class EnergyPlan(BlocksPlan):
         return 64
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        levels, d = len(self.steps), len(self.initial)
-        last = FinalStates(np.empty((blocks, levels, d * LANES)), self.steps)
-        arguments = self.grid, self.stream, last, empty_report(blocks, levels), first, blocks, end
-        integrate(self.scheme, self.model, self.initial, *arguments)
-        return last.y.reshape(blocks, levels, d, LANES)
+        states, _ = integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end)
+        return states.reshape(blocks, len(self.steps), len(self.initial), LANES)
 
     def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
         y = np.moveaxis(rows[at], 0, -2).reshape(len(self.steps), len(self.initial), -1)

@@ -1,41 +1,30 @@
 """Test functions of weak errors: the grammar, and values in kernels against Python, NumPy and mpmath."""
 
 import math
-import re
 
 import mpmath
 import numpy as np
 import pytest
-from helpers import COMPILED, RIGID_BODY
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numba import njit
 
-from spi.compiler.dispatch import OPTIONS
 from spi.expressions import (
     Constant,
     as_numpy,
     canonical,
-    evaluate,
-    evaluate_lanes,
     is_constant,
     parse_expression,
     trees,
-    value_and_angle,
 )
 from spi.expressions.arithmetic import NumberError
-from spi.numerics.angles import ANY_ANGLES, REDUCED_ANGLES
 from spi.numerics.rng import LANES
 
 PAPER = "sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)"
 
 
-def on_lanes(texts, y):
-    """Values [function, lane] of expressions at the states y [component, lane]."""
-    functions = tuple(parse_expression(text, 3) for text in texts)
-    values = np.full((len(functions), LANES), np.nan)
-    evaluate_lanes(functions, RIGID_BODY, np.ascontiguousarray(y, float).ravel(), values)
-    return values
+def values_of(texts, y):
+    """Values [function, state] of expressions at the states y [component, state]."""
+    return np.array([as_numpy(parse_expression(text, 3))(y) for text in texts])
 
 
 def states(seed=0, scale=1.0):
@@ -189,9 +178,9 @@ def test_values_are_those_of_mpmath(pair, y):
     size, rounding = max(1.0, abs(exact)), max(abs(value - exact) for value in coarse)
     assume(rounding < 1e-3 * size)
     tolerance = 1e-13 * size + rounding
-    for value in evaluate(expression, y, ANY_ANGLES), float(as_numpy(expression)(np.array(y).reshape(3, 1))[0]):
-        assume(math.isfinite(value))  # overflow within, or a logarithm of 0 or so by rounding
-        assert abs(value - exact) <= tolerance
+    value = float(as_numpy(expression)(np.array(y).reshape(3, 1))[0])
+    assume(math.isfinite(value))  # overflow within, or a logarithm of 0 or so by rounding
+    assert abs(value - exact) <= tolerance
 
 
 def in_mpmath(function, y, bits):
@@ -215,35 +204,27 @@ def test_every_record_occurs_here():
     assert all(cls.__name__ + "(" in text for cls in vars(trees).values() if hasattr(cls, "meaning"))
 
 
-@pytest.mark.parametrize("scale", [0.1, 1.0, 10.0])
-def test_lanes_are_arrays(scale):
-    y = states(scale=scale)
-    values = on_lanes(EACH, y)
-    for text, row in zip(EACH, values, strict=True):
-        assert close(row, as_numpy(parse_expression(text, 3))(y)), text
-
-
 def test_large_arguments():
-    """Sines are right wherever the paths are; a block with one large angle is treated as a whole."""
+    """Sines are right wherever the paths are."""
     y = states()
     y[0, :4] = 1.0, 123.456, 1e5, 1e300
-    texts = ["sin(1e7*y1)", "cos(1e7*y1)", "sin(sin(1e7*y1) + cos(1e9*y2))", PAPER]
-    values = on_lanes(texts, y)
+    values = values_of(["sin(1e7*y1)", "cos(1e7*y1)"], y)
     for lane in range(LANES):
         argument = 1e7 * y[0, lane]
         assert close(values[0, lane], float(mpmath.sin(mpmath.mpf(argument))), 1e-15)
         assert close(values[1, lane], float(mpmath.cos(mpmath.mpf(argument))), 1e-15)
-    for text, row in zip(texts, values, strict=True):
-        assert close(row, as_numpy(parse_expression(text, 3))(y))
 
 
-def test_largest_angle():
-    expression = parse_expression("sin(2*y1)*cos(y2) + exp(sin(3*y3))", 3)
-    for y in [(1.0, 0.5, 0.25), (0.1, -5.0, 0.25), (0.1, 0.2, -1.0)]:
-        largest = max(2 * abs(y[0]), abs(y[1]), 3 * abs(y[2]))
-        assert value_and_angle(expression, y, REDUCED_ANGLES)[1] == np.float64(largest).view(np.int64)
-    assert value_and_angle(parse_expression("exp(y1)", 3), (1.0, 0.0, 0.0), REDUCED_ANGLES)[1] == 0
-    assert value_and_angle(expression, (math.nan, 0.0, 0.0), REDUCED_ANGLES)[1] > np.float64(np.inf).view(np.int64)
+@pytest.mark.parametrize("scale", [0.1, 1.0, 1e7])
+def test_values_of_a_block_do_not_depend_on_what_is_evaluated_beside_it(scale):
+    """To the last bit, as results must not depend on how many blocks are computed together."""
+    y = np.random.default_rng(3).standard_normal((5, 2, 3, LANES)) * scale  # blocks, paths, components, lanes
+    for text in EACH:
+        phi = as_numpy(parse_expression(text, 3))
+        together = phi(np.moveaxis(y, 2, 0))
+        for block in range(5):
+            alone = phi(np.moveaxis(y[block : block + 1], 2, 0))
+            assert np.array_equal(alone[0], together[block], equal_nan=True), text
 
 
 def test_what_has_no_value_is_nan_or_infinite():
@@ -251,44 +232,15 @@ def test_what_has_no_value_is_nan_or_infinite():
     y[:, :6] = [math.nan, math.inf, -math.inf, 0.0, 1e300, -0.0]
     texts = ["exp(1000*y1)", "1/y1", "y1^2.5", "y1^-3", "log(y1)", "sqrt(y1)", "y1^y2", "cos(y1*y1)", "2^(1e4*y1)"]
     texts += ["sin(y1)", "tan(y1)", "tanh(y1)", "y1 - y1", "y1^15", "y1^0.5/0.1"]
-    for text, row in zip(texts, on_lanes(texts, y), strict=True):
-        assert np.isnan(row[0]), text
-        assert close(row, as_numpy(parse_expression(text, 3))(y)), text
-    assert on_lanes(["y1^2.5"], -1.0 - np.abs(y))[0, 10:].tolist() != [0.0]
-    assert np.isnan(on_lanes(["y1^2.5"], -1.0 - np.abs(y))[0, 10:]).all()
-    assert (on_lanes(["exp(1000*y1)"], 1.0 + np.abs(y))[0, 10:] == math.inf).all()
+    assert np.isnan(values_of(texts, y)[:, 0]).all()
+    assert values_of(["y1^2.5"], -1.0 - np.abs(y))[0, 10:].tolist() != [0.0]
+    assert np.isnan(values_of(["y1^2.5"], -1.0 - np.abs(y))[0, 10:]).all()
+    assert (values_of(["exp(1000*y1)"], 1.0 + np.abs(y))[0, 10:] == math.inf).all()
 
 
 def test_long_expressions():
-    """No depth of a tree is too much for the compiler."""
     y = states()
-    texts = ["+".join(["y1"] * 100), "sin(" * 10 + "y1" + ")" * 10, "2-(" * 20 + "y1" + ")" * 20]
-    for text, row in zip(texts, on_lanes(texts, y), strict=True):
-        assert close(row, as_numpy(parse_expression(text, 3))(y))
+    hundred, alternating = values_of(["+".join(["y1"] * 100), "2-(" * 20 + "y1" + ")" * 20], y)
+    assert close(hundred, 100 * y[0], 1e-12) and close(alternating, y[0], 1e-12)
     many = [f"y{k % 3 + 1}^{k % 14 + 2}" for k in range(12)]
-    assert on_lanes(many, y).shape == (12, LANES)
-
-
-# --- compiled code ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.skipif(not COMPILED, reason="needs the compiler")
-def test_another_constant_compiles_nothing():
-    on_lanes(["sin(2*y1) + 3"], states())
-    before = len(evaluate_lanes.signatures)
-    on_lanes(["sin(7.5*y1) + 4"], states())
-    assert len(evaluate_lanes.signatures) == before
-
-
-@pytest.mark.skipif(not COMPILED, reason="needs the compiler")
-@pytest.mark.parametrize("text", EACH[:4])
-def test_lanes_are_vectors(text):
-    """Of the library only the sine of large angles is called, and the polynomials are in vector registers."""
-    fresh = njit(**OPTIONS)(evaluate_lanes.py_func)  # code from the cache cannot be inspected
-    fresh((parse_expression(text, 3),), RIGID_BODY, states().ravel(), np.empty((1, LANES)))
-    (assembly,) = fresh.inspect_asm().values()
-    body = assembly[: assembly.index("_ZN7cpython")]  # without the wrapper for Python
-    vectors = len(re.findall(r"\bv(?:f\w+|mul|add|sub|div)[a-z0-9]*pd\b.*%[yz]mm", body))
-    scalars = len(re.findall(r"\bv(?:f\w+|mul|add|sub|div)[a-z0-9]*sd\b", body))
-    assert vectors >= max(scalars, 20)  # the scalars are for arrays that overlap
-    assert not {"exp", "log", "pow", "sqrt", "cos"} & set(re.findall(r"movabsq\s+\$(\w+),", body))
+    assert values_of(many, y).shape == (12, LANES)

@@ -12,8 +12,9 @@ from weak_cases import SPEC, case_of, has_order
 
 from spi import printing
 from spi.exact.kolmogorov import expectations
-from spi.kinds.weak import claims, reading
+from spi.kinds.weak import claims
 from spi.kinds.weak import study as weak
+from spi.kinds.weak.results import WeakErrors
 from spi.models import RigidBodySharedNoise
 from spi.report import views
 from spi.running.run import load
@@ -154,7 +155,7 @@ def test_orders_4_6_and_8_without_sampling():
             assert found["error"][0, h.index(step)] == pytest.approx(error, rel=0.05)
         largest = np.abs(weights((2, 4, 6)[:levels])).sum() * plain.arrays["error_bound"].max()
         assert np.all(found["error_bound"] <= largest * 1.000001)
-    tell = [reading.read(group) for group in groups]
+    tell = [WeakErrors.of(group) for group in groups]
     assert [one.about.label.partition(", ext")[2] for one in tell] == [
         "",
         "rapolated",

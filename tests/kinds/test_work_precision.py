@@ -178,14 +178,14 @@ def test_whole_paths_are_integrated(spec, text):
         patch.setattr(work_precision, "integrate", lambda *arguments: (seen.append(arguments), integrate(*arguments)))
         paths, run = work_precision._job(work_precision.plan(case, part), h)
         run()
-    observer, report = seen[0][5], seen[0][6]
-    assert paths == LANES == seen[0][9]
+    states, observer, report = seen[0][2], seen[0][5], seen[0][6]
+    assert paths == LANES == seen[0][8]
     assert np.isfinite(report).all()
     if case.functions:
-        y = observer.y.reshape(3, LANES)
+        y = states.reshape(3, LANES)
         np.testing.assert_allclose((y**2).sum(axis=0), 1.0, rtol=1e-14)
         assert y[0].std() > 0.05
     else:
-        drift = observer.drift[0, 0, 0]
-        assert np.all((drift >= 0) & (drift < 1e-14)) and drift.any() and not observer.nonfinite.any()
-        assert not observer.squares.any()  # nothing but the end is looked at
+        drift = observer.extremes[0, 0, 0]
+        assert np.all((drift >= 0) & (drift < 1e-14)) and drift.any() and np.isfinite(states).all()
+        assert not observer.rows.size  # nothing but the end is looked at

@@ -196,6 +196,7 @@ def test_the_mean_is_that_of_the_damped_equation():
     assert (np.abs(y.mean(axis=1)) < 4.5 * y.std(axis=1) / np.sqrt(y.shape[1])).all()
 
 
+@pytest.mark.slow
 @compiled_only
 def test_schemes_have_one_limit_and_strong_order_one_with_one_noise():
     one_noise = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))  # of the same kernels as with three
@@ -246,7 +247,7 @@ load_text = long_time_cases.load_text
 @pytest.mark.parametrize(
     ("text", "name", "asked"),
     [
-        (STRONG, "casimir_drift", "strong.study.paths.watched_casimirs"),
+        (STRONG, "casimir_drift", "strong.study.paths.path_observer"),
         (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
         (LONG_TIME, "casimir_worst", "long_time.study.paths.growth"),
     ],
@@ -263,11 +264,14 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
     assert worst < 1e-13 and group.attributes["model_damping"] == 0.5
     # negative control: with another decay
     right = pkgutil.resolve_name(f"spi.kinds.{asked}")
-    monkeypatch.setattr(f"spi.kinds.{asked}", lambda model, *about: right(model._replace(damping=0.4), *about))
+    monkeypatch.setattr(
+        f"spi.kinds.{asked}", lambda model, *about, **more: right(model._replace(damping=0.4), *about, **more)
+    )
     _, worst = group_and_worst()
     assert worst > 1e-3
 
 
+@pytest.mark.slow
 @compiled_only
 def test_damping_is_swept(load_text):
     group = next(plan.results(finished(plan)).group() for plan in plans(load_text(STABILITY)))

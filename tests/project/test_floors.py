@@ -47,7 +47,7 @@ THIRD_PARTY = {
     "pandas": ["api.*", "printing.*", "report.*"],
     "dask": ["running.workers"],
     "distributed": ["running.workers"],
-    "numba": [f"{room}.*" for rooms in FLOORS[:3] for room in rooms if room != "storage"],
+    "numba": ["compiler.*", "ensemble.loop", "numerics.elementary"],
     "numba.core": ["compiler.*"],
     "llvmlite": ["compiler.*", "cli.doctor"],
 }

@@ -9,6 +9,13 @@ from pathlib import Path
 import pytest
 from helpers import COMPILED
 
+from spi.compiler.inlining import types_of
+from spi.ensemble.invariants import invariants
+from spi.ensemble.loop import integrate
+from spi.kinds.state import State
+from spi.running import run as runs
+from spi.running import workers
+
 pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -161,10 +168,9 @@ import json, sys
 from spi.running import workers, run as runs
 from spi.ensemble.loop import integrate
 from spi.kinds.state import State
-from spi.kinds.trajectory.study import invariants
-from spi.kinds.weak.study.sums import add_powers, function_values
+from spi.ensemble.invariants import invariants
 
-KERNELS = integrate, invariants, add_powers, function_values
+KERNELS = integrate, invariants
 missed = {}
 for name, overrides in json.load(sys.stdin).items():
     for plan in runs.plans(runs.load(name, "quick", ["schemes=[splitting]", *overrides])):
@@ -200,3 +206,51 @@ def test_the_calls_of_a_plan_are_all_that_has_to_be_compiled():
     missed = json.loads(answer.stdout)
     assert missed.keys() == specs.keys()
     assert not any(any(counts) for plans in missed.values() for counts in plans), missed
+
+
+MODEL = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 0, 0]}"
+_HEAD = f"""
+title: t
+model: {MODEL}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+schemes: [euler_maruyama]
+"""
+_ERRORS = "steps: [2^-4, 2^-5]\nreference_step: 2^-7\nsamples: 64\n"
+#: The same scheme and model in experiments of all kinds.
+KINDS = {
+    "strong": _ERRORS,
+    "weak": _ERRORS + "functions: {f: y1, g: sin(2*pi*y2)}\nestimators: [plain]\n",
+    "trajectory": "step: 2^-4\n",
+    "stability": _ERRORS + "sweep: {sigma: [0.1, 1]}\nfunctions: {f: y1}\n",
+    "long_time": "steps: [0.1]\nstep_count: 2^8\nsamples: 64\n",
+    "work_precision": _ERRORS,
+}
+
+
+def _missing_types(text, spec, known):
+    """The types for which a run would compile a kernel, but for those that are known."""
+    found = set()
+    for plan in runs.plans(spec(text)):
+        for call in plan.kernel_calls():
+            found.add((call.kernel, types_of(call.kernel, call.arguments)))
+    return found - known
+
+
+@pytest.mark.parametrize("first", KINDS)
+def test_who_has_run_one_kind_compiles_nothing_for_the_next(spec, first):
+    known = _missing_types(f"kind: {first}\n{_HEAD}{KINDS[first]}", spec, set())
+    for kind, keys in KINDS.items():
+        assert not _missing_types(f"kind: {kind}\n{_HEAD}{keys}", spec, known), kind
+
+
+def test_another_test_function_compiles_nothing(spec):
+    text = f"kind: weak\n{_HEAD}{KINDS['weak']}"
+    known = _missing_types(text, spec, set())
+    assert not _missing_types(text.replace("sin(2*pi*y2)", "exp(y1)*tanh(y2) - 3/(2 + y3^2)"), spec, known)
+    (plan,) = [plan for plan in runs.plans(spec(text)) if plan.part.estimator == "plain"]
+    for call in plan.kernel_calls():
+        call.kernel(*call.arguments)
+    before = [len(kernel.overloads) for kernel in (integrate, invariants)]
+    workers.advance_here([State(plan)], lambda number: None)
+    assert [len(kernel.overloads) for kernel in (integrate, invariants)] == before

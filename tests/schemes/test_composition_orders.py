@@ -89,6 +89,7 @@ def test_sampling_agrees_with_expectations_without_sampling():
     assert min(off(other).max() for other in others.values()) > 10  # negative controls
 
 
+@pytest.mark.slow
 @compiled_only
 def test_a_palindrome_has_antithetic_paths():
     """The variance of a level falls like h^2, and its errors have order 2 and are those found without sampling."""

@@ -193,6 +193,7 @@ def test_only_order_2_tosses_coins():
     assert [name for name, row in SCHEMES.items() if protocol.tosses(row.record)] == ["splitting_order2"]
 
 
+@pytest.mark.share(1)
 def test_order_2_keeps_all_casimirs(system, generator):
     model, y, _ = system
     steps = 200 if COMPILED else 10

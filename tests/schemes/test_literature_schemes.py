@@ -164,6 +164,7 @@ WALKS = [
 ]
 
 
+@pytest.mark.share(2)
 @pytest.mark.skipif(not COMPILED, reason="many steps")
 @pytest.mark.parametrize("scheme, model, initial, h", WALKS)
 def test_casimirs_walk_without_bias(scheme, model, initial, h, generator):

@@ -64,7 +64,7 @@ def test_midpoint_adds_up_its_reports(generator):
     _, total = take_steps(Midpoint(), RIGID_BODY, 0.1, dW, y)
     parts = []
     for n in range(4):
-        y, report = take_step(Midpoint(), RIGID_BODY, 0.1, dW[n], y)
+        y, report = take_steps(Midpoint(), RIGID_BODY, 0.1, dW[n : n + 1], y)
         parts.append(report)
     assert np.array_equal(total[:RESIDUAL], np.sum(parts, axis=0)[:RESIDUAL])
     assert total[RESIDUAL] == np.max(parts, axis=0)[RESIDUAL]

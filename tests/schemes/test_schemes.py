@@ -85,7 +85,12 @@ def steps_of(name, model, h, dW, y, coins):
     """The same as take_steps for a scheme by its name; one with sub-steps gets unequal halves of the increments."""
     record = SCHEMES[name].record
     halves = [0.3 * dW, 0.7 * dW] if substeps(record) == 2 else []
-    return take_steps(record, model, h, np.concatenate([dW, *halves], axis=1), y, coins)
+    rows = np.concatenate([dW, *halves], axis=1)
+    return (
+        take_steps(record, model, h, rows, y, coins)
+        if len(dW) > 1
+        else take_step(record, model, h, rows[0], y, coins[0])
+    )
 
 
 @pytest.mark.parametrize("name", SCHEMES)

@@ -42,6 +42,7 @@ def distance(a, b):
     return math.sqrt(squares[: LANES * 9 // 10].mean())
 
 
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize("name", LIE_POISSON)
 def test_schemes_have_the_same_limit(name):
@@ -102,7 +103,7 @@ def strong_case(name, sigma, scheme, final_time):
     )
 
 
-@pytest.mark.share(4)
+@pytest.mark.share(2)
 @compiled_only
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
 def test_strong_orders(name, sigma, scheme, final_time, order):

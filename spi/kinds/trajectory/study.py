@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import kernel, number, unrolled
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.invariants import growth
-from spi.ensemble.lanes import load_lane
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, empty_report, grid, integrate, report_columns
-from spi.ensemble.protocol import REPORT, casimir_indices, casimirs, decay_rates, hamiltonian, large
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State
+from spi.ensemble.invariants import growth, invariants_of
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns
+from spi.ensemble.observer import state_recorder
+from spi.ensemble.protocol import REPORT, decay_rates, large
+from spi.kinds.plans import Cost, Done, PathsPlan, State
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -22,25 +21,6 @@ from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
 from .results import SolverMeans, Trajectory
-
-
-class Recorder(NamedTuple):
-    """The states of some consecutive lanes of each block after every so many steps."""
-
-    y: np.ndarray  #: (blocks, stored + 1, lanes, d)
-    lane: int  #: the first of the lanes
-    every: int
-
-    def observe(observer, model, row, paths, level, n, y, reference):
-        if n % observer.every == 0:
-            for lane in range(observer.y.shape[2]):
-                for i in range(observer.y.shape[3]):
-                    observer.y[row, n // observer.every, lane, i] = y[i * LANES + observer.lane + lane]
-
-
-def recorder_of_one(y: np.ndarray, lane: int, every: int) -> Recorder:
-    """The observer that keeps the states of one lane of one block in `y` (stored + 1, d)."""
-    return Recorder(y[np.newaxis, :, np.newaxis], lane, every)
 
 
 class Path(NamedTuple):
@@ -87,21 +67,13 @@ class TrajectoryPlan(PathsPlan):
         """No path."""
         return Path(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
 
-    def kernel_calls(self) -> list[KernelCall]:
-        """One step, and its invariants."""
-        y = np.zeros((2, len(self.initial)))
-        energy, conserved = np.empty(2), np.empty((2, len(casimir_indices(self.model))))
-        of_states = KernelCall(invariants, (self.model, y, energy, conserved))
-        what = self.scheme, self.model, self._start(y, 0), self.least.grid, self.stream
-        return [KernelCall(integrate, (*what, recorder_of_one(y, 0, 1), empty_report(1, 1), 0, 1, 1)), of_states]
-
     def _start(self, y: np.ndarray, n: int) -> Any:
         """Where to go on from after n steps: of a large model the stored state in the lane of the path."""
         if not large(self.model):
             return self.initial
-        rows = np.zeros((1, len(self.initial) * LANES))
-        rows[0, self.case.path % LANES :: LANES] = y[n // self.case.every]
-        return rows
+        states = np.zeros((1, 1, len(self.initial) * LANES))
+        states[0, 0, self.case.path % LANES :: LANES] = y[n // self.case.every]
+        return states
 
     def _stop(self, n: int) -> int:
         """Until which step to go on from step n: to the last, but of a large model for about half a second."""
@@ -130,10 +102,10 @@ class TrajectoryPlan(PathsPlan):
         y[: len(path.y)] = path.y
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
-            report, recorder = empty_report(1, 1), recorder_of_one(y, lane, self.case.every)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
+            recorder = state_recorder(times, y[np.newaxis], self.case.every, lane)
             start, end = self._start(y, path.steps), self.case.path + 1
-            integrate(self.scheme, self.model, start, times, self.stream, recorder, report, block, 1, end)
+            _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
             path = Path(
                 paths=int(stop == self.grid.reference_steps),
                 seconds=path.seconds + time.perf_counter() - began,
@@ -151,8 +123,7 @@ class TrajectoryPlan(PathsPlan):
         """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
         n = len(path.y)
-        energy, conserved = np.empty(n), np.empty((n, len(casimir_indices(self.model))))
-        invariants(self.model, path.y, energy, conserved)
+        energy, conserved = invariants_of(self.model, path.y)
         t = np.arange(n) * case.every * case.step
         lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
@@ -176,25 +147,6 @@ class TrajectoryPlan(PathsPlan):
             surface=None if lattice_of(case.model) is None else "torus",
             **_reported(path.report),
         )
-
-
-@unrolled(casimir_indices)
-def _keep_casimir(index, model, values, row, found):
-    c = number(index)
-    values[row, c] = found[c]
-    return values
-
-
-@kernel
-def invariants(model, states, energy, conserved):
-    """H and the Casimirs of each row of `states` (n, d), in `energy` (n,) and `conserved` (n, C)."""
-    block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
-    for row in range(len(states)):
-        for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
-            block[i * LANES] = states[row, i]
-        y = load_lane(model, block, 0)
-        energy[row] = hamiltonian(model, y)
-        _keep_casimir(model, conserved, row, casimirs(model, y))
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import FinalStates, brownian, empty_report, grid, integrate, limited_threads, steps_of
+from spi.ensemble.loop import arguments_of, brownian, grid, integrate, limited_threads
+from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import large
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
-from spi.kinds.strong.study.paths import StrongSums, sums_of
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.results import WeakErrors
 from spi.kinds.weak.study.fields import result_steps
@@ -158,8 +158,8 @@ def _job(p: WorkPlan, h: float) -> _Job:
     case = p.case
     steps = round(case.final_time / h)
     blocks = max(1, _path_steps(p) // (LANES * steps))
-    arguments = _arguments(p, h, steps, blocks)
-    return _Job(blocks * LANES, lambda: integrate(*arguments))
+    scheme, model, start, *others = _arguments(p, h, steps, blocks)
+    return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
 
 
 def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, ...]:
@@ -172,13 +172,9 @@ def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, .
     paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
     paths["area_terms"] = fourier_terms(p.model, [p.scheme], h)
     times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
-    observer: FinalStates | StrongSums
-    if case.functions:
-        observer = FinalStates(np.empty((blocks, sizes, len(p.initial) * LANES)), steps_of(times))
-    else:
-        observer = sums_of(p.model, p.initial, times, blocks)
-    report = empty_report(blocks, sizes)
-    return p.scheme, p.model, p.initial, times, brownian(case.seed), observer, report, 0, blocks, blocks * LANES
+    observer = None if case.functions else path_observer(p.model, p.initial, times, blocks)
+    what = p.scheme, p.model, p.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
+    return arguments_of(*what)
 
 
 def _timings(p: WorkPlan, known: Times) -> Iterator[Times]:

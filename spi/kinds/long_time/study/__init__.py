@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import BATCH_SECONDS, grid, integrate, limited_threads, thread_count
+from spi.ensemble.loop import BATCH_SECONDS, grid, limited_threads, thread_count
 from spi.exact.sphere_law import SphereLaw, obstacle
 from spi.kinds.plans import Cost, Done, KernelCall, SchemePlan, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
@@ -23,7 +23,7 @@ from spi.storage.records import Part
 
 from ..results import LongTimes
 from .outcome import results
-from .paths import Paths, advanced, initial_rows, integration, paths_at_start
+from .paths import Paths, advanced, paths_at_start
 
 #: About how many snapshots of each path.
 SNAPSHOTS = 8192
@@ -78,8 +78,7 @@ class LongTimePlan(SchemePlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the first block."""
-        times = grid(self.case.steps[0], 1, truncate=self.case.truncate_noise)
-        return [KernelCall(integrate, integration(self, times, initial_rows(self, 1), 0, LANES))]
+        return self.calls_of_a_step(grid(self.case.steps[0], 1, truncate=self.case.truncate_noise), self.stream)
 
     def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""

@@ -7,8 +7,8 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import casimirs_of_states, growth
-from spi.ensemble.loop import FinalStates, add_reports, empty_report, grid, integrate
-from spi.ensemble.protocol import REPORT, casimirs, memory_size
+from spi.ensemble.loop import add_reports, grid, integrated, paths_of, states_at
+from spi.ensemble.protocol import REPORT, casimirs
 from spi.exact.sphere_law import BINS, SphereLaw
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.statistics.tallies import Chunk
@@ -61,7 +61,7 @@ def paths_at_start(p: "LongTimePlan", blocks: int) -> Paths:
         paths=0,
         seconds=0.0,
         n=0,
-        y=initial_rows(p, blocks),
+        y=states_at(p.initial, p.scheme, p.model, grid(p.case.steps[0], 1), blocks)[:, 0],
         casimir=np.full((len(p.records), conserved, paths), np.nan),
         report=np.zeros(len(REPORT)),
         nonfinite=0,
@@ -71,28 +71,11 @@ def paths_at_start(p: "LongTimePlan", blocks: int) -> Paths:
     )
 
 
-def initial_rows(p: "LongTimePlan", blocks: int) -> np.ndarray:
-    """y_0 for all paths of so many blocks, as ``Paths.y``."""
-    y = np.zeros((blocks, len(p.initial) * LANES + memory_size(p.scheme, p.model)))
-    y[:, : len(p.initial) * LANES] = np.repeat(p.initial, LANES)
-    return y
-
-
 def next_stop(p: "LongTimePlan", n: int) -> int:
     """The number of steps until which paths are run next that have done n."""
     if n < p.spacing:
         return min(max(2 * n, STEPS_PER_TOSS), p.case.step_count)
     return min((n // p.spacing + 1) * p.spacing, p.case.step_count)
-
-
-def integration(p, times, y, first, end):
-    """The arguments of :func:`spi.ensemble.loop.integrate` for blocks from `first` on, from the states `y` on.
-
-    `times` is a grid; paths from number `end` on are idle.
-    """
-    stop = times.first_step + times.reference_steps
-    last = FinalStates(np.empty((len(y), 1, y.shape[1])), np.array([stop]))
-    return p.scheme, p.model, y, times, p.stream, last, empty_report(len(y), 1), first, len(y), end
 
 
 def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
@@ -102,11 +85,9 @@ def advanced(p: "LongTimePlan", chunk: Chunk, known: Paths) -> Paths:
     h = p.case.steps[chunk.path_set]
     terms = fourier_terms(p.model, [p.scheme], h)
     times = grid(h, stop - known.n, truncate=p.case.truncate_noise, area_terms=terms, first_step=known.n)
-    arguments = integration(p, times, known.y, chunk.first, chunk.end)
-    integrate(*arguments)
-    *_, last, report, _, _, _ = arguments
-    y, d = last.y[:, 0], len(p.initial)
-    states = y[:, : d * LANES].reshape(chunk.blocks, d, LANES).swapaxes(0, 1).reshape(d, -1)
+    what = p.scheme, p.model, known.y[:, np.newaxis], times, p.stream, chunk.first, chunk.blocks, chunk.end
+    rows, report = integrated(*what)
+    y, (states,) = rows[:, 0], paths_of(rows, len(p.initial))
     known = known._replace(n=stop, y=y, report=add_reports(known.report[np.newaxis], report)[0])
     with np.errstate(all="ignore"):
         if stop in p.records:

@@ -24,7 +24,7 @@ from spi.storage.records import Description, Part
 from ..results import Stability
 from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
 from .outcome import results
-from .paths import Paths, Rows, added, extremes_of, no_paths, rows_of
+from .paths import Paths, Rows, added, no_paths, rows_of
 
 _MOST_BLOCKS = 64
 
@@ -95,8 +95,7 @@ class StabilityPlan(Blockwise):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block for each value."""
-        least = [point.least for point in self.points]
-        return [point.integration(extremes_of(point, 1)) for point in least]
+        return [call for point in self.points for call in point.kernel_calls()]
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""

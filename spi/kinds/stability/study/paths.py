@@ -5,41 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.fields import scaled_square, smallest_component
-from spi.ensemble.invariants import watch_casimirs, watched_casimirs
-from spi.ensemble.lanes import load_lane
-from spi.ensemble.loop import FinalStates, add_reports, empty_report, integrate, step_sizes_of
-from spi.ensemble.protocol import casimirs, conserved, observe, populations
+from spi.ensemble.loop import add_reports, empty_report, integrated, paths_of
+from spi.ensemble.observer import path_observer
+from spi.ensemble.protocol import casimirs
 from spi.expressions import as_numpy
 from spi.kinds.plans import PathsPlan
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import stderr_of_mean
-
-
-class Extremes(NamedTuple):
-    """What one batch of blocks meets; the reference, level 0, has nothing but its last states."""
-
-    casimir: np.ndarray  #: (blocks, levels, C, LANES), the largest |C_c(y) - C_c(y_0)|
-    square: np.ndarray  #: (blocks, levels, LANES), the largest |y|^2 / |y_0|^2
-    least: np.ndarray  #: (blocks, levels, LANES), of populations the smallest component
-    last: FinalStates
-    initial_casimirs: tuple
-    inverse: float  #: 1 / |y_0|
-
-    def observe(observer, model, row, paths, level, n, y, reference):
-        if level > 0:
-            watch_casimirs(model, observer.casimir[row, level], observer.initial_casimirs, level, n, paths, y)
-            square, least = observer.square[row, level], observer.least[row, level]
-            for lane in range(LANES):
-                size = scaled_square(load_lane(model, y, lane), observer.inverse)
-                if not size <= square[lane]:
-                    square[lane] = size
-            if populations(model):
-                for lane in range(LANES):
-                    smallest = smallest_component(load_lane(model, y, lane))
-                    if not smallest >= least[lane]:
-                        least[lane] = smallest
-        observe(observer.last, model, row, paths, level, n, y, reference)
 
 
 class Paths(NamedTuple):
@@ -74,7 +46,8 @@ _OF_PATHS = ("casimir", "square", "least", "y")
 class Rows(NamedTuple):
     """What some blocks contribute, a row for each."""
 
-    found: Extremes
+    extremes: np.ndarray  #: (blocks, levels, C + 2, LANES)
+    states: np.ndarray  #: (blocks, levels, d * LANES or more)
     report: np.ndarray  #: (blocks, levels, columns)
 
 
@@ -93,37 +66,27 @@ def no_paths(point: PathsPlan) -> Paths:
     )
 
 
-def extremes_of(point: PathsPlan, rows: int) -> Extremes:
-    """Empty extremes for `rows` blocks of the paths of `point`."""
-    levels = len(point.steps)
-    return Extremes(
-        casimir=np.zeros((rows, levels, conserved(point.model), LANES)),
-        square=np.zeros((rows, levels, LANES)),
-        least=np.full((rows, levels, LANES), np.inf),
-        last=FinalStates(np.empty((rows, levels, len(point.initial) * LANES)), point.steps),
-        initial_casimirs=watched_casimirs(point.model, point.initial, step_sizes_of(point.grid)),
-        inverse=1.0 / math.hypot(*point.initial),
-    )
-
-
 def rows_of(point: PathsPlan, first: int, blocks: int, end: int) -> Rows:
     """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
-    rows = Rows(extremes_of(point, blocks), empty_report(blocks, len(point.steps)))
+    observer = path_observer(point.model, point.initial, point.grid, blocks, sizes=True)
     what = point.scheme, point.model, point.initial, point.grid, point.stream
-    integrate(*what, rows.found, rows.report, first, blocks, end)
-    return rows
+    states, report = integrated(*what, first, blocks, end, observer)
+    return Rows(observer.extremes, states, report)
 
 
 def added(known: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
     """The paths known and those of the rows `at`, of which the first is that of block `first`."""
-    found, levels = rows.found, rows.report.shape[1]
-    states = found.last.y.reshape(len(rows.report), levels, -1, LANES)
-    arrays = {"casimir": found.casimir, "square": found.square, "least": found.least, "y": states}
-    joined: dict[str, Any] = {}
-    for name, values in arrays.items():
-        lanes = np.moveaxis(values[at], 0, -2)
-        paths = lanes.reshape(*lanes.shape[:-2], lanes.shape[-2] * LANES)[..., : end - first * LANES]
-        joined[name] = np.concatenate((getattr(known, name), paths), axis=-1)
+    extremes, count = rows.extremes[at], end - first * LANES
+    lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
+    paths = {
+        "casimir": lanes[:, :-2],
+        "square": lanes[:, -2],
+        "least": lanes[:, -1],
+        "y": paths_of(rows.states[at], known.y.shape[1])[..., :count],
+    }
+    joined: dict[str, Any] = {
+        name: np.concatenate((getattr(known, name), values), axis=-1) for name, values in paths.items()
+    }
     return known._replace(report=add_reports(known.report, rows.report[at]), **joined)
 
 

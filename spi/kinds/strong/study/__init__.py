@@ -15,14 +15,14 @@ import numpy as np
 from spi.ensemble.loop import nested_grid
 from spi.ensemble.protocol import REPORT, casimirs
 from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.plans import Cost, Done, State
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, PARTS, group_counts, jackknife_stderr, root_mean_square
 from spi.storage.records import Part
 
 from ..results import StrongErrors
 from .errors import results
-from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of, sums_of
+from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of
 
 _BATCH_BYTES = 64e6
 
@@ -62,11 +62,6 @@ class StrongPlan(BlocksPlan):
         steps = int(self.steps.sum()) * self.samples
         seconds = steps * 1e-9 * typical_ns(self.row, self.model)
         return Cost(steps, seconds, int(_BATCH_BYTES) + 8 * GROUPS * self.points)
-
-    def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block, which also serves the measurement of times."""
-        least = self.least
-        return [least.integration(sums_of(least.model, least.initial, least.grid, 1))]
 
     def begin(self) -> Times:
         """No time has been measured."""

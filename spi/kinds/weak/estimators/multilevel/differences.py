@@ -30,7 +30,7 @@ from spi.storage.records import Part
 
 from ...results import Differences, Sampled, WeakErrors
 from ...study.fields import sampled_errors, weak_errors
-from ...study.sums import sampling_calls, values_of_blocks
+from ...study.sums import values_of_blocks
 from . import estimates
 from .estimates import Errors
 from .levels import DIFFERENCE, VALUE, Level
@@ -83,7 +83,7 @@ class DifferencesPlan(MultilevelPlan):
     def kernel_calls(self) -> list[KernelCall]:
         """Those of both schemes."""
         difference = self.levels[-1]
-        return [*self.order2.kernel_calls(), *sampling_calls(self, _with_sides(self, difference), difference.stream)]
+        return [*self.order2.kernel_calls(), *self.calls_of_a_step(_with_sides(self, difference), difference.stream)]
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks of one level."""

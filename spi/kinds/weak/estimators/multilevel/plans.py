@@ -19,7 +19,7 @@ R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another 
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -34,12 +34,12 @@ from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, jackknife_stderr
-from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
+from spi.statistics.tallies import PathSet, chunk_blocks
 from spi.storage.records import Part
 
 from ...results import WeakErrors
 from ...study.fields import result_steps
-from ...study.sums import ROUND, compile_kernels, sampling_calls, values_of_blocks, with_powers
+from ...study.sums import ROUND, values_of_blocks, with_powers
 from ..kolmogorov.study import solution
 from .estimates import Errors, errors, moments, results
 from .extrapolated import shares
@@ -159,18 +159,13 @@ class MultilevelPlan(Blockwise, PartPlan):
         return Totals(paths=0, seconds=0.0, cpu_seconds=0.0, sums=sums, nonfinite=0)
 
     def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block, the values of the test functions, and their sums."""
-        return sampling_calls(self, self.levels[0].grid, self.levels[0].stream)
+        """One step of one block."""
+        return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
 
     def most_blocks(self, number: int) -> int:
         """How many blocks of a level a batch may have, because of memory."""
         paths = self.levels[number].weights.shape[1]
         return max(1, int(_BATCH_BYTES / (8 * LANES * paths * (len(self.initial) + 4 * len(self.case.functions)))))
-
-    def advance(self, chunks: Sequence[Chunk], known: Totals | None) -> Iterator[list[tuple[Chunk, Totals]]]:
-        """Compute consecutive chunks of one level, see :class:`~spi.kinds.plans.Plan`."""
-        compile_kernels(self)
-        yield from super().advance(chunks, known)
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks of one level."""

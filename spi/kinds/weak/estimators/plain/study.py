@@ -5,7 +5,6 @@ run.  With extrapolation the values of phi at h, 2h, ... are combined path by pa
 likewise, before anything is summed up.
 """
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,23 +14,15 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, nested_grid
 from spi.ensemble.protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.tallies import Chunk
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
 from ...study.fields import extension, extrapolation, result_steps, sampled_errors, weak_errors
-from ...study.sums import (
-    compile_kernels,
-    mean_over_paths,
-    sampling_calls,
-    standard_deviation,
-    values_of_blocks,
-    with_powers,
-)
+from ...study.sums import mean_over_paths, standard_deviation, values_of_blocks, with_powers
 
 _BATCH_BYTES = 64e6
 
@@ -112,19 +103,10 @@ class PlainPlan(BlocksPlan):
             prefix_cpu_seconds=np.zeros(prefixes),
         )
 
-    def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block, the values of the test functions, and their sums."""
-        return sampling_calls(self, self.grid, self.stream)
-
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
         levels, functions = len(self.grid.doublings), self.shape[1]
         return max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
-
-    def advance(self, chunks: Sequence[Chunk], known: Totals | None) -> Iterator[list[tuple[Chunk, Totals]]]:
-        """Compute consecutive chunks, see :class:`~spi.kinds.plans.Plan`."""
-        compile_kernels(self)
-        yield from super().advance(chunks, known)
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks."""

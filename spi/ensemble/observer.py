@@ -1,0 +1,158 @@
+"""What is kept of paths besides their last states: one record for all studies, so that they share their kernels."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.dispatch import answers, device, number, unrolled
+from ..compiler.records import class_of
+from ..numerics.rng import LANES, PARTS
+from .fields import scaled_square, smallest_component, squared_distance
+from .lanes import load_lane
+from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, large, populations
+
+#: What ``Observer.rows`` hold: sums of squared distances to the reference, or states.
+SQUARES, STATES = range(2)
+
+
+class Observer(NamedTuple):
+    """What is kept of some blocks of paths; nothing where an array has no room for it.
+
+    After step n of a level, where its stride divides n, ``rows[block, place + n / stride - 1]`` gets what `holds` says:
+    SQUARES, sums of |y - y_ref|^2 over every PARTS-th lane, or STATES, those of some consecutive lanes from `lane` on,
+    component after component.
+
+    ``extremes[block, level, c, lane]`` is the largest |C_c(y) - C_c(y_0)| over all steps of a level; of the reference,
+    level 0, it is that of the last step.  With damping C_c(y) counts exp(k gamma t) times, see ``invariants.py``.
+    Behind the Casimir functions may stand the largest |y|^2 / |y_0|^2 and, of populations, the smallest component.
+    """
+
+    rows: np.ndarray  #: (blocks, places, width)
+    holds: int
+    lane: int
+    levels: np.ndarray  #: (levels, 3) int64: place, stride (0 for never) and the number of the last step
+    extremes: np.ndarray  #: (blocks, levels, 0 or C or C + 2, LANES)
+    start: np.ndarray  #: (1 + levels, C + 1): C_c(y_0) and 1 / |y_0|, and of each level k gamma h
+
+
+def last_states_only(times):
+    """The observer of a grid of times that keeps nothing: :func:`integrate` leaves the last states."""
+    steps = times.reference_steps >> times.doublings
+    levels = np.stack([np.zeros_like(steps), np.zeros_like(steps), steps], axis=1)
+    return Observer(np.zeros((0, 0, 0)), SQUARES, 0, levels, np.zeros((0, 0, 0, 0)), np.zeros((0, 0)))
+
+
+def state_recorder(times, rows, every, lane=0):
+    """The observer that puts states of lanes from `lane` on after every so many steps of the only level into `rows`.
+
+    These are (blocks, stored + 1, d * lanes), the first of which, the initial ones, are left as they are.
+    """
+    nothing = last_states_only(times)
+    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=np.array([[1, every, nothing.levels[0, 2]]]))
+
+
+def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
+    """The observer of Casimir functions, of distances to the reference and of the sizes of states if so asked."""
+    nothing = last_states_only(times)
+    levels, steps = nothing.levels, nothing.levels[:, 2]
+    count, (first, rates) = len(steps), (casimirs(model, initial), decay_rates(model))
+    places = int(steps[1:].sum()) if squares else 0
+    if squares:
+        levels[1:, 0], levels[1:, 1] = np.cumsum(steps[1:]) - steps[1:], 1
+    start = np.zeros((1 + count, len(first) + 1))
+    start[0] = *first, 1.0 / math.hypot(*initial)
+    if rates:
+        start[1:, :-1] = np.multiply.outer(times.reference_step * 2.0**times.doublings, rates)
+    extremes = np.zeros((blocks, count, len(first) + 2 * sizes, LANES))
+    if sizes:
+        extremes[:, :, -1] = np.inf
+    return nothing._replace(rows=np.zeros((blocks, places, PARTS)), levels=levels, extremes=extremes, start=start)
+
+
+@device
+def observe(observer, model, row, paths, level, n, y, reference):
+    """After step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of level 0 then.
+
+    Of the lanes the first `paths` count, since the last block may be partly idle.
+    """
+    stride = observer.levels[level, 1]
+    if stride > 0 and n % stride == 0:
+        place = observer.levels[level, 0] + n // stride - 1
+        if observer.holds == SQUARES:
+            _add_squares(model, observer.rows[row, place], paths, y, reference)
+        else:
+            _keep_states(model, observer.rows[row, place], observer.lane, y)
+    if observer.extremes.shape[2] > 0 and (level > 0 or n == observer.levels[level, 2]):
+        _watch(model, observer.extremes[row, level], observer.start, level, n, paths, y)
+
+
+@device
+def _add_squares(model, squares, paths, y, reference):
+    for first in range(0, LANES, PARTS):
+        for part in range(PARTS):
+            lane = first + part
+            square = squared_distance(load_lane(model, y, lane), load_lane(model, reference, lane))
+            squares[part] += square if lane < paths else 0.0
+
+
+@device
+def _keep_states(model, kept, first, y):
+    lanes = len(kept) // dimension(model)
+    for i in range(dimension(model)):
+        for lane in range(lanes):
+            kept[i * lanes + lane] = y[i * LANES + first + lane]
+
+
+@device
+def _watch(model, extremes, start, level, n, paths, y):
+    _watch_casimirs(model, extremes, start, level, n, paths, y)
+    if extremes.shape[0] > conserved(model):
+        sizes, smallest = extremes[conserved(model)], extremes[conserved(model) + 1]
+        inverse = start[0, conserved(model)]
+        for lane in range(LANES):
+            size = scaled_square(load_lane(model, y, lane), inverse)
+            if not size <= sizes[lane]:  # true for NaN
+                sizes[lane] = size
+        if populations(model):
+            for lane in range(LANES):
+                least = smallest_component(load_lane(model, y, lane))
+                if not least >= smallest[lane]:
+                    smallest[lane] = least
+
+
+@unrolled(casimir_indices)
+def _watch_casimir(index, model, worst, start, level, n, y):
+    c = number(index)
+    first, grown = start[0, c], _grown(model, start, level, n, c)
+    for lane in range(LANES):
+        change = abs(grown * casimirs(model, load_lane(model, y, lane))[c] - first)
+        if not change <= worst[c, lane]:
+            worst[c, lane] = change
+    return worst
+
+
+@device(by_type=True)
+def _grown(model, start, level, n, c):
+    """What damping has made of Casimir function c after n steps of a level, inverted."""
+    if answers(decay_rates, class_of(model)):
+        return lambda model, start, level, n, c: np.exp(start[1 + level, c] * n)
+    return lambda model, start, level, n, c: 1.0
+
+
+def _watch_all(model, worst, start, level, n, paths, y):
+    """All Casimir functions of a path at once, as an array-state model finds them."""
+    for lane in range(paths):
+        values = casimirs(model, load_lane(model, y, lane))
+        for c in range(len(values)):
+            change = abs(values[c] - start[0, c])
+            if not change <= worst[c, lane]:
+                worst[c, lane] = change
+
+
+@device(by_type=True)
+def _watch_casimirs(model, worst, start, level, n, paths, y):
+    """Of an array-state model only the first `paths` lanes are watched."""
+    if large(model):
+        return _watch_all
+    return lambda model, worst, start, level, n, paths, y: _watch_casimir(model, worst, start, level, n, y)
