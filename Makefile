@@ -19,7 +19,7 @@ PROFILE ?= quick
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-uncompiled lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-uncompiled test-next lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -44,11 +44,24 @@ install: $(INSTALLED) ## set up the virtual environment VENV (.venv)
 
 demo: rigid_body_strong ## set up, run the rigid-body experiment and draw its figure
 
-test: $(INSTALLED_TEST) ## set up and run the tests; ROOM=specs: those of one room
+test: $(INSTALLED_TEST) ## set up and run the tests (6 minutes on two cores); ROOM=specs: those of one room
 	$(VENV)/bin/python -m pytest -n 2 --dist worksteal $(TESTS)
+
+test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products, builds, every experiment
+	$(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "" $(TESTS)
 
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest $(TESTS)
+
+# Everything else is as in constraints.txt; the package comes without its requirements, which bound numba.
+NEXT = .venv-next
+test-next: ## the rooms that compile (or ROOM), with the newest numba and numpy of the index, in an environment of their own
+	"$(PYTHON)" -m venv --clear $(NEXT)
+	grep -vE '^(numba|numpy|llvmlite)==' constraints.txt > $(NEXT)/others.txt
+	$(NEXT)/bin/python -m pip install --quiet --no-compile --requirement $(NEXT)/others.txt numba numpy
+	$(NEXT)/bin/python -m pip install --quiet --no-deps --editable .
+	$(NEXT)/bin/python -c 'import numba, numpy; print("numba", numba.__version__, "numpy", numpy.__version__)'
+	$(NEXT)/bin/python -m pytest -n 2 --dist worksteal $(or $(TESTS),tests/compiler tests/numerics tests/ensemble tests/schemes)
 
 lint: $(INSTALLED_TEST) ## linter, format and types
 	$(VENV)/bin/ruff check
@@ -64,7 +77,7 @@ docs: $(INSTALLED_TEST) ## the documentation as a site, in site/; its reference 
 
 figures: $(EXPERIMENTS) ## run and plot every experiment
 
-# Claims of a quick profile may be broken (exit code 4): the page tells which.
+# Claims of a quick profile may fail (exit code 4): the page tells which.
 gallery: $(INSTALLED) ## run every experiment (PROFILE=quick) and put all on one page, GALLERY/gallery.html, and in docs/
 	$(SPI) run --profile $(PROFILE) --out $(GALLERY) experiments/*.yaml || [ $$? -eq 4 ]
 	$(SPI) report --results $(GALLERY) --out $(GALLERY)/gallery.html
@@ -81,5 +94,5 @@ bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, w
 	$(VENV)/bin/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
-	rm -rf results site .venv build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf results site .venv .venv-next build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find spi tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -4,4 +4,4 @@ from setuptools import find_packages, setup
 
 EXPERIMENTS = {"spi.experiments": "experiments", "spi.experiments.systems": "experiments/systems"}
 
-setup(packages=[*find_packages(include=["spi*"]), "spi.specs.templates", *EXPERIMENTS], package_dir=EXPERIMENTS)
+setup(packages=[*find_packages(include=["spi*"]), "spi.running.templates", *EXPERIMENTS], package_dir=EXPERIMENTS)

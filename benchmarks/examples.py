@@ -3,7 +3,7 @@
 import math
 
 from spi.models import MODELS
-from spi.schemes import scheme_row
+from spi.schemes import scheme_entry
 
 STEP = 2.0**-16
 EPS = 0.1  # of the multiscale system; its explicit scheme is stable for STEP < 2 EPS^2
@@ -27,7 +27,7 @@ def example(name):
 
 def row(scheme):
     """The row of a scheme in the table of orders."""
-    return scheme_row(scheme, EPS)
+    return scheme_entry(scheme, EPS)
 
 
 def why_not(scheme, model):

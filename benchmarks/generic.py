@@ -29,8 +29,8 @@ from spi.schemes.euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from spi.schemes.isospectral import IsospectralMidpoint
 from spi.schemes.midpoint import Midpoint
 from spi.schemes.munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, add_ito_hessians
-from spi.schemes.rows import compositions
 from spi.schemes.splitting import Splitting
+from spi.schemes.stages import compositions
 
 # The package's fields find increment k of lane l at [k * LANES + l]; here there is lane 0 alone.
 
@@ -78,7 +78,7 @@ def twin(scheme, model):
 def flows_in_turn(scheme, model):
     """The flows of a composition, written out; of one of its two compositions, where a coin is tossed."""
     lines = ["def step(scheme, model, h, y, dW, z, heads):"]
-    several = compositions(scheme.rows, model)
+    several = compositions(scheme.stages, model)
     for coin, (_, flows) in zip(("if heads:", "else:"), several, strict=False):
         lines.append(f" {coin if len(several) > 1 else 'if True:'}")
         for part, k, share in flows:

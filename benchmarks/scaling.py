@@ -14,10 +14,10 @@ from pathlib import Path
 
 from spi.ensemble.loop import use_threads
 from spi.kinds.state import State
-from spi.running import engine, slices, workers
-from spi.running.checkpoint import Limits, Slice
+from spi.running import shards, workers
+from spi.running.checkpoint import Limits, Shard
 from spi.running.compiling import processors
-from spi.running.loading import Source, load, plans
+from spi.running.load import Source, load, plans
 from spi.statistics import tallies
 
 SPEC = Path(__file__).parents[1] / "experiments" / "rigid_body_weak_methods.yaml"
@@ -52,10 +52,10 @@ def in_parts(wanted, count):
         each = []
         for number in range(1, count + 1):
             began = time.perf_counter()
-            slices.run_slice(wanted, Slice(number, count), folder, limits=Limits(1e9))
+            shards.run_shard(wanted, Shard(number, count), folder, limits=Limits(1e9))
             each.append(time.perf_counter() - began)
         began = time.perf_counter()
-        slices.merge(wanted, folder)
+        shards.merge(wanted, folder)
         return max(each), time.perf_counter() - began
 
 
@@ -64,35 +64,35 @@ def main():
     wanted = experiment(samples)
     cores = processors()
     use_threads(1)
-    engine.advance_here(states(experiment(64)), ignore)
-    one = best(lambda: engine.advance_here(states(wanted), ignore))
+    workers.advance_here(states(experiment(64)), ignore)
+    one = best(lambda: workers.advance_here(states(wanted), ignore))
     chunks = sum(len(state.missing()) for state in states(wanted))
     print(f"{cores} processors, load {os.getloadavg()[0]:.1f}; {samples} paths in {chunks} chunks")
     print(f"1 thread                {one:8.2f} s")
     counts = [n for n in (2, 4, 8, 16) if n <= cores]
     for n in counts:
         use_threads(n)
-        taken = best(lambda: engine.advance_here(states(wanted), ignore))
+        taken = best(lambda: workers.advance_here(states(wanted), ignore))
         print(f"{n} threads               {taken:8.2f} s  efficiency {one / taken / n:.2f}")
     use_threads(1)
     for n in (1, *counts):
         with workers.processes(n) as pool:
             pool.threads = 1
-            engine.advance_with(pool, Source.of(experiment(64 * n)), states(experiment(64 * n)), ignore)
-            taken = best(lambda: engine.advance_with(pool, Source.of(wanted), states(wanted), ignore))
+            workers.advance_with(pool, Source.of(experiment(64 * n)), states(experiment(64 * n)), ignore)
+            taken = best(lambda: workers.advance_with(pool, Source.of(wanted), states(wanted), ignore))
         print(f"{n} worker processes      {taken:8.2f} s  efficiency {one / taken / n:.2f}")
     for n in (1, 2, 4):
         longest, merging = in_parts(wanted, n)
         print(
             f"{n} parts                 {longest:8.2f} s  efficiency {one / longest / n:.2f}, merging {merging:.2f} s"
         )
-    size = tallies.CHUNK_SECONDS
-    tallies.CHUNK_SECONDS = size / 64
+    size = tallies.CHUNK_WORK
+    tallies.CHUNK_WORK = size // 64
     many = sum(len(state.missing()) for state in states(wanted))
     with workers.processes(1) as pool:
         pool.threads = 1
-        engine.advance_with(pool, Source.of(experiment(64)), states(experiment(64)), ignore)
-        taken = best(lambda: engine.advance_with(pool, Source.of(wanted), states(wanted), ignore))
+        workers.advance_with(pool, Source.of(experiment(64)), states(experiment(64)), ignore)
+        taken = best(lambda: workers.advance_with(pool, Source.of(wanted), states(wanted), ignore))
     print(f"{many} chunks in place of {chunks}: {taken:.2f} s, {1e3 * (taken - one) / many:.1f} ms for each")
 
 

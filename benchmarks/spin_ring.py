@@ -21,11 +21,11 @@ HEAD = '''
 from typing import Annotated, NamedTuple
 
 from spi.numerics.angles import sin_versine
-from spi.compiler.dispatch import inlined
+from spi.compiler.dispatch import device
 from spi.ensemble.protocol import NonNegative, Positive
 
 
-@inlined
+@device
 def turned(angles, theta, p, q):
     """(p, q) turned by the angle -theta."""
     s, v = sin_versine(angles, theta)

@@ -3,7 +3,7 @@
     python benchmarks/total_error.py [--errors 1e-4 1e-5]
 
 The problem is that of experiments/rigid_body_extrapolated.yaml.  Compared are plain sampling and multilevel differences
-with reversed twins, of the schemes of weak order 2, extrapolated or not.  The bias at each step size is known without
+with antithetic paths, of the schemes of weak order 2, extrapolated or not.  The bias at each step size is known without
 sampling; variances and times of samples are measured.  A line tells the smallest step for which
 bias^2 + variance / samples = error^2 takes the least time, that time and, if it is less than --longest seconds, how far
 one such run came out from the truth.
@@ -18,11 +18,11 @@ import numpy as np
 
 from spi.ensemble.loop import grid, limited_threads
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.kolmogorov import solution
-from spi.kinds.weak.study.levels import Level
+from spi.kinds.weak.estimators.kolmogorov.study import solution
+from spi.kinds.weak.estimators.multilevel.levels import Level
 from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
 from spi.numerics.rng import LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import weak_exponents
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part

@@ -11,20 +11,20 @@ import argparse
 import numpy as np
 
 from spi.kinds.state import State
-from spi.kinds.weak.study.differences import DifferencesPlan
-from spi.kinds.weak.study.multilevel import MultilevelPlan
+from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
+from spi.kinds.weak.estimators.multilevel.plans import MultilevelPlan
 from spi.printing.text import power_of_two
-from spi.running import engine
-from spi.running.runs import load
+from spi.running import workers
+from spi.running.run import load
 from spi.storage.records import Part
 
 
 def results(plan):
     """The variables and the attributes of a whole study."""
     state = State(plan)
-    engine.advance_here([state], lambda number: None)
-    engine.finish([state], lambda number: None)
-    group = plan.group(state)
+    workers.advance_here([state], lambda number: None)
+    workers.finish([state], lambda number: None)
+    group = plan.results(state).group()
     return group.arrays, group.attributes
 
 

@@ -37,37 +37,37 @@ def __dir__():
     return __all__
 
 
-#: What :func:`source_digest` leaves out because it reads, keeps or shows: modules, and those of a kind of experiment.
-_NOT_COMPUTING = {
-    *("checks/compilable", "checks/differences", "checks/model_checks", "statistics/claims", "exact/__init__"),
-    *("checks/__init__", "compiler/__init__", "ensemble/__init__", "numerics/__init__", "statistics/__init__"),
-    *("specs", "storage/files", "storage/identity", "storage/provenance", "storage/results", "storage/sums"),
-    *("storage/__init__", "drawing", "printing", "running", "api", "report", "cli", "experiments"),
-}
-_NOT_COMPUTING_IN_A_KIND = {"keys", "reading", "claims", "table", "figure"}
+#: The rooms whose code kernels contain, and files there that only name and list what is compiled.
+_COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
+_LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py", "schemes/costs.py"}
+#: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
+_COMPUTING = ("exact", "expressions", "statistics", "kinds")
+_SHOWING = {"claims", "comparisons", "figure", "keys", "results", "table"}
 
 
-def computing_sources():
-    """The files of this package on which compiled code and the numbers of a study depend, sorted."""
+def sources(*rooms):
+    """The Python files of some rooms as paths within the package, sorted."""
     package = Path(__file__).parent
-    return [source for source in sorted(package.rglob("*.py")) if _computes(source.relative_to(package))]
+    return sorted(file.relative_to(package) for room in rooms for file in (package / room).rglob("*.py"))
 
 
-def _computes(source):
-    """Whether a file, named as seen from the package, belongs to :func:`computing_sources`."""
-    names = source.with_suffix("").parts
-    if names[0] == "kinds":
-        return names[1] != "__init__" and not _NOT_COMPUTING_IN_A_KIND.intersection(names[2:3])
-    return not _NOT_COMPUTING.intersection((names[0], "/".join(names[:2])))
+def kernel_sources():
+    """The files whose code is compiled: an edit there compiles everything anew."""
+    return [file for file in sources(*_COMPILED) if file.as_posix() not in _LISTS]
 
 
-def source_digest():
-    """A hash of :func:`computing_sources`, which no edit of a legend or of a message changes."""
-    digest = hashlib.sha256()
-    package = Path(__file__).parent
-    for source in computing_sources():
-        digest.update(str(source.relative_to(package)).encode())
-        digest.update(source.read_bytes())
+def number_sources():
+    """The files that decide the numbers of sums and results: those of kernels, and what makes numbers of paths."""
+    computing = (file for file in sources(*_COMPUTING) if not _SHOWING.intersection((*file.parts, file.stem)))
+    return [*sources(*_COMPILED), *computing]
+
+
+def digest_of(files):
+    """A hash of files of the package as they are now, 16 hex digits."""
+    digest, package = hashlib.sha256(), Path(__file__).parent
+    for file in files:
+        digest.update(file.as_posix().encode())
+        digest.update((package / file).read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -84,7 +84,7 @@ def modules_folder():
 
 
 def _point_cache_at_sources():
-    """Give Numba's disk cache a folder named by the hash of this package's sources.
+    """Give Numba's disk cache a folder named by the hash of the sources whose code is compiled.
 
     Numba notices an edit in the file of a kernel, not in the files of the functions that the kernel calls; with a new
     folder after any edit nothing stale can be found.  Must run before any kernel is declared.
@@ -93,7 +93,7 @@ def _point_cache_at_sources():
     edit.  Then a temporary folder, gone when the program ends, takes its place, also of that of stored modules; returns
     why, otherwise None.
     """
-    digest, problem = source_digest(), None
+    digest, problem = KERNEL_DIGEST, None
     try:
         place = folder = Path(_parent_of_caches(), digest)
         folder.mkdir(parents=True, exist_ok=True)
@@ -112,7 +112,8 @@ def _point_cache_at_sources():
     return problem
 
 
-#: Of the sources as they were when this process began to import them: with an edit later it computes nothing else.
-SOURCE_DIGEST = source_digest()
+# Of the sources as they were when this process began to import them: with an edit later it computes nothing else.
+KERNEL_DIGEST = digest_of(kernel_sources())  #: names the cache of compiled kernels
+NUMBERS_DIGEST = digest_of(number_sources())  #: marks sums over paths and results
 #: Why compiled kernels cannot be kept for the next run; None where they are.
 CACHE_PROBLEM = _point_cache_at_sources()

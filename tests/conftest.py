@@ -3,7 +3,9 @@
 import gc
 import hashlib
 import os
+import signal
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -31,6 +33,42 @@ sys.path.extend(folder for folder in _folders if folder not in sys.path)
 os.environ["PYTHONPATH"] = os.pathsep.join([*_folders, *filter(None, [os.environ.get("PYTHONPATH")])])
 
 
+def pytest_addoption(parser):
+    parser.addoption("--costs", metavar="FILE", help="append what each test costs to FILE, see tests/README.md")
+
+
+def pytest_configure(config):
+    if file := config.getoption("costs"):
+        from costs import Costs
+
+        config.pluginmanager.register(Costs(Path(config.invocation_params.dir, file)))
+
+
+@pytest.hookimpl(tryfirst=True)  # before those that are slow are left out
+def pytest_collection_modifyitems(items):
+    """Cases beyond the share of their test are slow."""
+    cases = defaultdict(list)
+    for item in items:
+        if mark := item.get_closest_marker("share"):
+            cases[mark.args, item.nodeid.partition("[")[0]].append(item)
+    for (count, _), some in cases.items():
+        kept = _evenly(some, *count) if count else _each_value_once(some)
+        for item in some:
+            if item not in kept:
+                item.add_marker("slow")
+
+
+def _evenly(cases, count):
+    return [cases[i * len(cases) // count] for i in range(min(count, len(cases)))]
+
+
+def _each_value_once(cases):
+    """The diagonal of a product: of every parameter the t-th value, from the first again where it has fewer."""
+    values = [list(dict.fromkeys(column)) for column in zip(*(case.callspec._idlist for case in cases), strict=True)]
+    diagonal = {tuple(some[t % len(some)] for some in values) for t in range(max(map(len, values)))}
+    return [case for case in cases if tuple(case.callspec._idlist) in diagonal]
+
+
 def pytest_collection_finish():
     """What has been imported by now stays: the garbage collector, busy while kernels are compiled, may pass it by."""
     gc.collect()
@@ -46,10 +84,19 @@ def _one_process_compiles(monkeypatch):
     monkeypatch.setattr(compiling, "processors", lambda: 1)
 
 
+@pytest.fixture(autouse=True)
+def _signals():
+    """What a command does at a signal ends with the test that calls it."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.fixture
 def spec(tmp_path, monkeypatch):
     """Write a spec as s.yaml in the current folder, parts of it replaced in pairs, and load it."""
-    from spi.running.runs import load
+    from spi.running.run import load
 
     monkeypatch.chdir(tmp_path)
 

@@ -45,9 +45,6 @@ def originals(folder):
     return {name: (folder / f"{name}.h5").read_bytes() for name in each}
 
 
-# --- damage to bytes -------------------------------------------------------------------------------------------------
-
-
 def flip_bits(draw, data):
     broken = bytearray(data)
     for _ in range(draw.choice((1, 1, 1, 2, 8))):
@@ -85,9 +82,6 @@ def foreign_hdf5(draw, data):
         if draw.random() < 0.5:
             file.attrs[storage.results.MARK] = draw.choice((1, 3, "2", [2, 2], 2.0, b"x", 2))
     return memory.getvalue()
-
-
-# --- damage to objects -----------------------------------------------------------------------------------------------
 
 
 def edited(edit):
@@ -143,9 +137,6 @@ def change_an_attribute(draw, file, name):
 
 EDITS = (remove, rename, become_another_type, empty, change_an_attribute)
 DAMAGES = (flip_bits, cut_short, zero_a_part, append, leave_out, something_else, foreign_hdf5, *map(edited, EDITS))
-
-
-# --- what comes of it ------------------------------------------------------------------------------------------------
 
 
 def call(*arguments):

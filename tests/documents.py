@@ -20,8 +20,9 @@ import typer
 import yaml
 
 from spi.cli import app, options
-from spi.running.runs import load
-from spi.specs import SpecError, shipped
+from spi.running import shipped
+from spi.running.run import load
+from spi.specs import SpecError
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -5,8 +5,8 @@ from typing import Annotated, NamedTuple
 from spi.ensemble.protocol import NonNegative
 from spi.models import register_model
 from spi.schemes import register_scheme
-from spi.schemes.rows import flows
 from spi.schemes.splitting import splitting
+from spi.schemes.stages import flows
 
 
 class Oscillator(NamedTuple):

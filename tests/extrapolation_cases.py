@@ -16,4 +16,4 @@ def symmetric(*keys):
 
 def group_of(case, estimator, levels, scheme="splitting_symmetric"):
     p = weak.plan(case, Part(scheme, estimator, extrapolate=levels))
-    return p.group(finished(p))
+    return p.results(finished(p)).group()

@@ -2,12 +2,12 @@
 
 from typing import Annotated, NamedTuple
 
-from spi.compiler.dispatch import inlined
+from spi.compiler.dispatch import device
 from spi.ensemble.protocol import NonNegative, Positive
 from spi.numerics.angles import sin_versine
 
 
-@inlined
+@device
 def turned(k, theta, y, angles):
     """(y1, y2, y3) turned by theta about axis k, as the rigid body turns."""
     s, v = sin_versine(angles, theta)
@@ -19,7 +19,7 @@ def turned(k, theta, y, angles):
     return a + (s * b - v * a), b - (s * a + v * b), c
 
 
-@inlined
+@device
 def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 

@@ -15,8 +15,10 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
+import pytest
 
 from spi.compiler.dispatch import kernel, number, unrolled
+from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import area_count
 from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field
 from spi.ensemble.increments import first_lane
@@ -46,6 +48,7 @@ from spi.report import views
 from spi.schemes import SCHEMES as ALL_SCHEMES
 
 COMPILED = not numba.config.DISABLE_JIT
+compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 #: The schemes of the equation itself; those of the multiscale system have a test file of their own.
 SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
@@ -194,7 +197,7 @@ def _advance(scheme, model, h, dW, coins, y, work, report):
         advance(scheme, model, h, dW[n], coins[n], y, work, report)
 
 
-def take_steps(scheme, model, h, dW, y, coins=None):
+def take_steps(scheme, model, h, dW, y, coins=None, advance=_advance):
     """The states [component, lane] after steps of size h with increments dW [step, noise, lane], and the report.
 
     For a scheme with sub-steps dW is [step, place in a row of increments, noise, lane].  One that needs Lévy areas has
@@ -209,17 +212,22 @@ def take_steps(scheme, model, h, dW, y, coins=None):
     dW = dW.reshape(len(dW), -1)
     assert dW.shape[1] >= (2 * substeps(scheme) - 1) * noises(model) * LANES
     coins = np.ones((len(dW), LANES)) if coins is None else np.ascontiguousarray(coins, float)
-    _advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
+    advance(scheme, model, float(h), dW, coins, block, np.empty(work_size(scheme, model)), report)
     return block[: y.size].reshape(y.shape), report
 
 
 def take_step(scheme, model, h, dW, y, coins=None):
-    """The same for one step with increments dW [noise, lane] and coins [lane]."""
-    return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, None if coins is None else coins[np.newaxis])
+    """The same for one step with increments dW [noise, lane] and coins [lane], uncompiled: that takes less time.
+
+    What kernels make of the same Python code is tested for every scheme, see test_ensemble.py.
+    """
+    coins, plain = None if coins is None else coins[np.newaxis], getattr(_advance, "py_func", _advance)
+    with uncompiled(), np.errstate(all="ignore"):
+        return take_steps(scheme, model, h, np.asarray(dW)[np.newaxis], y, coins, plain)
 
 
 def composed(model, flows, h, y, dW):
-    """One step of one path, or of arrays of them, by the flows of ``schemes.rows.compositions``, uncompiled."""
+    """One step of one path, or of arrays of them, by the flows of ``schemes.stages.compositions``, uncompiled."""
     for part, k, share in flows:
         if part == "drift":
             y = drift_flow(model, k, share * h, y, ANY_ANGLES)
@@ -308,13 +316,3 @@ def printed(results):
     text = io.StringIO()
     views.print_tables(results, text)
     return text.getvalue()
-
-
-#: What groups made by hand say of themselves, as those of studies do.
-DESCRIBED = {
-    "seed": 1,
-    "final_time": 1.0,
-    "initial": (math.cos(1.1), 0.0, math.sin(1.1)),
-    "model": "rigid_body",
-    "model_inertia": (2.0, 1.0, 2 / 3),
-}

@@ -1,15 +1,6 @@
-"""Runs that are killed at random moments, again and again, until they come to their end.
-
-    python tests/kills.py [KILLS]
-
-kills runs of every kind of experiment so many times in all (100), and says for each kind whether the results are those
-of a run that nobody disturbed, how much work was done more than once, and whether a file was left behind.
-"""
+"""Runs that are killed at random moments, again and again, until they come to their end: the means of test_kills.py."""
 
 import os
-import random
-import sys
-import tempfile
 import time
 from multiprocessing import get_context
 from pathlib import Path
@@ -17,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from spi import storage
-from spi.running import runs as runner
-from spi.running.runs import Limits, Watch, load
+from spi.running import run as runner
+from spi.running.run import Limits, Watch, load
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
@@ -60,7 +51,7 @@ def run(kind, out, log=None):
     from spi.running import checkpoint
     from spi.statistics import tallies
 
-    loop.BATCH_SECONDS, tallies.CHUNK_SECONDS, checkpoint._SHARE = 0.0, 5e-3, 1e9
+    loop.BATCH_SECONDS, tallies.CHUNK_WORK, checkpoint._SHARE = 0.0, 2**23, 1e9
     with open(log or os.devnull, "a", buffering=1) as file:
         watch = Watch(report=lambda progress: file.write(f"{time.time()} {progress.number} {progress.done}\n"))
         runner.run(experiment(kind), out, watch=watch, limits=Limits(checkpoint_seconds=CHECKPOINT_SECONDS))
@@ -90,24 +81,10 @@ def killed(kind, out, kills, generator, context):
     return met
 
 
-def repeated(log):
-    """The most seconds of work, between two reports of progress, that were lost by a kill and done again."""
-    lines = [line.split() for line in log.read_text().splitlines()]
-    lines = [
-        (float(when), (int(number), float(done))) for when, number, done in (line for line in lines if len(line) == 3)
-    ]
-    most = 0.0
-    for i, (_, where) in enumerate(lines[1:], 1):
-        if where < lines[i - 1][1]:  # a new process, which goes on from an earlier place
-            kept = [when for when, place in lines[:i] if place <= where]
-            most = max(most, lines[i - 1][0] - max(kept, default=lines[0][0]))
-    return most
-
-
 def forks():
     """Processes that begin where everything has been imported."""
     context = get_context("forkserver")
-    context.set_forkserver_preload(["spi.running.runs", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
+    context.set_forkserver_preload(["spi.running.run", *(f"spi.kinds.{kind}.study" for kind in RUNS)])
     return context
 
 
@@ -115,29 +92,3 @@ def stray(kind, out):
     """Files in a folder that should not be there."""
     wanted = {runner.results_path(experiment(kind), out), runner.sums_path(experiment(kind), out), Path(out, "log")}
     return sorted({path for path in Path(out).rglob("*") if path.is_file()} - wanted)
-
-
-def main():
-    kills = int(sys.argv[1]) if len(sys.argv) > 1 else 100
-    context, generator, total = forks(), random.Random(1), 0
-    while total < kills:
-        for kind in RUNS:
-            with tempfile.TemporaryDirectory() as folder:
-                whole, out = Path(folder, "whole"), Path(folder, "killed")
-                out.mkdir()
-                run(kind, whole)
-                met = killed(kind, out, 5, generator, context)
-                total += met
-                path = runner.results_path(experiment(kind), out)
-                same = numbers(path) == numbers(runner.results_path(experiment(kind), whole))
-                left = stray(kind, out)
-                again, verdict = repeated(out / "log"), "the same numbers" if same else "OTHER NUMBERS"
-                print(
-                    f"{kind:16} killed {met} times, {verdict}, at most {again:.2f} s done again, left: {left}",
-                    flush=True,
-                )
-    print(f"{total} kills")
-
-
-if __name__ == "__main__":
-    main()

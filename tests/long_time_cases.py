@@ -8,7 +8,7 @@ from spi.ensemble.loop import RandomStream, grid, integrated, states_at
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
 from spi.numerics.rng import BROWNIAN, LANES
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 RIGID = """\
@@ -44,7 +44,7 @@ def case_of(load_text):
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = long_time.plan(case, Part(scheme))
-    group = plan.group(finished(plan) if state is None else state)
+    group = plan.results(finished(plan) if state is None else state).group()
     return group.arrays, group
 
 

@@ -1,9 +1,11 @@
 """Results of the kind ``long_time`` made by hand, with the features that views must not hide."""
 
 import numpy as np
-from stability_results import attributes_of
+from made_up import group_of
+from stability_results import LABELS
 
-from spi.storage.records import Group, Results
+from spi.kinds.long_time.results import Law, LongTimes
+from spi.storage.records import Results
 
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")
@@ -25,27 +27,29 @@ def long_time_group(
         rms[:, :2] = 0.0
     with np.errstate(invalid="ignore"):
         signed = np.where(np.isfinite(rms), 0.7 * rms * rng.choice([-1, 1], rms.shape), np.nan)
-    axes, ends = ("h", "n", "casimir"), ("h", "casimir")
     fitted = np.where(lost > 0, np.nan, power)[:, None] * np.ones((3, casimirs))
-    variables = {
-        "casimir_mean": (axes, 0.1 * signed),
-        "casimir_rms": (axes, rms),
-        "casimir_worst": (axes, 3.5 * rms),
-        "casimir_one": (axes, signed),
-        "growth": (ends, fitted),
-        "growth_low": (ends, fitted - 0.03),
-        "growth_high": (ends, fitted + 0.03),
-        "bias": (ends, np.full((3, casimirs), 1.5e-18 if scheme == "splitting" else 2e-17)),
-        "bias_stderr": (ends, np.full((3, casimirs), 1e-18)),
-        "nonfinite": (("h",), lost),
+    fields = {
+        "h": h,
+        "n": n.astype(np.int64),
+        "casimir_mean": 0.1 * signed,
+        "casimir_rms": rms,
+        "casimir_worst": 3.5 * rms,
+        "casimir_one": signed,
+        "growth": fitted,
+        "growth_low": fitted - 0.03,
+        "growth_high": fitted + 0.03,
+        "bias": np.full((3, casimirs), 1.5e-18 if scheme == "splitting" else 2e-17),
+        "bias_stderr": np.full((3, casimirs), 1e-18),
+        "nonfinite": lost,
+        "law": _law(scheme, h, lost, rng) if law else None,
+        "samples": 512,
+        "steps_each": int(n[-1]),
+        "snapshots": 4096,
+        "panels": panels,
     }
-    coordinates = {"h": h, "n": n.astype(np.int64), "casimir": np.arange(casimirs)}
-    if law:
-        variables |= _law(scheme, h, lost, rng)
-        coordinates |= {"variable": np.array(VARIABLES), "bin": np.arange(20), "moment": np.array(MOMENTS)}
     # the final time depends on the step size, so that this kind has none
-    about = {"final_time": None, "steps_each": int(n[-1]), "snapshots": 4096, "panels": panels}
-    return Group(case, scheme, coordinates, variables, attributes_of(case, scheme, **about, **more))
+    told = {"scheme_label": LABELS[scheme], "case_title": f"case {case}, $5", "final_time": None} | more
+    return group_of(LongTimes, case, scheme, told, **fields)
 
 
 def _law(scheme, h, lost, rng):
@@ -58,15 +62,17 @@ def _law(scheme, h, lost, rng):
     gone = lost == lost.max() if lost.any() else np.zeros(3, bool)
     fraction[gone], distance[gone], z[gone] = 0.0, 1.0, np.nan
     exact = 1 / (1 + np.arange(len(MOMENTS)))
-    return {
-        "fraction": (("h", "variable", "bin"), fraction),
-        "fraction_stderr": (("h", "variable", "bin"), np.full(fraction.shape, stderr)),
-        "mean": (("h", "moment"), exact + 1e-3 * z),
-        "mean_stderr": (("h", "moment"), np.full(z.shape, 1e-3)),
-        "mean_exact": (("moment",), exact),
-        "law_distance": (("h", "variable"), distance),
-        "law_distance_stderr": (("h", "variable"), np.full(distance.shape, 6e-4)),
-    }
+    return Law(
+        variables=VARIABLES,
+        moments=MOMENTS,
+        fraction=fraction,
+        fraction_stderr=np.full(fraction.shape, stderr),
+        mean=exact + 1e-3 * z,
+        mean_stderr=np.full(z.shape, 1e-3),
+        mean_exact=exact,
+        distance=distance,
+        distance_stderr=np.full(distance.shape, 6e-4),
+    )
 
 
 def long_time(*groups):

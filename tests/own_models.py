@@ -5,7 +5,7 @@ import inspect
 import pytest
 from extending import Oscillator
 
-from spi.running import loading
+from spi.running import load
 from spi.running.workers import compute
 from spi.specs import SpecError
 
@@ -22,13 +22,13 @@ from spi.ensemble.protocol import NonNegative
 
 def check_other_processes(experiment, file, edited):
     """They have the text of a file that is gone, as on another machine, and refuse a text with another meaning."""
-    source = loading.Source.of(experiment)
+    source = load.Source.of(experiment)
     file.unlink()
-    loading.plans_of.cache_clear()
-    (plan,) = loading.plans_of(source)
+    load.plans_of.cache_clear()
+    (plan,) = load.plans_of(source)
     assert type(plan.case.model) is type(experiment.cases[0].model)
     (chunk,) = plan.path_sets(plan.begin())[0].chunks(0)
     assert compute(source, 0, chunk, 1).paths == chunk.paths
-    loading.plans_of.cache_clear()
+    load.plans_of.cache_clear()
     with pytest.raises(SpecError, match=r"means something else to a worker on .*; install the same versions"):
-        loading.plans_of(source._replace(files=((file.name, edited),)))
+        load.plans_of(source._replace(files=((file.name, edited),)))

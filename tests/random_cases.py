@@ -30,9 +30,6 @@ def normals(seed=SEED, stream=BROWNIAN, channel=0, draws=range(DRAWS), blocks=ra
     return by_step.transpose(0, 2, 1).reshape(blocks.size * LANES, draws.size * STEPS_PER_DRAW)
 
 
-# --- an independent implementation, in plain integers and the library's functions ------------------------------------
-
-
 def plain_philox(counter, key):
     c, k = list(counter), list(key)
     for _ in range(10):

@@ -5,7 +5,7 @@
 runs the quick profile of the experiments (all of them), with many small chunks, straight and then
 
     with one thread; with batches of one block, and with large ones; interrupted after every few batches; in three
-    parts that are merged; by two processes, of which one is killed; by two workers of Dask, of which one is killed;
+    shards that are merged; by two processes, of which one is killed; by two workers of Dask, of which one is killed;
     and extended from a third of the samples, where there are samples,
 
 and prints for each a digest of all numbers that no clock decides.  The exit code is 1 if an experiment has two.
@@ -21,10 +21,10 @@ from pathlib import Path
 from kills import numbers
 
 from spi.ensemble import loop
-from spi.running import runs as runner
-from spi.running import slices, workers
-from spi.running.checkpoint import Slice
-from spi.running.runs import Stopped, Watch, load
+from spi.running import run as runner
+from spi.running import shards, workers
+from spi.running.checkpoint import Shard
+from spi.running.run import Stopped, Watch, load
 from spi.statistics import tallies
 
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
@@ -85,12 +85,12 @@ def interrupted(experiment, out):
             pass
 
 
-def in_parts(experiment, out):
+def in_shards(experiment, out):
     while True:
         for number in (3, 1, 2):
-            slices.run_slice(experiment, Slice(number, 3), out)
+            shards.run_shard(experiment, Shard(number, 3), out)
         try:
-            return slices.merge(experiment, out)
+            return shards.merge(experiment, out)
         except Stopped:
             pass
 
@@ -122,7 +122,7 @@ WAYS = {
     "small batches": with_batches(0.0),
     "large batches": with_batches(10.0),
     "interrupted": interrupted,
-    "3 parts": in_parts,
+    "3 shards": in_shards,
     "2 processes": by_processes,
     "Dask": by_dask,
     "extended": extended,
@@ -130,7 +130,7 @@ WAYS = {
 
 
 def main():
-    tallies.CHUNK_SECONDS = 0.02
+    tallies.CHUNK_WORK = 2**25
     wrong = 0
     for path in map(Path, sys.argv[1:]) if len(sys.argv) > 1 else sorted(EXPERIMENTS.glob("*.yaml")):
         experiment, found = load(path, "quick"), {}

@@ -48,9 +48,6 @@ def relative(a, b):
     return np.max(np.linalg.norm(np.asarray(a) - b, axis=0) / np.linalg.norm(b, axis=0))
 
 
-# --- the equation, by hand -------------------------------------------------------------------------------------------
-
-
 def field(model, h, dW, y):
     """h B grad H + sum_k sigma_k dW_k B grad Ĥ_k as the paper prints them (y x grad, component by component)."""
     y1, y2, y3 = y
@@ -58,9 +55,6 @@ def field(model, h, dW, y):
         h * y[k] / model.inertia[k] + strengths(model)[k] * dW[k] * y[k] / model.noise_inertia[k] for k in range(3)
     )
     return np.array([y2 * g3 - y3 * g2, y3 * g1 - y1 * g3, y1 * g2 - y2 * g1])
-
-
-# --- splitting -------------------------------------------------------------------------------------------------------
 
 
 LOCKED = 1e40  # a moment of inertia so large that nothing turns about its axis

@@ -13,7 +13,7 @@ from states import finished
 
 from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES, philox
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 RIGID = """\
@@ -65,12 +65,9 @@ def case_of(tmp_path):
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
     plan = stability.plan(case, Part(scheme))
-    group = plan.group(finished(plan) if state is None else state)
+    group = plan.results(finished(plan) if state is None else state).group()
     assert group.coordinates["h"].tolist() == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group
-
-
-# --- the oracle ------------------------------------------------------------------------------------------------------
 
 
 def increments(seed, channels, steps, paths, h):

@@ -1,28 +1,16 @@
 """Results of the kind ``stability`` made by hand, with the features that views must not hide."""
 
 import numpy as np
-from helpers import DESCRIBED
+from made_up import group_of
 
-from spi.storage.records import Group, Results
+from spi.kinds.solver import Solver
+from spi.kinds.stability.results import CasimirErrors, Law, Stability
+from spi.storage.records import Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 H = 2.0 ** -np.arange(0, 8)
 VALUES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
-EACH, EACH_CASIMIR = ("value", "h"), ("value", "h", "casimir")
-
-
-def attributes_of(case, scheme, **more):
-    own = {
-        "scheme": scheme,
-        "scheme_label": LABELS[scheme],
-        "case_title": f"case {case}, $5",
-        "truncate_noise": False,
-        "eps": None,
-        "samples": 512,
-        "threads": 4,
-        "wall_seconds": 12.5,
-    }
-    return DESCRIBED | own | more
+EACH = ("value", "h")
 
 
 def stability_group(scheme, case="free", casimirs=1, panels=("regimes",), values=VALUES, h=H, law=False, **more):
@@ -37,48 +25,53 @@ def stability_group(scheme, case="free", casimirs=1, panels=("regimes",), values
         drift = np.where(finite < 1, np.inf, 0.02 * stiff + 0.5 * stiff**4)
         norm = np.where(finite < 1, np.inf, np.sqrt(1 + drift))
         error = np.where(finite < 1, np.inf, error)
-    variables = {
-        "finite": (EACH, finite),
-        "largest_norm": (EACH, norm),
-        "error": (EACH, error),
-        "error_stderr": (EACH, 0.03 * error),
-        "largest_angle": (EACH, np.where(stiff > 0.5, np.sqrt(stiff), 0.0)),
-    }
+    failures = np.zeros(stiff.shape, int)
     if scheme == "midpoint":
-        failures = np.where(stiff > 2.0, np.round(1e4 * (1 - np.exp(-(stiff - 2.0) / 50))), 0.0)
+        failures = np.where(stiff > 2.0, np.round(1e4 * (1 - np.exp(-(stiff - 2.0) / 50))), 0.0).astype(int)
         drift = np.maximum(1e-14, 1e-5 * failures / 1e4 * stiff)
-        variables |= {
-            "solves": (EACH, np.full(stiff.shape, 10_000)),
-            "iterations": (EACH, 10_000 * np.minimum(3 + 4 * stiff, 20.0)),
-            "failures": (EACH, failures.astype(int)),
-            "largest_residual": (EACH, np.where(failures > 0, 0.3, 1e-15)),
-        }
-    if law:
-        variables |= _law(values, np.where(finite < 1, np.inf, 0.1 * stiff / (1 + stiff) + 0.002))
+    solver = Solver(
+        solves=np.full(stiff.shape, 10_000),
+        iterations=10_000 * np.minimum(3 + 4 * stiff, 20.0),
+        failures=failures,
+        largest_residual=np.where(failures > 0, 0.3, 1e-15),
+    )
     worst = drift[..., None] * np.array([1.0, 3.0])[:casimirs]
     median = np.where(np.isfinite(worst), np.where(worst < 2.2e-15, 0.0, 0.3 * worst), 1.0)
-    variables |= {"casimir_worst": (EACH_CASIMIR, worst), "casimir_median": (EACH_CASIMIR, median)}
-    about = {"sweep": "sigma", "reference_step": 2.0**-14, "accurate": 0.1, "panels": panels, "functions": ()}
-    coordinates = {"value": values, "h": h, "casimir": np.arange(casimirs)}
-    if law:
-        coordinates["function"], about["functions"] = np.array(["a", "b"]), ("y1", "y2^2")
-    return Group(case, scheme, coordinates, variables, attributes_of(case, scheme, **(about | more)))
+    fields = {
+        "values": values,
+        "h": h,
+        "finite": finite,
+        "largest_norm": norm,
+        "error": error,
+        "error_stderr": 0.03 * error,
+        "casimirs": CasimirErrors(worst=worst, median=median) if casimirs else None,
+        "largest_angle": np.where(stiff > 0.5, np.sqrt(stiff), 0.0),
+        "solver": solver if scheme == "midpoint" else None,
+        "law": _law(values, np.where(finite < 1, np.inf, 0.1 * stiff / (1 + stiff) + 0.002)) if law else None,
+        "word": "sigma",
+        "functions": ("y1", "y2^2") if law else (),
+        "accurate": 0.1,
+        "samples": 512,
+        "reference_step": 2.0**-14,
+        "panels": panels,
+    }
+    told = {"scheme_label": LABELS[scheme], "case_title": f"case {case}, $5"} | more
+    return group_of(Stability, case, scheme, told, **fields)
 
 
 def _law(values, distance):
     """Two test functions, the first of them off by `distance` (V, S); of values above 20 the truth is not known."""
     known = (values < 20)[:, None]
-    stderr = np.where(known, 0.003, np.nan) * np.ones(distance.shape)
     truth = np.where(known, (0.25, 0.5), np.nan)
-    axes = (*EACH, "function")
-    return {
-        "expectation": (axes, np.stack([0.25 + distance, 0.5 * np.ones(distance.shape)], axis=2)),
-        "expectation_stderr": (axes, np.full((*distance.shape, 2), 0.003)),
-        "truth": (axes[::2], truth),
-        "truth_bound": (axes[::2], 1e-6 * truth),
-        "law_distance": (EACH, np.where(known, distance, np.nan)),
-        "law_distance_stderr": (EACH, stderr),
-    }
+    return Law(
+        names=("a", "b"),
+        expectation=np.stack([0.25 + distance, 0.5 * np.ones(distance.shape)], axis=2),
+        expectation_stderr=np.full((*distance.shape, 2), 0.003),
+        truth=truth,
+        truth_bound=1e-6 * truth,
+        distance=np.where(known, distance, np.nan),
+        distance_stderr=np.where(known, 0.003, np.nan) * np.ones(distance.shape),
+    )
 
 
 def predators(scheme, case="predators", **more):

@@ -9,8 +9,8 @@ import numpy as np
 from spi.kinds import blocks
 from spi.kinds.long_time import study as long_time
 from spi.kinds.state import State
-from spi.kinds.weak.study import multilevel
-from spi.running import engine
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
+from spi.running import workers
 
 #: Fields that a clock decides: those with such ends, and those with such names.
 CLOCKS, CLOCKED = ("seconds",), ("ns_per_step", "times")
@@ -40,7 +40,7 @@ def chunks_of(count):
     """Within it whole chunks have so many blocks each, whatever the speed; those of multilevel at least ROUND."""
     with ExitStack() as stack:
         for module in (blocks, multilevel):
-            stack.enter_context(patch.object(module, "chunk_blocks", lambda seconds: count))
+            stack.enter_context(patch.object(module, "chunk_blocks", lambda steps, dimension: count))
         stack.enter_context(patch.object(long_time, "_CHUNK_BLOCKS", count))
         yield
 
@@ -49,8 +49,8 @@ def finished(plan, most=None, state=None, tick=ignore):
     """The state of a plan at its end; `most` is the number of blocks of a batch, if it is not to be as time allows."""
     state = State(plan) if state is None else state
     with nullcontext() if most is None else batches_of(most):
-        engine.advance_here([state], tick)
-        engine.finish([state], tick)
+        workers.advance_here([state], tick)
+        workers.finish([state], tick)
     return state
 
 

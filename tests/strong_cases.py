@@ -14,7 +14,7 @@ from states import finished
 from spi.compiler.dispatch import kernel
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_normals
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 EXPERIMENT = Path(__file__).parents[1] / "experiments" / "rigid_body_strong.yaml"
@@ -28,12 +28,9 @@ def case_of(*overrides, profile="quick"):
 def study(case, scheme):
     """(variables by name, attributes) of a whole study."""
     plan = strong.plan(case, Part(scheme))
-    group = plan.group(finished(plan))
+    group = plan.results(finished(plan)).group()
     assert list(group.coordinates["h"]) == list(case.steps)
     return {name: values for name, (_, values) in group.variables.items()}, group.attributes
-
-
-# --- the oracle ------------------------------------------------------------------------------------------------------
 
 
 @kernel

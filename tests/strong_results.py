@@ -1,9 +1,11 @@
 """Groups of strong errors made by hand, as complete as those of a run."""
 
 import numpy as np
-from helpers import DESCRIBED
+from made_up import group_of
 
-from spi.storage.records import Group, Results
+from spi.kinds.solver import Solver
+from spi.kinds.strong.results import StrongErrors
+from spi.storage.records import Order, Results
 
 H = 2.0 ** -np.arange(5, 14)
 
@@ -13,45 +15,40 @@ LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting
 def strong_group(scheme, case="three", error=None, error_stderr=None, resolved=None, h=H, implicit=False, **attributes):
     """One scheme with errors h^(1/2) and standard errors of 2 %, or those given."""
     error = h**0.5 if error is None else error
-    nonfinite = np.where(np.isfinite(error), 0, 37)
-    of_h = {
+    shape = h.size
+    solver = Solver(
+        solves=np.full(shape, 100),
+        iterations=np.full(shape, 320),
+        failures=np.zeros(shape, dtype=int),
+        largest_residual=np.full(shape, 2.2e-16),
+    )
+    fields = {
         "error": error,
         "error_stderr": 0.02 * error if error_stderr is None else error_stderr,
-        "error_time": np.ones(h.size),
+        "error_time": np.ones(shape),
         "error_final": 0.9 * error,
         "error_final_stderr": 0.009 * h**0.5,
-        "nonfinite": nonfinite,
-        "resolved": np.full(h.size, True) if resolved is None else resolved,
+        "casimir_drift": np.outer(np.arange(shape), [1e-16, -1e-16]),
+        "nonfinite": np.where(np.isfinite(error), 0, 37),
+        "resolved": np.full(shape, True) if resolved is None else resolved,
         "seconds": 1e-3 / h,
-        "ns_per_step": np.full(h.size, 6.25),
-    }
-    if implicit:
-        of_h |= {
-            "solves": np.full(h.size, 100),
-            "iterations": np.full(h.size, 320),
-            "failures": np.zeros(h.size, dtype=int),
-            "largest_residual": np.full(h.size, 2.2e-16),
-        }
-    drift = np.outer(np.arange(h.size), [1e-16, -1e-16])
-    told = {
-        **DESCRIBED,
-        "scheme": scheme,
-        "scheme_label": LABELS.get(scheme, scheme),
-        "case_title": case,
-        "order": 0.5,
-        "order_ci": (0.48, 0.52),
-        "points_in_fit": h.size,
+        "ns_per_step": np.full(shape, 6.25),
+        "solver": solver if implicit else None,
+        "order": Order(0.5, 0.48, 0.52, shape),
         "expected_order": 0.5,
         "samples": 500,
         "reference_step": 2.0**-16,
         "reference_nonfinite": 0,
-        "note": "",
-        **attributes,
+        "reference_casimir_drift": (0.0, 0.0),
     }
-    variables = {name: (("h",), values) for name, values in of_h.items()}
-    return Group(
-        case, scheme, {"h": h, "casimir": np.arange(2)}, variables | {"casimir_drift": (("h", "casimir"), drift)}, told
-    )
+    told = {"scheme_label": LABELS.get(scheme, scheme)} | attributes
+    return group_of(StrongErrors, case, scheme, told, h=h, **fields)
+
+
+def unresolved(group):
+    """The group without an order."""
+    group.variables.update({name: ((), np.array(np.nan)) for name in ("order", "order_low", "order_high")})
+    return group
 
 
 def strong(*groups, **attributes):

@@ -21,9 +21,6 @@ def generator():
     return np.random.default_rng(20)
 
 
-# --- Maxwell-Bloch, Example expl-MB and section 4.1 ------------------------------------------------------------------
-
-
 def maxwell_bloch_rotation(angle):
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
@@ -57,9 +54,6 @@ def maxwell_bloch_composition(model, h, dW, y, pieces_exchanged=False):
         return maxwell_bloch_rotation(h * y[0]) @ y
     y = maxwell_bloch_rotation(h * y[0]) @ y
     return maxwell_bloch_shear(h) @ y
-
-
-# --- sine-Euler, Example expl-SE -------------------------------------------------------------------------------------
 
 
 MODES = ((1, 0), (1, 1), (0, 1), (-1, 1))
@@ -149,9 +143,6 @@ def sine_euler_correction(y):
     return np.transpose(columns, (0, 2, 1))
 
 
-# --- Lotka-Volterra, the first Example -------------------------------------------------------------------------------
-
-
 def lotka_volterra_fields(y):
     """y1 y2 J grad H with H = y1 - ln y1 + y2 - 2 ln y2, and with Ĥ = -ln y1 + ln y2."""
     y1, y2 = y
@@ -165,9 +156,6 @@ def lotka_volterra_composition(model, h, dW, y, pieces_exchanged=False):
         return np.array([y1, y2 * math.exp(h * (1 - y1))])
     y2 = y2 * math.exp(h * (1 - y1))
     return np.array([y1 * math.exp(h * (y2 - 2)), y2])
-
-
-# --- one step of each scheme -----------------------------------------------------------------------------------------
 
 
 SYSTEMS = {

@@ -1,9 +1,11 @@
 """Groups of trajectories made by hand, as complete as those of a run."""
 
 import numpy as np
+from made_up import group_of
 
+from spi.kinds.trajectory.results import Trajectory
 from spi.schemes import SCHEMES
-from spi.storage.records import Group, Part, Results
+from spi.storage.records import Results
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting, noise first (slpI)"}
 THREE = tuple(LABELS)
@@ -16,30 +18,33 @@ def trajectory_group(
     lost = np.flatnonzero(~np.isfinite(y).all(axis=1))
     with np.errstate(invalid="ignore"):
         drift = np.abs(casimirs - casimirs[0]).max(axis=0)
-    told = {
-        "scheme": scheme,
+    about = {
         "scheme_label": LABELS.get(scheme, scheme),
         "eps": eps,
         "case_title": f"case {case}, $5",
         "model": "nameless",
         "initial": tuple(y[0].tolist()),
         "final_time": float(t[-1]),
-        "step": float(t[1]),
         "seed": 7,
-        "path": 3,
-        "panels": panels,
-        "preserves": SCHEMES[scheme].preserves,
-        "nonfinite_from": float(t[lost[0]]) if len(lost) else float("nan"),
-        "casimir_drift": tuple(drift.tolist()),
-        **attributes,
     }
-    coordinates = {"t": t, "component": np.arange(y.shape[1]), "casimir": np.arange(casimirs.shape[1])}
-    variables = {
-        "y": (("t", "component"), y),
-        "hamiltonian": (("t",), 1 + y[:, 0] ** 2 if hamiltonian is None else hamiltonian),
-        "casimirs": (("t", "casimir"), casimirs),
-    }
-    return Group(case, Part(scheme, eps=eps).variant, coordinates, variables, told)
+    group = group_of(
+        Trajectory,
+        case,
+        scheme,
+        about | attributes,
+        t=t,
+        y=y,
+        hamiltonian=1 + y[:, 0] ** 2 if hamiltonian is None else hamiltonian,
+        casimirs=casimirs,
+        step=float(t[1]),
+        path=3,
+        panels=panels,
+        preserves=SCHEMES[scheme].preserves,
+        nonfinite_from=float(t[lost[0]]) if len(lost) else None,
+        casimir_drift=tuple(drift.tolist()),
+    )
+    del group.attributes["model_inertia"]
+    return group
 
 
 def trajectories(*groups, **attributes):

@@ -4,6 +4,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 
 from spi.drawing import page
+from spi.report import views
 from spi.schemes import SCHEMES as ROWS
 
 SCHEMES = ("euler_maruyama", "midpoint", "splitting")
@@ -20,6 +21,10 @@ def texts(legend):
     return [text.get_text() for text in legend.get_texts() if text.get_text().strip()]
 
 
+def legend_texts(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
 def legends(fig):
     return [texts(legend) for legend in [*fig.legends, *(one for area in fig.subfigs for one in area.legends)]]
 
@@ -33,6 +38,10 @@ def lines_of(text, scheme):
         if not line.strip():
             return [one.split() for one in block]
         block.append(line)
+
+
+def save(results, folder, stem):
+    return views.save(views.figure(results), folder, stem)
 
 
 def rendered(fig):

@@ -9,9 +9,9 @@ from states import batches_of, finished, ignore
 
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study import multilevel
-from spi.running import engine
-from spi.running.runs import load
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
+from spi.running import workers
+from spi.running.run import load
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, group_counts
 from spi.storage.records import Part
@@ -43,7 +43,7 @@ def levels_plan_of(case, scheme, estimator="multilevel"):
 def results_of(case, scheme, estimator, plan_of=plan_of):
     """(variables by name, attributes) of a whole study."""
     p = plan_of(case, scheme, estimator)
-    group = p.group(finished(p))
+    group = p.results(finished(p)).group()
     assert (group.estimator, group.variant) == (estimator, scheme)
     assert list(group.coordinates["h"]) == list(case.steps)
     return group.arrays, group.attributes
@@ -70,9 +70,6 @@ def has_order(found, order):
     return np.all((found["order_low"] <= order) & (order <= found["order_high"]))
 
 
-# --- plain -----------------------------------------------------------------------------------------------------------
-
-
 def values_by_hand(case, scheme, seed=None):
     """h -> the values of each test function at the final time, an array [function, path]; h_ref included."""
     doublings = [0, *(round(math.log2(h / case.reference_step)) for h in reversed(case.steps))]
@@ -93,9 +90,6 @@ def values_by_hand(case, scheme, seed=None):
     return dict(zip(sizes, values, strict=True))
 
 
-# --- multilevel ------------------------------------------------------------------------------------------------------
-
-
 def levels_after(p, blocks):
     """The sums over the levels then."""
     return multilevel.snapshot(p, after_blocks(p, blocks))
@@ -106,6 +100,6 @@ def after_blocks(p, blocks, calls=1):
     state = State(p)
     state.more = state.more._replace(targets=np.broadcast_to(blocks, len(p.levels)))
     with batches_of(-(-np.max(blocks) // calls)):
-        engine.advance_some_here([state], [(0, chunk) for chunk in state.missing()], ignore)
+        workers.advance_some_here([state], [(0, chunk) for chunk in state.missing()], ignore)
     assert not state.missing()
     return state

@@ -1,19 +1,6 @@
 """What the tests of work and precision share."""
 
-import warnings
 from itertools import takewhile
-
-import pytest
-
-
-@pytest.fixture
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
-
-
-# --- readings --------------------------------------------------------------------------------------------------------
 
 
 def answers(text):

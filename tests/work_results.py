@@ -3,9 +3,10 @@
 import math
 
 import numpy as np
-from helpers import DESCRIBED
+from made_up import group_of
 
-from spi.storage.records import Group, Results
+from spi.kinds.work_precision.results import WorkPrecision
+from spi.storage.records import Order, Results
 
 H = 2.0 ** -np.arange(3, 12)
 
@@ -31,21 +32,34 @@ def work_group(case, scheme, measure="strong", seed=0, noisy=True, casimirs=True
     lost = np.zeros(9, int)
     if case == "lost" and scheme == "euler_maruyama":
         error[:3], stderr[:3], lost[:2] = (math.inf, math.inf, 3e7), (math.nan, math.nan, 3e7), (512, 31)
-    variables = {
-        "error": (("h",), error),
-        "error_stderr": (("h",), stderr),
-        "resolved": (("h",), np.isfinite(error) & (error >= 4 * stderr)),
-        "nonfinite": (("h",), lost),
-        "ns_per_step": (("h",), 1e9 * seconds * H),
-        "seconds_per_path": (("h",), seconds),
-        "seconds_per_path_low": (("h",), 0.99 * seconds),
-        "seconds_per_path_high": (("h",), 1.02 * seconds),
+    told = {"scheme_label": label, "case_title": {"lost": "strong noise"}.get(case, f"case {case}")}
+    told |= {"truncate_noise": True, "model_sigma": (3.0, 3.0, 3.0) if case == "lost" else (1.0, 1.0, 1.0)}
+    fields = {
+        "h": H,
+        "error": error,
+        "error_bound" if exact else "error_stderr": stderr,
+        "resolved": np.isfinite(error) & (error >= 4 * stderr),
+        "casimir_drift": _drifts(scheme, error, rng) if casimirs and not exact else None,
+        "nonfinite": lost,
+        "ns_per_step": 1e9 * seconds * H,
+        "seconds_per_path": seconds,
+        "seconds_per_path_low": 0.99 * seconds,
+        "seconds_per_path_high": 1.02 * seconds,
+        "order": Order(order + 0.01, order - 0.01, order + 0.03, 9),
+        "expected_order": order,
+        "measure": measure,
+        "repeats": 7,
+        "reference_step": 2.0**-16,
     }
-    coordinates = {"h": H}
-    if casimirs and not exact:
-        coordinates["casimir"] = np.arange(2)
-        variables["casimir_drift"] = ("h", "casimir"), _drifts(scheme, error, rng)
-    return Group(case, scheme, coordinates, variables, _attributes(case, scheme, label, order, measure))
+    if exact:
+        fields |= {
+            "functions": ("sin(6.283185307179586*y1)",),
+            "estimator": "kolmogorov",
+            "targets": (1e-2, 1e-4, 1e-6),
+        }
+    else:
+        fields |= {"samples": 500, "targets": (0.1, 0.01, 1e-3)}
+    return group_of(WorkPrecision, case, scheme, told, **fields)
 
 
 def _drifts(scheme, error, rng):
@@ -59,30 +73,6 @@ def _drifts(scheme, error, rng):
     if scheme == "splitting":
         drift[0] = 0.0
     return drift
-
-
-def _attributes(case, scheme, label, order, measure):
-    found = DESCRIBED | {
-        "scheme": scheme,
-        "scheme_label": label,
-        "case_title": {"lost": "strong noise"}.get(case, f"case {case}"),
-        "truncate_noise": True,
-        "model_sigma": (3.0, 3.0, 3.0) if case == "lost" else (1.0, 1.0, 1.0),
-        "measure": measure,
-        "order": order + 0.01,
-        "order_ci": (order - 0.01, order + 0.03),
-        "points_in_fit": 9,
-        "expected_order": order,
-        "targets": (0.1, 0.01, 1e-3) if measure == "strong" else (1e-2, 1e-4, 1e-6),
-        "repeats": 7,
-        "reference_step": 2.0**-16,
-        "threads": 1,
-        "exact": measure == "weak",
-        "note": "",
-    }
-    if measure == "weak":
-        return found | {"functions": ("sin(6.283185307179586*y1)",), "estimator": "kolmogorov"}
-    return found | {"samples": 500}
 
 
 def work_results(cases=("one", "lost", "weak"), schemes=tuple(MADE_UP), **how):

@@ -12,7 +12,7 @@ from spi.ensemble.loop import thread_count
 from spi.kinds import KINDS
 from spi.kinds.strong import study as strong
 from spi.kinds.work_precision import study as work_precision
-from spi.running.runs import load
+from spi.running.run import load
 
 SPEC = """\
 kind: {kind}
@@ -50,14 +50,11 @@ def group_of(experiment, scheme):
     """What the study of this kind finds for a scheme, by the first part that is its."""
     study, (case,) = KINDS[experiment.kind].study, experiment.cases
     plan = study.plan(case, next(part for part in study.parts(case) if part.scheme == scheme))
-    return plan.group(finished(plan))
+    return plan.results(finished(plan)).group()
 
 
 def same(a, b):
     return np.array_equal(a, b, equal_nan=True)
-
-
-# --- times -----------------------------------------------------------------------------------------------------------
 
 
 class Clock:

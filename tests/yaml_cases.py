@@ -34,19 +34,19 @@ class Made(NamedTuple):
 
     def with_text(self, text):
         """The record of a module with another text."""
-        return modules.stored("zoo", text).Zoo._make(self.record)
+        return modules.stored("custom", text).Custom._make(self.record)
 
 
 @functools.cache
 def made(text):
     """The system of a definition, a text of YAML."""
     defined = define(definition(text))
-    generated = generate(defined.system, "Zoo", vocabulary("model"), defined.sizes)
+    generated = generate(defined.system, "Custom", vocabulary("model"), defined.sizes)
     values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
     fields = {field: values[parameter] for parameter, field in generated.fields}
     if generated.constants:
         fields["constants"] = generated.constants
-    return Made(defined, generated.text, modules.stored("zoo", generated.text).Zoo(**fields))
+    return Made(defined, generated.text, modules.stored("custom", generated.text).Custom(**fields))
 
 
 def definition(text):
@@ -158,10 +158,10 @@ def exponential(c, gradient, t, y):
     return scipy.linalg.expm(t * np.einsum("ijk,j->ik", c, gradient)) @ y
 
 
-# --- the zoo ---------------------------------------------------------------------------------------------------------
+# --- the systems -----------------------------------------------------------------------------------------------------
 
 #: name -> (definition, its bracket c).
-ZOO = {
+SYSTEMS = {
     "rigid body": (
         "{algebra: so(3), parameters: {a: 2, b: 1, c: 2/3}, hamiltonian: y1^2/(2*a) + y2^2/(2*b) + y3^2/(2*c),"
         " noises: [y1^2/3, y2, cos(y3)]}",

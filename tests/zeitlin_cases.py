@@ -6,7 +6,7 @@ from typing import NamedTuple
 import fluids
 import numpy as np
 
-from spi.compiler.dispatch import called, kernel
+from spi.compiler.dispatch import device, kernel
 from spi.ensemble.protocol import (
     REPORT,
     add_block_drift,
@@ -24,8 +24,8 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES
-from spi.schemes.rows import flows, substeps
 from spi.schemes.splitting import splitting
+from spi.schemes.stages import flows, substeps
 
 #: Sizes that are prime and not; of 9 and 15 modes lie on several lines.
 SIZES = (5, 7, 9, 15)
@@ -41,7 +41,7 @@ STEPPERS |= {"half_noise": HALF_NOISE, "euler_maruyama": SCHEMES["euler_maruyama
 DRIFT_FLOW, NOISE_FLOW, DRIFT_FIELD, NOISE_FIELDS, ITO_CORRECTION, CASIMIRS, ENERGY, STEPS = range(8)
 
 
-@called  # as the steps are, so that they share what is compiled of the words
+@device(inline=False)  # as the steps are, so that they share what is compiled of the words
 def _answer(what, model, k, t, width, times, y, out, work):
     """One of the words; what it returns, or 0."""
     if what == DRIFT_FLOW:
@@ -80,9 +80,6 @@ def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
     return 0.0
 
 
-# --- models and states -----------------------------------------------------------------------------------------------
-
-
 def noisy(n, **options):
     """A model with noises of both kinds, on four lines.
 
@@ -117,8 +114,6 @@ def apart(a, b):
     """The largest distance of two states, relative to the length of the second."""
     return np.max(np.linalg.norm(np.asarray(a) - b, axis=-1) / np.linalg.norm(b, axis=-1))
 
-
-# --- words of a block ------------------------------------------------------------------------------------------------
 
 _NO_TIMES, _NO_COINS = np.zeros((1, 1)), np.zeros((0, LANES))
 
@@ -159,8 +154,6 @@ def energy_of(model, y):
     return _ask(ENERGY, _SCHEMES, tables(model), 0, 0.0, 1, _NO_TIMES, _NO_COINS, np.array(y), np.zeros(1), np.zeros(1))
 
 
-# --- steps -----------------------------------------------------------------------------------------------------------
-
 _SCHEMES = tuple(STEPPERS.values())
 
 
@@ -180,7 +173,7 @@ def take(name, model, h, halves, states, coins=1.0, in_python=False):
     scheme, of = STEPPERS[name], tables(model)
     steps, _, m, paths = halves.shape
     rows = [halves[:, 0] + halves[:, 1]]
-    if substeps(getattr(scheme, "rows", ())) == 2:
+    if substeps(getattr(scheme, "stages", ())) == 2:
         rows += [halves[:, 0], halves[:, 1]]
     dW, tossed = np.full((steps, len(rows) * m, LANES), np.nan), np.full((steps, LANES), np.nan)
     dW[:, :, :paths] = np.concatenate(rows, axis=1)

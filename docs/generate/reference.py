@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import stored
 import typer
 import yaml
 from words import Rows, default_of, in_symbols, key_rows, key_table, linked, paragraphs, plain, table, value_of
@@ -21,9 +22,9 @@ from spi.ensemble.protocol import large
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.printing.text import fraction
-from spi.running.loading import layers
+from spi.running import shipped
+from spi.running.load import layers
 from spi.schemes import SCHEMES
-from spi.specs import shipped
 from spi.specs.keys import text_in
 from spi.systems.keys import KEYS as SYSTEM_KEYS
 
@@ -34,8 +35,8 @@ EXIT_CODES = {
     options.DONE: "done",
     options.FAILED: "failed",
     options.INVALID: "wrong usage, or an invalid spec",
-    options.STOPPED: "stopped; the same command goes on where it stopped",
-    options.BROKEN: "done, but a claim of a spec is broken, or results differ from what is computed again",
+    options.STOPPED: "stopped; run the same command again to resume",
+    options.CLAIM_FAILED: "done, but a claim failed, or recomputed results differ",
 }
 #: What a bare number under ``expect`` means.
 SENSES = {"equal": "this number", "at most": "at most this number", "at least": "at least this number"}
@@ -161,7 +162,7 @@ Every model is a stochastic Poisson system in Stratonovich form,
 with independent Wiener processes W₁, ..., Wₘ. B is the structure matrix, and C are Casimir functions, B(y) ∇C(y) = 0.
 The parameters are the keys under `model` beside `name`, as in
 `model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}`. They are pure numbers. Any model may have
-linear [damping](../damping.md); systems of your own are written [in YAML](../own_systems.md) or
+linear [damping](../damping.md); custom systems are written [in YAML](../own_systems.md) or
 [in Python](../own_models.md).
 """
 
@@ -207,7 +208,7 @@ SCHEMES_PAGE = """# Schemes
 
 A step of size h leads from y to z. Y_H is the vector field B ∇H, and exp(t Y_H) y its exact flow; f = B ∇H,
 fₖ = B ∇Ĥₖ, and dWₖ is the increment of Wₖ over the step. *Strong order* holds with several noises that do not
-commute, *with one noise* also with several that commute. Compositions of flows of your own need no program: see
+commute, *with one noise* also with several that commute. Custom compositions of flows need no program: see
 [compositions](../compositions.md). Labels such as "eq. slpI" are those of the paper,
 [arXiv:2111.07387](https://arxiv.org/abs/2111.07387).
 
@@ -275,6 +276,7 @@ PAGES = {
     "models": models,
     "schemes": schemes,
     "experiments": experiments,
+    "results": stored.page,
     "python": python,
     "glossary": glossary,
 }

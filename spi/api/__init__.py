@@ -3,7 +3,7 @@
 import warnings
 
 from .. import CACHE_PROBLEM
-from ..specs import shipped
+from ..running import shipped
 from .expecting import expectations
 from .paths import trajectory
 from .results import Results, load
@@ -12,7 +12,7 @@ from .running import run
 __all__ = ["Results", "expectations", "experiments", "load", "run", "trajectory"]
 
 if CACHE_PROBLEM:
-    warnings.warn(f"{CACHE_PROBLEM}; what is compiled cannot be kept for another process", stacklevel=2)
+    warnings.warn(f"{CACHE_PROBLEM}; compiled kernels cannot be saved for other processes", stacklevel=2)
 
 
 def experiments() -> list[str]:

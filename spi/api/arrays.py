@@ -7,51 +7,13 @@ import xarray as xr
 
 from ..storage.records import Description, Group
 
-#: What variables and coordinates are called in print, those that occur in several kinds first; others by their names.
-_LONG_NAMES = {
-    "h": "step size",
-    "t": "time",
-    "y": "state",
-    "error": "error",
-    "error_final": "error at the final time",
-    "casimir_drift": "largest change of a Casimir",
-    "nonfinite": "paths that left the finite numbers",
-    "expectation": "expectation of the test function",
-    "reference": "expectation at the reference step",
-    "hamiltonian": "Hamiltonian",
-    "casimirs": "Casimirs",
-    "function": "test function",
-}
-_ERRORS = {
-    "strong": ("strong error", "sup_n (E |y_h(t_n) - y_ref(t_n)|^2)^(1/2)"),
-    "weak": ("weak error", "E phi(y_h(T)) - E phi(y(T))"),
-}
-_UNITS = {"seconds": "s", "cpu_seconds": "s", "seconds_per_path": "s", "ns_per_step": "ns", "largest_angle": "rad"}
 
-
-def long_name(name: str, kind: str = "") -> str:
-    """What a variable is called in print."""
-    base = name.removesuffix("_stderr").removesuffix("_bound")
-    if base != name:
-        what = "standard error" if name.endswith("_stderr") else "bound of the numerical error"
-        return f"{what} of the {long_name(base)}"
-    if name == "error" and kind in _ERRORS:
-        return _ERRORS[kind][0]
-    return _LONG_NAMES.get(name, name.replace("_", " "))
-
-
-def dataset_of(group: Group, kind: str = "") -> xr.Dataset:
+def dataset_of(group: Group) -> xr.Dataset:
     """The arrays of a group with their coordinates; components of states are called as in expressions."""
-
-    def told(name: str) -> dict[str, str]:
-        formula = {"formula": _ERRORS[kind][1]} if name == "error" and kind in _ERRORS else {}
-        units = {"units": _UNITS[name]} if name in _UNITS else {}
-        return {"long_name": long_name(name, kind), **formula, **units}
-
     coordinates: dict[str, Any] = {
-        name: (name, _labels(group, name, values), told(name)) for name, values in group.coordinates.items()
+        name: (name, _labels(group, name, values), group.notes.get(name)) for name, values in group.coordinates.items()
     }
-    variables = {name: (axes, values, told(name)) for name, (axes, values) in group.variables.items()}
+    variables = {name: (axes, values, group.notes.get(name)) for name, (axes, values) in group.variables.items()}
     attributes = {name: value for name, value in group.attributes.items() if value is not None}
     return xr.Dataset(variables, coordinates, attributes)
 

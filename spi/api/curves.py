@@ -11,7 +11,6 @@ from ..drawing import as_bytes, style
 from ..report import views
 from ..storage import records
 from ..storage.records import INTERVAL
-from .arrays import long_name
 
 if TYPE_CHECKING:
     from ..drawing import Figure
@@ -37,7 +36,7 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
         for label, x, y, half in lines:
             text = ", ".join(filter(None, (style.label(reading.about), label)))
             ax.errorbar(x, y, half, **{"label": text, **own, **look})
-        _dress(ax, arrays[wanted], results.kind)
+        _dress(ax, arrays[wanted])
     return ax
 
 
@@ -57,16 +56,21 @@ def _lines(arrays: xr.Dataset, quantity: str) -> Iterator[tuple[str, np.ndarray,
         yield ", ".join(names), values[x].to_numpy(), values.isel(at).to_numpy(), width
 
 
-def _dress(ax: "Axes", values: xr.DataArray, kind: str) -> None:
+def _dress(ax: "Axes", values: xr.DataArray) -> None:
     """Scales and labels, where the axes have none yet."""
     if "h" in values.dims:
         ax.set_xscale("log", base=2)
         if values.name == "error":
             ax.set_yscale("log", nonpositive="clip")
     if not ax.get_xlabel():
-        ax.set_xlabel(long_name("h" if "h" in values.dims else "t"))
+        ax.set_xlabel(_long_name(values["h" if "h" in values.dims else "t"]))
     if not ax.get_ylabel():
-        ax.set_ylabel(long_name(str(values.name), kind))
+        ax.set_ylabel(_long_name(values))
+
+
+def _long_name(values: xr.DataArray) -> str:
+    """What an array is called in print."""
+    return str(values.attrs.get("long_name", str(values.name).replace("_", " ")))
 
 
 def shown_in_notebooks(figure: "Figure") -> "Figure":

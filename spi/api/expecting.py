@@ -17,7 +17,7 @@ from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..kinds.weak.study.sums import mean_over_paths, standard_deviation, with_powers
 from ..numerics.rng import LANES
-from ..running import engine
+from ..running import workers
 from ..running.compiling import compile_missing
 from ..specs import SpecError
 from ..statistics.estimators import GROUPS, group_counts
@@ -51,8 +51,8 @@ def expectations(
     `samples` is the number of paths.  `model`, `initial`, `final_time`, `seed` and `options` are as for
     :func:`spi.trajectory`.
 
-    The result has ``expectation`` and ``expectation_stderr`` (function, h) and ``nonfinite`` (h), the number of paths
-    that left the finite numbers, with which the means are not finite.  For weak errors with their orders, for
+    The result has ``expectation`` and ``expectation_stderr`` (function, h) and ``nonfinite`` (h), the number of
+    diverged paths (NaN or infinity), with which the means are not finite.  For weak errors with their orders, for
     multilevel estimates and for expectations without sampling see experiments of kind weak.
 
     Raises SpecError if anything is wrong with what is asked for.
@@ -66,7 +66,7 @@ def expectations(
     state = State(_means_plan(finest, doublings, phis, count))
     with Line("expectations", progress) as line:
         compile_missing([(scheme, call) for call in state.plan.kernel_calls()], line.watch.report_compiling)
-        engine.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
+        workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
     h = [one.case.step for one in each][::-1]
     about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
     return _dataset(state.total(), list(phis), h, about)
@@ -191,7 +191,7 @@ def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str,
         {
             "expectation": (axes, mean[::-1].T, {"long_name": "E phi(y_h(T))"}),
             "expectation_stderr": (axes, stderr[::-1].T, {"long_name": "standard error of the expectation"}),
-            "nonfinite": (("h",), sums.nonfinite[::-1], {"long_name": "paths that left the finite numbers"}),
+            "nonfinite": (("h",), sums.nonfinite[::-1], {"long_name": "diverged paths (NaN or infinity)"}),
         },
         {"function": names, "h": ("h", h, {"long_name": "step size"})},
         attributes,

@@ -13,9 +13,9 @@ from ..ensemble.observer import state_recorder
 from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan, plan
 from ..numerics.rng import LANES
-from ..running import engine
+from ..running import workers
 from ..running.compiling import compile_missing
-from ..running.session import kernel_calls
+from ..running.run import kernel_calls
 from ..specs import SpecError
 from ..storage.records import Part
 from .arrays import component_names, dataset_of
@@ -46,7 +46,7 @@ def trajectory(
 ) -> xr.Dataset:
     """Paths of a scheme: states, Hamiltonian and Casimirs at the times 0, k h, 2 k h, ..., T with k = `every`.
 
-    `model` is what stands under ``model:`` in a spec: a name, a mapping, also of a system of your own such as
+    `model` is what stands under ``model:`` in a spec: a name, a mapping, also of a custom system such as
     ``{"system": "heavy_top.yaml"}``; or a model's class, or a record of it.  `initial`, `final_time` T, `step` h and
     `seed` are as in a spec, and so are further `options`: damping, eps, truncate_noise, compositions.
 
@@ -94,8 +94,8 @@ def _one_path(ready: TrajectoryPlan, line: Line) -> xr.Dataset:
     of_any_kind: Any = ready
     state = State(of_any_kind)
     _compile(ready, line)
-    engine.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
-    found = dataset_of(ready.group(state), "trajectory")
+    workers.advance_here([state], lambda number: line.share("path", ready.progress(state).done, 1))
+    found = dataset_of(ready.results(state).group())
     found.attrs = _without_experiment(found.attrs)
     return found
 
@@ -163,7 +163,7 @@ def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line
 
 def _attributes(ready: TrajectoryPlan) -> dict[str, Any]:
     """What was integrated."""
-    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description()})
+    return _without_experiment({"step": ready.case.step, "every": ready.case.every, **ready.description().attributes()})
 
 
 def _without_experiment(attributes: dict[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import sys
 from types import TracebackType
 from typing import Any
 
-from ..running.session import NOBODY, Progress, Watch
+from ..running.run import NOBODY, Progress, Watch
 
 _WIDTH = 100  # of the line, cut there
 

@@ -43,7 +43,7 @@ class Results:
     @property
     def parts(self) -> tuple[str, ...]:
         """The names of the parts."""
-        return tuple(_name(group) for group in self.stored.groups)
+        return tuple(group.name for group in self.stored.groups)
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class Results:
     def __getitem__(self, name: str) -> "Results":
         """The parts whose names have all words of `name`, divided by slashes; KeyError if there are none."""
         words = set(name.split("/"))
-        found = tuple(group for group in self.stored.groups if words <= set(_name(group).split("/")))
+        found = tuple(group for group in self.stored.groups if words <= set(group.name.split("/")))
         if not found:
             known = dict.fromkeys(word for part in self.parts for word in part.split("/"))
             near = difflib.get_close_matches(name, [*known, *self.parts], 1)
@@ -111,14 +111,14 @@ class Results:
 
     @cached_property
     def _dataset(self) -> xr.Dataset:
-        return dataset_of(self.stored.groups[0], self.kind)
+        return dataset_of(self.stored.groups[0])
 
     def _listed(self) -> str:
         return ", ".join(self.parts)
 
     def to_xarray(self) -> xr.DataTree:
         """The arrays of all parts, a node for each, of the names and in the order of :attr:`parts`."""
-        groups = {_name(group): dataset_of(group, self.kind) for group in self.stored.groups}
+        groups = {group.name: dataset_of(group) for group in self.stored.groups}
         return xr.DataTree.from_dict({"/": xr.Dataset(attrs=self.attributes), **groups})
 
     @property
@@ -154,7 +154,7 @@ class Results:
         return pd.DataFrame(views.rows(self.stored))
 
     def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
-        """The figure of these parts as ``spi plot`` draws it; in axes of your own the curve of each of them.
+        """The figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
 
         A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
         against time; `look` is handed on to matplotlib.  Returns the figure, or the axes.
@@ -182,10 +182,6 @@ def load(path: str | Path, *, out: str | Path = "results") -> Results:
     with in_python():
         file = views.named(Path(path), Path(out))
         return Results(storage.read(file), file)
-
-
-def _name(group: records.Group) -> str:
-    return "/".join(filter(None, (group.case, group.variant, group.estimator)))
 
 
 def _key(about: records.Description) -> tuple[str, str]:

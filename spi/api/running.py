@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..ensemble.loop import thread_count, use_threads
-from ..running import runs, workers
+from ..running import run as runs
+from ..running import workers
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load
@@ -40,17 +41,17 @@ def run(
     mapping overrides only what it names: ``model={"sigma": [1, 0, 0]}`` keeps the other parameters, and
     ``cases={"strong": {"seed": 7}}`` changes one case.
 
-    ``as_="weak"`` makes the experiment in a file into one of another kind, as ``--as`` does, with defaults that suit
-    it; its name is then ``<name>_as_weak``.
+    ``as_="weak"`` converts the experiment in a file to another kind, as ``--as`` does, with suitable
+    defaults; its name is then ``<name>_as_weak``.
 
-    What is known already is not computed again, and the results are written to ``<out>/<name>.h5``: by default `name`
-    is that of the file; a mapping has none and needs one.  With ``out=None`` nothing is kept on disk.  `fresh` begins
-    anew and replaces results of another spec.  `threads` is how many threads compute; `workers` how many processes of
-    this machine, or the address of a Dask scheduler.  `progress` shows a line with how far the run is; by default in a
+    Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``: by default `name`
+    is that of the file; a mapping has none and needs one.  With ``out=None`` nothing is left on disk.  `fresh`
+    recomputes from scratch and overwrites existing results.  `threads` is the number of threads; `workers` the number
+    of processes on this machine, or the address of a Dask scheduler.  `progress` shows a progress line; by default in a
     notebook only.
 
     Raises SpecError if anything is wrong with the spec, StorageError if the results cannot be written or are those of
-    another spec; KeyboardInterrupt if interrupted, when what is done is kept and the same call goes on from there.
+    another spec; KeyboardInterrupt if interrupted; progress is then saved, and the same call resumes.
     """
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
@@ -64,7 +65,7 @@ def run(
         try:
             path = runs.run(experiment, folder, fresh, line.watch, workers=pool)
         except runs.Stopped as stopped:
-            kept = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is kept"
+            kept = str(stopped).replace("command", "call") if out is not None else "stopped; nothing is saved"
             raise KeyboardInterrupt(kept) from None
         found = load(path)
     return found if out is not None else Results(found.stored)
@@ -72,7 +73,7 @@ def run(
 
 @contextlib.contextmanager
 def _threads(count: int | None) -> Iterator[None]:
-    """Within it kernels use so many threads; SpecError if there are not that many."""
+    """Set the number of threads within a block; SpecError if there are not that many."""
     before = thread_count()
     if count is not None:
         try:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..compiler import modules
 from ..models import MODELS
-from ..running.loading import load, load_as
+from ..running.load import load, load_as
 from ..specs import Experiment, SpecError
 from ..specs.writing import as_override, as_yaml
 from ..storage import StorageError
@@ -35,7 +35,7 @@ def experiment_of(
     right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
     check_type("spec", what, (str, Path, Mapping), right)
     if "kind" in overrides:
-        raise SpecError("kind: is no key to override; as_='...' makes an experiment into one of another kind")
+        raise SpecError("kind: cannot be overridden; as_='...' makes an experiment into one of another kind")
     if kind is not None and isinstance(what, Mapping):
         raise SpecError("as_: is for experiments in files; give the mapping the kind that you want")
     texts = [as_override(key, model_keys(value) if key == "model" else value) for key, value in overrides.items()]

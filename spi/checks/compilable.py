@@ -6,12 +6,13 @@ import re
 from pathlib import Path
 
 from ..compiler import modules
-from ..compiler.inlining import is_float, is_known_to_the_compiler, is_tuple_of_floats, type_of_result
+from ..compiler.inlining import is_known_to_the_compiler, type_of_result
+from ..compiler.records import is_float, is_tuple_of_floats
 from ..ensemble.protocol import conserved, dimension
 from ..numerics.angles import ANY_ANGLES
 from .registration import vocabulary
 
-#: The words of a model that answer with one number; all but ``casimirs`` of the others answer with a vector.
+#: The methods of a model that return one number; all but ``casimirs`` of the others return a vector.
 _NUMBERS = ("drift_angle", "noise_angle", "hamiltonian")
 
 
@@ -22,26 +23,26 @@ class CompilationError(Exception):
 def obstacle(record):
     """What in the class of a foreign model keeps it from being compiled, one sentence; None if there is nothing.
 
-    First what can be told from the names that its methods use, then what the compiler says of each word, and whether a
-    word returns what it has to.
+    First what can be told from the names that its methods use, then what the compiler says of each method, and whether
+    it returns what it has to.
     """
     cls = type(record)
-    words = {name: word for name, word in vocabulary("model").items() if inspect.isfunction(getattr(cls, name, None))}
-    members = {name: value for name, value in inspect.getmembers(cls) if name in words or name.startswith("_")}
+    declared = {name: one for name, one in vocabulary("model").items() if inspect.isfunction(getattr(cls, name, None))}
+    members = {name: value for name, value in inspect.getmembers(cls) if name in declared or name.startswith("_")}
     members |= {name: getattr(cls, name) for name in vocabulary("model") if hasattr(cls, name)}
-    for name in words:
+    for name in declared:
         method = getattr(cls, name)
         if found := _misused_member(cls, method, members) or _unknown_function(method, set()):
             return f"{name}, {found}"
-    return next(filter(None, (_wrong_type(record, name, word) for name, word in words.items())), None)
+    return next(filter(None, (_wrong_type(record, name, one) for name, one in declared.items())), None)
 
 
-def _wrong_type(record, name, word):
-    """What the compiler finds wrong with a word, or with the type of what it returns."""
+def _wrong_type(record, name, declared):
+    """What the compiler finds wrong with a method, or with the type of what it returns."""
     d = dimension(record)
     known = {"k": 0, "t": 1.0, "angles": ANY_ANGLES, **dict.fromkeys("yuv", (1.0,) * d)}
-    _, *parameters = inspect.signature(word).parameters
-    if not parameters:  # a fact, or a word that is not asked in compiled code
+    _, *parameters = inspect.signature(declared).parameters
+    if not parameters:  # a trait, or a method that is not called in compiled code
         return None
     method = getattr(type(record), name)
     try:
@@ -65,7 +66,7 @@ def _unknown_function(function, seen):
         if not inspect.isfunction(value):
             continue
         if not is_known_to_the_compiler(value):
-            remedy = f"add @inlined from spi.compiler.dispatch above {name}"
+            remedy = f"add @device from spi.compiler.dispatch above {name}"
             return f"line {line}, calls {name}, which is not compiled into it; {remedy}"
         bare = inspect.unwrap(value)
         if modules.is_foreign(bare) and bare not in seen and (found := _unknown_function(bare, seen)):
@@ -83,7 +84,7 @@ def _misused_member(cls, method, members):
         looks_up = instruction.opname in ("LOAD_ATTR", "LOAD_METHOD") and before == record
         if looks_up and name in members and name not in cls._fields:
             if name.startswith("_"):
-                remedy = f"let {name} stand outside of the class, a function with @inlined from spi.compiler.dispatch"
+                remedy = f"let {name} stand outside of the class, a function with @device from spi.compiler.dispatch"
             else:
                 call = f"{name}({record}{', ...' if callable(members[name]) else ''})"
                 remedy = f"write {call}, imported from spi.ensemble.protocol"

@@ -1,10 +1,9 @@
-"""What the words of every model must satisfy, checked in plain Python at some states: the generic checks.
+"""What the methods of every model must satisfy, checked in plain Python at some states: the generic checks.
 
 Derivatives are central differences of eighth order, compared with the sizes of what they are made of, so that
 rotations, exponentials and shears, with rates large or small, are all judged alike.
 """
 
-import contextlib
 import inspect
 import itertools
 import math
@@ -13,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import SOURCE_DIGEST
-from ..compiler import modules
-from ..compiler.inlining import is_compiling, uncompiled
+from ..compiler.inlining import uncompiled
 from ..ensemble.fields import cross_product
 from ..ensemble.protocol import (
     casimirs,
@@ -49,9 +46,7 @@ _ANGLES = (
     2.0**-6,
     0.7,
     30.0,
-)  # at which angle words are compared: below each of the bounds for cheaper sines, and above
-
-_PASSED: set[type] = set()  # in this process
+)  # at which angle methods are compared: below each of the bounds for cheaper sines, and above
 
 
 class NotedAngles(NamedTuple):
@@ -78,7 +73,7 @@ def states_around(y, model, count=2):
 
 
 def check_model(record, states, written=True):
-    """What is wrong with a model at the first of some states where anything is: sentences that name word and k.
+    """What is wrong with a model at the first of some states where anything is: sentences that name method and k.
 
     `written`: whether somebody wrote its class, so that it may hold what cannot be compiled.
     """
@@ -86,28 +81,6 @@ def check_model(record, states, written=True):
         return [wrong]
     with uncompiled(), np.errstate(all="ignore"):
         return next(filter(None, (_complaints(record, y) for y in states)), [])
-
-
-def check_once(record, initial):
-    """What is wrong with a foreign model near an initial state, as :func:`check_model`.
-
-    Nothing if a class of this code has passed before, which is kept beside the stored modules.
-    """
-    cls = type(record)
-    if not modules.is_foreign(cls) or cls in _PASSED:
-        return []
-    name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{SOURCE_DIGEST}.checked"
-    passed = modules.folder() / name
-    if modules.digest(cls) and passed.exists():
-        return []
-    states = states_around(initial, record, 2 if dimension(record) <= 12 else 1)
-    if not (found := check_model(record, states, written=modules.system_of(cls) is None)):
-        _PASSED.add(cls)
-        if modules.digest(cls) and is_compiling():
-            with contextlib.suppress(OSError):  # then it is checked again in the next process
-                passed.parent.mkdir(parents=True, exist_ok=True)
-                passed.touch()
-    return found
 
 
 def _complaints(model, y):
@@ -172,7 +145,7 @@ def _structure(model, y):
         both = [derivative_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units]
         gradient = np.array([changed for changed, _ in both])
         if differ(B @ gradient, 0.0 * y[0], _DIFFERENCES, np.linalg.norm(B) * gradient, [s for _, s in both]):
-            yield f"casimirs, number {c}, is no Casimir function: structure(its gradient) is not 0"
+            yield f"casimirs, number {c}, is not a Casimir function: structure(its gradient) is not 0"
 
 
 def _gradients(model, y):
@@ -195,7 +168,7 @@ def _gradients(model, y):
 
 
 def _hessian(part, number, gradient, hessian, y, v):
-    """Whether a word is the derivative of a gradient, which is one indeed if that is symmetric."""
+    """Whether a method is the derivative of a gradient, which is one indeed if that is symmetric."""
     changed, size = derivative_along(gradient, y, v)
     if differ(hessian(y, v), changed, _DIFFERENCES, size):
         yield f"{part}_hessian{number} is not the derivative of {part}_gradient along v"
@@ -211,7 +184,7 @@ class _Flow(NamedTuple):
     part: str
     k: int
     act: Callable  #: (t, y) -> the flow, which notes its angles
-    bound: Callable  #: (t, y) -> what the angle word says
+    bound: Callable  #: (t, y) -> what the angle method says
     noted: np.ndarray  #: of the angles since :meth:`noting` was called
 
     def noting(self, t, y):
@@ -265,7 +238,7 @@ def _commuting(model, y):
     flows = list(_flows_of(model, "noise", noises(model), noise_flow, noise_angle))
     for pair in commuting_noises(model):
         if pair not in itertools.combinations(range(len(flows)), 2):
-            yield f"commuting_noises has {pair}, which is no pair (k, l) of noises with 0 <= k < l < {len(flows)}"
+            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {len(flows)}"
             continue
         first, second = (flows[k] for k in pair)
         s, t = (
@@ -282,13 +255,13 @@ def _velocity(flow, y, rate):
 
 
 def _one_flow(model, flow, y, rate):
-    """The angle word of a flow; and if flows are exact, that it is the flow of a Poisson system."""
+    """The angle method of a flow; and if flows are exact, that it is the flow of a Poisson system."""
     per_time = flow.noting(1e-3 / rate, y) * 1e3 * rate
     for t in [sign * angle / (per_time or rate) for angle in _ANGLES for sign in (1.0, -1.0)]:
         largest, said = flow.noting(t, y), flow.bound(t, y)
         if not largest <= said * (1.0 + 1e-9) and math.isfinite(largest):
-            word = f"{flow.part}_angle, k = {flow.k},"
-            yield f"{word} is {said:.3g} where {flow.part}_flow takes the sine of {largest:.3g}; it must be no less"
+            name = f"{flow.part}_angle, k = {flow.k},"
+            yield f"{name} is {said:.3g} where {flow.part}_flow takes the sine of {largest:.3g}; it must be no less"
             break
     if exact_flows(model):
         yield from _exactness(model, flow, y, rate)
@@ -303,13 +276,13 @@ def _exactness(model, flow, y, rate):
         yield f"{flow} is not finite at t = {t:.3g}, y = {_shown(y)}"
         return
     if differ(flow.act(s, there), flow.act(s + t, y), _EXACT, there, y):
-        yield f"{flow} is no flow: after times t and s it is not where it is after t + s"
+        yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
         return
     units = _unit_vectors(model)
     before, after = (_matrix([structure(model, z, e) for e in units]) for z in (y, there))
     jacobian = np.array([derivative_along(lambda z: flow.act(t, z), y, e)[0] for e in units]).T
     if differ(jacobian @ before @ jacobian.T, after, _DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before):
-        yield f"{flow} is no Poisson map: it changes the structure"
+        yield f"{flow} is not a Poisson map: it changes the structure"
     sizes = [casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
     for c, (was, now) in enumerate(zip(casimirs(model, y), casimirs(model, there), strict=True)):
         if differ(was, now, _EXACT, *(size[c] for size in sizes)):

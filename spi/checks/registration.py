@@ -1,4 +1,4 @@
-"""Classes of models and schemes are compared with the words of ``protocol.py`` when they are registered."""
+"""Classes of models and schemes are compared with ``protocol.py`` when they are registered."""
 
 import difflib
 import inspect
@@ -10,29 +10,29 @@ _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
-    """{name: word or fact} of all that a "model" or a "scheme" is asked."""
-    found = {name: word for name, word in vars(protocol).items() if hasattr(word, "declared")}
-    return {name: word for name, word in found.items() if word.declared.asked == asked}
+    """{name: method or trait} of all that a "model" or a "scheme" is asked."""
+    declared = {name: one.declared for name, one in vars(protocol).items() if hasattr(one, "declared")}
+    return {name: getattr(protocol, name) for name, one in declared.items() if one.asked == asked}
 
 
 def check_class(cls, asked, name):
     """TypeError that says all that is wrong with a class to be registered as the "model" or "scheme" `name`.
 
-    A class must have all that is required, each word with as many arguments as declared and each fact of its type, and
-    nothing public that nobody asks for, because that is a word misspelt.
+    A class must have all that is required, each method with as many arguments as declared and each trait of its type,
+    and nothing public that nobody asks for, because that is a method misspelt.
     """
-    words, members = vocabulary(asked), _members(cls)
+    declared, members = vocabulary(asked), _members(cls)
     if protocol.large(cls):  # the record with its parameters; kernels are given another
         members = {name: value for name, value in members.items() if not isinstance(value, property)}
-        words = {name: word for name, word in words.items() if name in _OF_PARAMETERS or word.declared.of}
+        declared = {name: one for name, one in declared.items() if name in _OF_PARAMETERS or one.declared.of}
     wrong = [
-        f"lacks {word}" for word, asking in words.items() if asking.declared.required and members.get(word) is None
+        f"lacks {one}" for one, asking in declared.items() if asking.declared.required and members.get(one) is None
     ]
     for member, value in members.items():
-        if member in words:
-            wrong += _disagreement(member, value, words[member].declared)
+        if member in declared:
+            wrong += _disagreement(member, value, declared[member].declared)
         else:
-            near = difflib.get_close_matches(member, words, 1)
+            near = difflib.get_close_matches(member, declared, 1)
             wrong.append(
                 f"has '{member}', for which no {asked} is asked" + (f"; did you mean {near[0]}?" if near else "")
             )
@@ -49,7 +49,7 @@ def _members(cls):
 
 
 def _disagreement(name, value, declared):
-    """What is wrong with a word or fact, a list of no or one text."""
+    """What is wrong with a method or trait, a list of no or one text."""
     if declared.of is None:
         if not inspect.isfunction(value):
             return [f"has {name} = {value!r}, which must be a method"]

@@ -39,11 +39,6 @@ class Style(StrEnum):
     paper = "paper"
 
 
-class FilmFormat(StrEnum):
-    gif = "gif"
-    mp4 = "mp4"
-
-
 def _version(wanted: bool) -> None:
     if wanted:
         from .. import __version__
@@ -55,7 +50,7 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def _common(
     version: Annotated[
-        bool, typer.Option("--version", "-V", "-v", callback=_version, is_eager=True, help="Print it.")
+        bool, typer.Option("--version", "-V", "-v", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """A laboratory for stochastic Poisson integrators."""
@@ -85,13 +80,12 @@ def plot(
         Style, typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf.")
     ] = Style.screen,
     width: Annotated[
-        str | None, typer.Option(help="Of a figure for a paper: one or two columns, or as in 5.125in, 130mm.")
+        str | None, typer.Option(help="Width of a figure for a paper: one or two (columns), or e.g. 5.125in, 130mm.")
     ] = None,
     font: Annotated[
-        str | None, typer.Option(help="Of a figure for a paper: serif, sans or an installed TrueType family.")
+        str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
-    film: Annotated[bool, typer.Option("--film", help="Also a film of the vorticity: <out>/<name>.gif.")] = False,
-    film_format: Annotated[FilmFormat, typer.Option(help="Of the film; mp4 needs ffmpeg.")] = FilmFormat.gif,
+    film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import storage
@@ -122,14 +116,14 @@ def plot(
         if film:
             with _about(path), ProgressLine(path.stem) as line:
                 moving = views.film(results)
-                written = views.save_film(moving, out or path.parent, path.stem, film_format, line.report_frame)
+                written = views.save_film(moving, out or path.parent, path.stem, line.report_frame)
             tell(f"wrote {written}")
 
 
 @app.command()
 def show(
     source: Stored,
-    format: Annotated[Format, typer.Option(help="How to print.")] = Format.table,
+    format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
 ) -> None:
     """Print stored results to standard output."""
     from .. import storage
@@ -155,10 +149,10 @@ def check(
     seed: Seed = None,
     kind: As = None,
 ) -> None:
-    """Validate experiments and say what they would cost."""
+    """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..printing import print_cost, print_reports
-    from ..running.runs import cost, reports
+    from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
@@ -168,7 +162,7 @@ def check(
 @app.command()
 def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
     """Print the Python source of the models of experiments."""
-    from ..running.runs import sources
+    from ..running.run import sources
 
     for experiment in load(specs, profile, overrides, None, None):
         for text in sources(experiment):
@@ -180,7 +174,7 @@ def schema() -> None:
     """Print the JSON Schema of experiment files, for editors."""
     import json
 
-    from ..running.runs import layers
+    from ..running.run import layers
 
     typer.echo(json.dumps(layers().json_schema(), indent=2, ensure_ascii=not takes_all_characters()))
 
@@ -245,7 +239,7 @@ def _code(error: Exception) -> int | None:
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError
-    from ..running.runs import Stopped
+    from ..running.run import Stopped
     from ..specs import SpecError
     from ..storage import StorageError
 

@@ -14,8 +14,7 @@ from llvmlite import binding
 from .. import CACHE_PROBLEM, __version__, modules_folder, storage
 from ..checks.compilable import CompilationError
 from ..ensemble.loop import thread_count
-from ..running.runs import Watch, load, run
-from ..running.session import NOBODY
+from ..running.run import NOBODY, Watch, load, run
 from ..schemes import typical_ns
 from ..storage.records import Group
 

@@ -15,7 +15,7 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
     there are none of that name.
     """
     if source.suffix in SPECS:
-        from ..running.runs import results_of
+        from ..running.run import results_of
 
         return results_of(source, folder)
     from ..report.views import named
@@ -25,14 +25,15 @@ def stored(source: Path, folder: Path = RESULTS) -> Path:
 
 def complete_spec(incomplete: str) -> list[str]:
     """Names of the experiments that come with the program, and spec files."""
-    from ..specs import shipped
+    from ..running import shipped
 
     return [name for name in shipped.names() if name.startswith(incomplete)] + _files(incomplete, SPECS)
 
 
 def complete_results(incomplete: str) -> list[str]:
     """Names of results in ./results, and files of results."""
-    return [name for name in _results(RESULTS) if name.startswith(incomplete)] + _files(incomplete, [".h5"])
+    names = sorted(path.stem for path in RESULTS.glob("*.h5"))
+    return [name for name in names if name.startswith(incomplete)] + _files(incomplete, [".h5"])
 
 
 def complete_profile(incomplete: str) -> list[str]:
@@ -44,10 +45,6 @@ def complete_kind(incomplete: str) -> list[str]:
     """The kinds of experiments: each is a folder of ``spi/kinds``, which is quicker to look at than to import."""
     kinds = sorted(path.parent.name for path in Path(__file__).parents[1].glob("kinds/*/__init__.py"))
     return [name for name in kinds if name.startswith(incomplete)]
-
-
-def _results(folder: Path) -> list[str]:
-    return sorted(path.stem for path in folder.glob("*.h5"))
 
 
 def _files(incomplete: str, endings: Sequence[str]) -> list[str]:

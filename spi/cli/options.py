@@ -11,12 +11,12 @@ from .streams import tell
 if TYPE_CHECKING:
     from ..specs import Experiment
 
-DONE, FAILED, INVALID, STOPPED, BROKEN = 0, 1, 2, 3, 4
+DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
 
 Specs = Annotated[
     list[Path],
     typer.Argument(
-        metavar="SPEC", help="Experiment files (YAML), or names that `spi list` shows.", autocompletion=complete_spec
+        metavar="SPEC", help="Experiment files (YAML), or names listed by `spi list`.", autocompletion=complete_spec
     ),
 ]
 Stored = Annotated[
@@ -36,13 +36,13 @@ As = Annotated[
     typer.Option(
         "--as",
         metavar="KIND",
-        help="Make it an experiment of another kind, as in strong.",
+        help="Convert the experiment to another kind, e.g. strong.",
         autocompletion=complete_kind,
     ),
 ]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
-Fresh = Annotated[bool, typer.Option("--fresh", help="Begin anew; replace results of another spec.")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch and overwrite existing results.")]
 
 
 def load(
@@ -53,11 +53,11 @@ def load(
     seed: str | None,
     kind: str | None = None,
 ) -> list["Experiment"]:
-    """All experiments, before anything runs; made into those of another kind if that is given.
+    """All experiments, before anything runs; converted to another kind if that is given.
 
-    Raises SpecError with what is wrong with any of them.
+    Raises SpecError with the mistakes of all of them.
     """
-    from ..running.loading import load, load_as
+    from ..running.load import load, load_as
     from ..specs import SpecError
 
     overrides = list(overrides or [])

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-    from ..running.runs import Cost, Progress, Watch
+    from ..running.run import Cost, Progress, Watch
 
 
 class ProgressLine:
@@ -50,7 +50,7 @@ class ProgressLine:
     @property
     def watch(self) -> "Watch":
         """What a run is given to tell how far it is."""
-        from ..running.runs import Watch
+        from ..running.run import Watch
 
         return Watch(self.report, self.report_compiling, self.tell, self.report_beginning)
 
@@ -68,7 +68,7 @@ class ProgressLine:
 
     def report_compiling(self, number: int, total: int, name: str) -> None:
         STOP.check()
-        kept = "" if CACHE_PROBLEM else ", kept for later runs"
+        kept = "" if CACHE_PROBLEM else ", saved for later runs"
         if self.bar:
             self._show(self.bar, None, f"{self.name}: compiling {name}{kept}", total, number - 1)
         elif not self.told:

@@ -19,12 +19,12 @@ def report(
             autocompletion=complete_results,
         ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="The page.")] = Path("report.html"),
+    out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
     results: Annotated[Path, typer.Option(help="Folder of results.")] = RESULTS,
     latex: Annotated[Path | None, typer.Option(help="Folder for the tables as LaTeX: <latex>/<name>.tex.")] = None,
     data: Annotated[Path | None, typer.Option(help="Folder for the curves as CSV: <data>/<name>.csv.")] = None,
 ) -> None:
-    """Put results on one HTML page that needs no other file."""
+    """Write results to one self-contained HTML page."""
     from ..report.page import files
     from ..storage import write_all
     from .progress import ProgressLine

@@ -12,7 +12,7 @@ import typer
 
 from .names import stored
 from .options import (
-    BROKEN,
+    CLAIM_FAILED,
     INVALID,
     As,
     Fresh,
@@ -31,14 +31,16 @@ from .signals import STOP
 from .streams import tell
 
 if TYPE_CHECKING:
-    from ..running.checkpoint import Slice
-    from ..running.runs import Limits, Watch
+    from ..running.checkpoint import Shard
+    from ..running.run import Limits, Watch
     from ..running.workers import Workers
     from ..specs import Experiment
     from ..storage.records import Results
 
-MaxTime = Annotated[str | None, typer.Option(help="Stop after so long, as in 90s, 45m, 3h; the same command goes on.")]
-Checkpoint = Annotated[str, typer.Option(help="Keep what is done at least this often, as in 5s, 1m.")]
+MaxTime = Annotated[
+    str | None, typer.Option(help="Stop after this long (90s, 45m, 3h); run the same command again to resume.")
+]
+Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often (5s, 1m).")]
 
 
 def run(
@@ -52,33 +54,36 @@ def run(
     fresh: Fresh = False,
     max_time: MaxTime = None,
     checkpoint: Checkpoint = "5s",
-    part: Annotated[
-        str | None, typer.Option(metavar="I/N", help="Compute part I of N only; `spi merge` puts them together.")
+    shard: Annotated[
+        str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Compute in so many processes of this machine.", min=1)] = None,
+    part: Annotated[str | None, typer.Option(hidden=True)] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1)] = None,
     dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, as in tcp://host:8786 or local:4.")
+        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
     kind: As = None,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
-    Exit code 4 if a claim of a spec is broken.
+    Exit code 4 if a claim of a spec failed.
     """
     experiments = load(specs, profile, overrides, samples, seed, kind)
-    from ..running import runs as runner
-    from ..running import slices
+    from ..running import run as runner
+    from ..running import shards
     from .progress import ProgressLine
 
-    if sum(option is not None for option in (part, workers, dask)) > 1:
-        end(INVALID, "--part, --workers and --dask exclude one another; give one of them")
-    slice_, limits = _slice(part), _limits(max_time, checkpoint)
+    if part is not None:
+        end(INVALID, f"--part is now called --shard; write --shard {part}")
+    if sum(option is not None for option in (shard, workers, dask)) > 1:
+        end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
+    mine, limits = _shard(shard), _limits(max_time, checkpoint)
     _prepare(threads)
-    if slice_ is not None:
+    if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
-                path = slices.run_slice(experiment, slice_, out, fresh, line.watch, limits)
-            tell(f"wrote {path}; `spi merge` with the same spec and options puts all parts together")
+                path = shards.run_shard(experiment, mine, out, fresh, line.watch, limits)
+            tell(f"wrote {path}; `spi merge` with the same spec and options merges all shards")
         return
     with _workers(workers, dask) as pool:
         _show_each(experiments, lambda experiment, watch: runner.run(experiment, out, fresh, watch, limits, pool))
@@ -94,29 +99,29 @@ def merge(
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
-    """Put parts together that `spi run --part` computed.
+    """Merge the shards that `spi run --shard` computed.
 
-    Then go on as `spi run` does.
+    Then write the results and print the table as `spi run` does.
     """
     experiments = load(specs, profile, overrides, samples, seed)
-    from ..running import slices
+    from ..running import shards
 
     _prepare(threads)
-    _show_each(experiments, lambda experiment, watch: slices.merge(experiment, out, fresh, watch))
+    _show_each(experiments, lambda experiment, watch: shards.merge(experiment, out, fresh, watch))
 
 
 def verify(
     source: Stored,
-    chunks: Annotated[int, typer.Option(help="How many chunks of paths to compute again, at random.", min=1)] = 8,
+    chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     threads: Threads = None,
 ) -> None:
-    """Compute some of the paths again, and compare bit for bit.
+    """Recompute some of the paths behind stored results and compare bit for bit.
 
-    They are those behind stored results, whose claims are judged as well.
+    The claims stored with the results are judged as well.
     """
     from .. import storage
     from ..printing import print_verification
-    from ..running.verification import verify
+    from ..running.verify import verify
     from .progress import ProgressLine
 
     file = stored(source)
@@ -124,12 +129,12 @@ def verify(
     with ProgressLine(file.stem) as line:
         found = verify(file, chunks, line.report_chunk)
     print_verification(file, found)
-    if _broken(file.stem, storage.read(file)) or found.different:
-        raise typer.Exit(BROKEN)
+    if _any_failed(file.stem, storage.read(file)) or found.different:
+        raise typer.Exit(CLAIM_FAILED)
 
 
 def _prepare(threads: int | None) -> None:
-    """Use so many threads, and say what a person should know before anything is compiled."""
+    """Set the number of threads, and warn before anything is compiled."""
     from .. import CACHE_PROBLEM
     from ..ensemble.loop import use_threads
 
@@ -139,11 +144,11 @@ def _prepare(threads: int | None) -> None:
         except ValueError as error:
             end(INVALID, f"--threads: {error}")
     if CACHE_PROBLEM:
-        tell(f"spi: {CACHE_PROBLEM}; what is compiled cannot be kept for the next run")
+        tell(f"spi: {CACHE_PROBLEM}; compiled kernels cannot be saved for the next run")
 
 
 def _limits(max_time: str | None, checkpoint: str) -> "Limits":
-    from ..running.runs import Limits
+    from ..running.run import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)
     return Limits(_seconds("--checkpoint", checkpoint), most)
@@ -153,18 +158,18 @@ def _seconds(option: str, text: str) -> float:
     """A time such as 90s, 45m, 3h or 1.5d."""
     found = re.fullmatch(r"([0-9]+(?:[.][0-9]+)?) *(s|m|h|d)", text.strip())
     if not found:
-        end(INVALID, f"{option}: is '{text}'; must be a number and a unit, as in 90s, 45m, 3h or 2d")
+        end(INVALID, f"{option}: is '{text}'; must be a number and a unit, e.g. 90s, 45m, 3h or 2d")
     return float(found[1]) * {"s": 1, "m": 60, "h": 3600, "d": 86400}[found[2]]
 
 
-def _slice(text: str | None) -> "Slice | None":
-    """Which part of how many."""
-    from ..running.checkpoint import Slice
+def _shard(text: str | None) -> "Shard | None":
+    """Which shard of how many."""
+    from ..running.checkpoint import Shard
 
     try:
-        return None if text is None else Slice.of(text)
+        return None if text is None else Shard.of(text)
     except ValueError:
-        end(INVALID, f"--part: is '{text}'; must be the number of a part and how many there are, as in 1/4 .. 4/4")
+        end(INVALID, f"--shard: is '{text}'; must be the number of a shard and their count, e.g. 1/4")
 
 
 @contextmanager
@@ -180,14 +185,14 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
             try:
                 pool = stack.enter_context(workers.dask(address))
             except ImportError:
-                end(INVALID, "--dask: Dask is not installed; say pip install 'spi[dask]'")
+                end(INVALID, "--dask: Dask is not installed; run pip install 'spi[dask]'")
             except (OSError, ValueError) as error:
                 end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
         yield pool
 
 
-def _broken(name: str, results: "Results") -> bool:
-    """Say how the claims of an experiment were judged; whether one is broken."""
+def _any_failed(name: str, results: "Results") -> bool:
+    """Report the verdicts on the claims of an experiment; whether one failed."""
     from ..printing.claims import remarks
     from ..report import views
     from ..statistics import claims
@@ -195,7 +200,7 @@ def _broken(name: str, results: "Results") -> bool:
     judged = views.verdicts(results)
     for remark in remarks(name, judged):
         tell(remark)
-    return any(one.verdict == claims.BROKEN for one in judged)
+    return any(one.verdict == claims.FAILED for one in judged)
 
 
 def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, Watch], Path]") -> None:
@@ -204,15 +209,15 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
     from ..report import views
     from .progress import ProgressLine
 
-    broken = False
+    failed = False
     for number, experiment in enumerate(experiments, start=1):
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
         views.print_tables(results)
-        broken |= _broken(experiment.name, results)
+        failed |= _any_failed(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done
         tell(f"results: {path}; `spi plot {shlex.quote(str(path))}` draws them")
-    if broken:
-        raise typer.Exit(BROKEN)
+    if failed:
+        raise typer.Exit(CLAIM_FAILED)

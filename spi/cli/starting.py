@@ -20,28 +20,26 @@ class Listed(StrEnum):
 
 def list_(
     what: Annotated[Listed | None, typer.Argument(metavar="models|schemes|experiments", help="Only these.")] = None,
-    folder: Annotated[Path, typer.Option("--experiments", help="Folder of your own.")] = Path("experiments"),
+    folder: Annotated[Path, typer.Option("--experiments", help="Folder with your experiments.")] = Path("experiments"),
 ) -> None:
     """List models, schemes and experiments.
 
-    The experiments are those that come with spi, and those in ./experiments if there is such a folder.
+    The experiments are those that come with spi, and those in ./experiments if that folder exists.
     """
     from ..printing import catalogue
 
-    problems: list[str] = []
     invalid: list[str] = []
     if what in (None, Listed.models):
-        from ..specs.models import catalogue as known
+        from ..models import MODELS
 
-        models, problems = known()
-        catalogue.print_models(models)
+        catalogue.print_models(MODELS)
     if what in (None, Listed.schemes):
         from ..schemes import SCHEMES
 
         catalogue.print_schemes(SCHEMES)
     if what in (None, Listed.experiments):
         invalid = _list_experiments(folder)
-    for problem in (*problems, *invalid):
+    for problem in invalid:
         tell(f"spi: {problem}")
     if invalid:
         raise typer.Exit(INVALID)
@@ -50,8 +48,8 @@ def list_(
 def _list_experiments(folder: Path) -> list[str]:
     """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
     from ..printing.catalogue import print_experiments
-    from ..running.runs import headings
-    from ..specs import shipped
+    from ..running import shipped
+    from ..running.run import headings
 
     found, _ = headings(map(shipped.path_of, shipped.names()))
     print_experiments("experiments that come with spi: spi run NAME", {path.stem: one for path, one in found.items()})
@@ -64,59 +62,59 @@ def _list_experiments(folder: Path) -> list[str]:
 
 
 def new(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What it will be called.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the new experiment.")],
     source: Annotated[
         str | None,
         typer.Option(
             "--from",
             metavar="EXPERIMENT",
-            help="Copy this one, and the files that it names.",
+            help="Copy this experiment and the files it refers to.",
             autocompletion=complete_spec,
         ),
     ] = None,
     kind: As = None,
-    system: Annotated[bool, typer.Option("--system", help="Of an equation of your own, written in YAML.")] = False,
+    system: Annotated[bool, typer.Option("--system", help="For a custom system, written in YAML.")] = False,
 ) -> None:
-    """Write a commented experiment to begin from: NAME.yaml.
+    """Write a commented experiment as a starting point: NAME.yaml.
 
-    It runs as it is.  Nothing is overwritten.
+    It can be run unchanged.  Existing files are never overwritten.
     """
     if not Path(name).name or name.endswith("/") or not name.isprintable():
-        end(INVALID, f"{name!r} is no name of a file; say for instance `spi new my_experiment`")
+        end(INVALID, f"{name!r} is not a file name; run for example `spi new my_experiment`")
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
     if source is not None and system:
         end(INVALID, "--from and --system exclude one another; give one of them")
     if source is None and kind is not None:
-        end(INVALID, "--as: is for copies; give --from EXPERIMENT as well")
+        end(INVALID, "--as: applies to copies only; add --from EXPERIMENT")
     texts = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
     for path in _write(texts, target):
         tell(f"wrote {path}")
     file = shlex.quote(str(target))
-    tell(f"spi: change it as you like; `spi check {file}` says what it would cost, `spi run {file}` runs it")
+    tell(f"spi: edit it as you like; `spi check {file}` estimates the cost, `spi run {file}` runs it")
 
 
 def _template(which: str, target: Path) -> dict[Path, str]:
-    from ..specs import shipped
+    from ..running import shipped
 
     return {target: shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)}
 
 
 def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
     """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
-    from ..running.loading import load, load_as
+    from ..running.load import load, load_as
 
     experiment = load(source) if kind is None else load_as(kind, source)
     return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}
 
 
 def _write(texts: dict[Path, str], target: Path) -> list[Path]:
-    """Write the files but overwrite none, all or nothing; which ones: others than `target` may be there already."""
+    """Write the files but overwrite none, all or nothing; which ones: others than `target` may exist already."""
     from ..storage import write_all
 
     missing = {path: text for path, text in texts.items() if path == target or not _holds(path, text)}
     for path in missing:
         if path.exists() or path.is_symlink():
-            end(INVALID, f"{path}: is there already, and is not overwritten; choose another name or folder")
+            end(INVALID, f"{path}: already exists; choose another name or folder")
     write_all({path: text.encode() for path, text in missing.items()})
     return list(missing)
 
@@ -130,10 +128,9 @@ def _holds(path: Path, text: str) -> bool:
 
 
 def doctor() -> None:
-    """Test whether spi works here, by a small run as well.
+    """Test the installation, including a small run with known results.
 
-    Its numbers are known; the first time its kernel is compiled, which takes some seconds.  Exit code 1 if something is
-    wrong.
+    The first time a kernel is compiled, which takes some seconds.  Exit code 1 if a test fails.
     """
     from ..printing.text import printable
     from .doctor import findings
@@ -145,4 +142,4 @@ def doctor() -> None:
             typer.echo(printable(finding))
             sound &= finding.sound
     if not sound:
-        end(FAILED, "something is wrong, see above")
+        end(FAILED, "a test failed, see above")

@@ -1,4 +1,4 @@
-"""Eight floats in one vector register, and products of a small matrix with two such vectors per row.
+"""Eight floats in one vector register, and two of them, a tile.
 
 Loops over lanes become vector instructions by themselves where there are many lanes (``lanes.py``).  Models whose
 states are arrays have few paths or columns at a time, and Numba makes vectors of so short a loop only sometimes; so
@@ -11,15 +11,16 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.datamodel import models, register_default
-from numba.extending import lower_builtin, type_callable
+from numba.core.imputils import impl_ret_borrowed
+from numba.extending import lower_builtin, models, register_model, type_callable
 
-from .dispatch import instructions
+from .dispatch import intrinsic
+from .private import uses
 
 WIDTH = 8  #: floats in a vector
 TILE = 2 * WIDTH  #: columns of a tile
 
-_FUSED = ("contract",)  # a product and a sum in one rounding
+FUSED = ("contract",)  # a product and a sum in one rounding
 _DOUBLES, _TILE = (ir.VectorType(ir.DoubleType(), count) for count in (WIDTH, TILE))
 
 
@@ -33,13 +34,13 @@ class Vector(types.Type):
 VECTOR = Vector()
 
 
-@register_default(Vector)
+@register_model(Vector)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager, numba_type):
         super().__init__(manager, numba_type, _DOUBLES)
 
 
-def borrowed(array):
+def without_refcount(array):
     """The same array, or tuple with arrays, whose references are not counted, for use while another reference is held.
 
     Numba counts references whenever an array is handed on, with atomic instructions, and cannot leave that out where
@@ -88,7 +89,7 @@ def _pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
     return builder.bitcast(builder.gep(data, [i]), numba_vector.as_pointer())
 
 
-@instructions(borrowed)
+@intrinsic(without_refcount)
 def _(array):
     def without_meminfo(context, builder, numba_type, value):
         if isinstance(numba_type, types.BaseTuple):
@@ -104,10 +105,13 @@ def _(array):
     def code(context, builder, signature, arguments):
         return without_meminfo(context, builder, array, arguments[0])
 
-    return array(array), code
+    def counted(context, builder, signature, arguments):
+        return impl_ret_borrowed(context, builder, array, arguments[0])
+
+    return array(array), code if uses("refcounts") else counted
 
 
-@instructions(load)
+@intrinsic(load)
 def _(array, i):
     def code(context, builder, signature, arguments):
         return builder.load(_pointer(context, builder, array, *arguments), align=8)
@@ -115,7 +119,7 @@ def _(array, i):
     return VECTOR(array, types.int64), code
 
 
-@instructions(store)
+@intrinsic(store)
 def _(array, i, vector):
     def code(context, builder, signature, arguments):
         builder.store(arguments[2], _pointer(context, builder, array, *arguments[:2]), align=8)
@@ -149,7 +153,7 @@ def _numbers(builder, first):
 
 
 def _splat(builder, number):
-    return _spread(builder, number, ir.VectorType(ir.IntType(64), TILE))
+    return spread(builder, number, ir.VectorType(ir.IntType(64), TILE))
 
 
 def _masked(builder, what, result, *arguments):
@@ -162,7 +166,7 @@ def _masked(builder, what, result, *arguments):
 _ALIGNED = ir.Constant(ir.IntType(32), 8)
 
 
-@instructions(load_pairs)
+@intrinsic(load_pairs)
 def _(array, begin, n, first):
     def code(context, builder, signature, arguments):
         (here, around), ahead = _ring(context, builder, array, *arguments)
@@ -184,7 +188,7 @@ def _(array, begin, n, first):
     return types.UniTuple(VECTOR, 2)(array, integer, integer, integer), code
 
 
-@instructions(store_pairs)
+@intrinsic(store_pairs)
 def _(array, begin, n, first, low, high, a, b):
     def code(context, builder, signature, arguments):
         (here, around), ahead = _ring(context, builder, array, *arguments[:4])
@@ -209,11 +213,11 @@ def _(array, begin, n, first, low, high, a, b):
     return types.void(array, integer, integer, integer, integer, integer, a, b), code
 
 
-@instructions(fused)
+@intrinsic(fused)
 def _(a, x, b):
     def code(context, builder, signature, arguments):
         kind = _DOUBLES if x == VECTOR else ir.DoubleType()
-        factor = _spread(builder, arguments[0], _DOUBLES) if x == VECTOR else arguments[0]
+        factor = spread(builder, arguments[0], _DOUBLES) if x == VECTOR else arguments[0]
         name = f"llvm.fma.v{WIDTH}f64" if x == VECTOR else "llvm.fma.f64"
         function = cgutils.get_or_insert_function(builder.module, ir.FunctionType(kind, [kind] * 3), name)
         return builder.call(function, [factor, *arguments[1:]])
@@ -221,7 +225,7 @@ def _(a, x, b):
     return x(types.float64, x, x), code
 
 
-@instructions(flipped)
+@intrinsic(flipped)
 def _(vector):
     def code(context, builder, signature, arguments):
         return _shuffled(builder, arguments[0], arguments[0], list(range(WIDTH - 1, -1, -1)))
@@ -229,7 +233,7 @@ def _(vector):
     return VECTOR(vector), code
 
 
-def _spread(builder, number, vector):
+def spread(builder, number, vector):
     """A vector of one number."""
     nothing = ir.Constant(vector, ir.Undefined)
     lone = builder.insert_element(nothing, number, ir.Constant(ir.IntType(32), 0))
@@ -253,93 +257,12 @@ def _arithmetic(operation, write):
         @lower_builtin(operation, a, b)
         def code(context, builder, signature, arguments):
             vectors = (
-                value if t == VECTOR else _spread(builder, value, _DOUBLES)
+                value if t == VECTOR else spread(builder, value, _DOUBLES)
                 for t, value in zip(signature.args, arguments, strict=True)
             )
-            return getattr(builder, write)(*vectors, flags=_FUSED)
+            return getattr(builder, write)(*vectors, flags=FUSED)
 
 
 _arithmetic(operator.add, "fadd")
 _arithmetic(operator.sub, "fsub")
 _arithmetic(operator.mul, "fmul")
-
-
-def multiply_tile(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, rows):
-    """out = A x for A (rows, columns) and a tile x of `columns` rows, all in flat arrays of float64.
-
-    A[r, c] is matrix[first + r * columns + c], x[c, j] is x[x_first + c * stride + j] for j < TILE, and out[r, j] goes
-    to out[out_first + r * out_stride + j].  Sums are from c = 0 on, each product and sum rounded once.
-    """
-    for r in range(rows):
-        for j in range(TILE):
-            total = 0.0
-            for c in range(columns):
-                total += matrix[first + r * columns + c] * x[x_first + c * stride + j]
-            out[out_first + r * out_stride + j] = total
-
-
-@instructions(multiply_tile)
-def _(matrix, first, columns, x, x_first, stride, out, out_first, out_stride, rows):
-    number = types.int64
-    signature = types.void(matrix, number, number, x, number, number, out, number, number, number)
-
-    def code(context, builder, signature, arguments):
-        _, first, columns, _, x_first, stride, _, out_first, out_stride, rows = arguments
-        a, b, c = (
-            cgutils.create_struct_proxy(signature.args[i])(context, builder, arguments[i]).data for i in (0, 3, 6)
-        )
-        a, b, c = (builder.gep(data, [i]) for data, i in ((a, first), (b, x_first), (c, out_first)))
-        done = cgutils.alloca_once_value(builder, ir.Constant(ir.IntType(64), 0))
-        for height in (4, 2, 1):  # rows that go together: more would need more registers than AVX2 has
-            _rows_together(builder, height, a, columns, b, stride, c, out_stride, rows, done)
-        return context.get_dummy_value()
-
-    return signature, code
-
-
-def _rows_together(builder, height, matrix, columns, x, stride, out, out_stride, rows, done):
-    """The rows from `done` on, `height` at a time while there are so many."""
-    integer, vector = ir.IntType(64), ir.VectorType(ir.DoubleType(), TILE)
-    together, one = ir.Constant(integer, height), ir.Constant(integer, 1)
-    test, body = builder.append_basic_block("rows"), builder.append_basic_block("together")
-    inner, store, end = (builder.append_basic_block(name) for name in ("columns", "store", "end"))
-    builder.branch(test)
-
-    builder.position_at_end(test)
-    row = builder.load(done)
-    builder.cbranch(builder.icmp_signed("<=", builder.add(row, together), rows), body, end)
-
-    builder.position_at_end(body)
-    starts = [
-        builder.gep(matrix, [builder.mul(builder.add(row, ir.Constant(integer, r)), columns)]) for r in range(height)
-    ]
-    builder.branch(inner)
-
-    builder.position_at_end(inner)
-    column = builder.phi(integer)
-    sums = [builder.phi(vector) for _ in range(height)]
-    tile = builder.load(_as_vector(builder, builder.gep(x, [builder.mul(column, stride)]), vector), align=8)
-    new = []
-    for start, total in zip(starts, sums, strict=True):
-        factor = builder.load(builder.gep(start, [column]))
-        product = builder.fmul(_spread(builder, factor, vector), tile, flags=_FUSED)
-        new.append(builder.fadd(product, total, flags=_FUSED))
-    following = builder.add(column, one)
-    column.add_incoming(ir.Constant(integer, 0), body)
-    column.add_incoming(following, inner)
-    for total, value in zip(sums, new, strict=True):
-        total.add_incoming(ir.Constant(vector, [0.0] * TILE), body)
-        total.add_incoming(value, inner)
-    builder.cbranch(builder.icmp_signed("<", following, columns), inner, store)
-
-    builder.position_at_end(store)
-    for r, value in enumerate(new):
-        place = builder.mul(builder.add(row, ir.Constant(integer, r)), out_stride)
-        builder.store(value, _as_vector(builder, builder.gep(out, [place]), vector), align=8)
-    builder.store(builder.add(row, together), done)
-    builder.branch(test)
-    builder.position_at_end(end)
-
-
-def _as_vector(builder, pointer, vector):
-    return builder.bitcast(pointer, vector.as_pointer())

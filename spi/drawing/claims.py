@@ -4,15 +4,15 @@ from collections.abc import Iterable, Sequence
 
 from matplotlib.figure import Figure
 
-from ..statistics.claims import BROKEN, KEPT, UNDECIDED, VERDICTS, Verdict
+from ..statistics.claims import FAILED, INCONCLUSIVE, PASSED, VERDICTS, Verdict
 from . import style
 
-_WORDS = {KEPT: "Claims kept", UNDECIDED: "Claims not decided", BROKEN: "Claims broken"}
-_COLOURS = {KEPT: "#444444", UNDECIDED: "#8a6d00", BROKEN: "#c00000"}
+_WORDS = {PASSED: "Claims passed", INCONCLUSIVE: "Claims inconclusive", FAILED: "Claims failed"}
+_COLOURS = {PASSED: "#444444", INCONCLUSIVE: "#8a6d00", FAILED: "#c00000"}
 
 
 def write_under(fig: Figure, verdicts: Sequence[Verdict]) -> None:
-    """Write under a figure which claims are kept, not decided and broken; nothing if there are none."""
+    """Write under a figure which claims passed, are inconclusive or failed; nothing if there are none."""
     found = [(verdict, _summary(verdicts, verdict)) for verdict in VERDICTS]
     style.note_under(fig, ((f"{_WORDS[verdict]}: {text}.", _COLOURS[verdict]) for verdict, text in found if text))
 

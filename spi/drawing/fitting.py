@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 from weakref import WeakSet
 
@@ -221,11 +222,8 @@ def _labels(axis: Any) -> list[tuple[float, Text]]:
     axis.get_tightbbox()  # which brings the ticks up to date
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
     shown = [(float(tick.get_loc()), tick.label1) for tick in ticks if low <= tick.get_loc() <= high]
-    return sorted(((place, label) for place, label in shown if label.get_visible() and label.get_text()), key=_first)
-
-
-def _first(pair: tuple[float, Text]) -> float:
-    return pair[0]
+    visible = (one for one in shown if one[1].get_visible() and one[1].get_text())
+    return sorted(visible, key=itemgetter(0))
 
 
 def _touch(axis: Any, labels: list[Text]) -> bool:

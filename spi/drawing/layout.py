@@ -71,7 +71,7 @@ def check_panels(words: Iterable[str], known: Iterable[str]) -> None:
     """ValueError if a figure is asked for a panel that is not among the `known` ones."""
     for word in words:
         if word not in known:
-            raise ValueError(f"there is no panel {word!r}; known panels: {', '.join(known)}")
+            raise ValueError(f"{word!r} is not a known panel; known panels: {', '.join(known)}")
 
 
 def side_by_side(lines: list[Line]) -> list[Line]:

@@ -170,4 +170,4 @@ def family(name: str) -> str:
         return by_small[name.lower()]
     near = [by_small[one] for one in difflib.get_close_matches(name.lower(), by_small, n=3, cutoff=0.5)]
     meant = f"did you mean {' or '.join(map(repr, dict.fromkeys(near)))}? " if near else ""
-    raise ValueError(f"font: {name!r} is no installed TrueType family; {meant}serif and sans are always there")
+    raise ValueError(f"font: {name!r} is not an installed TrueType family; {meant}serif and sans are always available")

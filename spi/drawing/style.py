@@ -28,9 +28,6 @@ OTHERS = (("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2")
 SEQUENCES = (("o", "s", "^", "v", "p", "h"), ("D", "<", ">", "P", "X", "*"), ("d", "8", "H", "x", "+", "1"))
 RAMPS = ("plasma", "viridis", "cividis")
 
-#: What estimators of weak errors are called.
-ESTIMATORS = {"plain": "plain Monte Carlo", "multilevel": "multilevel", "kolmogorov": "Kolmogorov, no sampling"}
-
 SYMBOLS = {
     "sigma": r"\sigma",
     "inertia": "I",
@@ -188,7 +185,8 @@ def facts(
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
             told["model_noise"] = plain(f"noise: {value}") if value else "no noise"
         elif not isinstance(value, str | bool) and name not in _UNTOLD:
-            told[f"model_{name}"] = f"${SYMBOLS.get(name) or upright(name)}={number(value)}$"
+            symbol = SYMBOLS.get(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
+            told[f"model_{name}"] = f"${symbol}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         told["initial"] = f"${initial_value(about)}$"
     if about.final_time is not None:
@@ -203,7 +201,7 @@ def facts(
     if about.truncate_noise:
         told["truncate_noise"] = "truncated noise"
     if estimator:
-        told["estimator"] = ESTIMATORS.get(estimator, estimator)
+        told["estimator"] = estimator
     if len(functions) == 1:
         told["function"] = rf"$\varphi(y)={formula(functions[0])}$"
     if path is not None:
@@ -275,10 +273,6 @@ def _constant(value: float) -> str:
     if times and times % 1 == 0:
         return r"\pi" if times == 1 else rf"{times:g}\pi"
     return number(value)
-
-
-def upright(name: str) -> str:
-    return r"\mathrm{" + name.replace("_", r"\ ") + "}"
 
 
 def plain(text: str) -> str:

@@ -27,9 +27,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, constant, linked, number, unrolled, word
+from ..compiler.dispatch import device, method, number, trait, unrolled
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
 from .protocol import area_pairs, large, needs_areas, noise_indices, noises
 
@@ -46,25 +45,21 @@ def area_indices(model):
     return tuple(range(len(area_pairs(model))))
 
 
-@constant
+@trait
 def area_count(model):
     """How many pairs there are."""
     return len(area_pairs(model))
 
 
-@constant
+@trait
 def area_channels(model):
     """(k, l, k, l, ...) of all pairs."""
     return tuple(k for pair in area_pairs(model) for k in pair)
 
 
+@device(by_type=True)
 def channels(model):
     """The noises that are on, for a loop."""
-    return noise_indices(model)
-
-
-@overload(channels, jit_options=INLINED)
-def _(model):
     if large(model):
         return lambda model: range(noises(model))
     on = noise_indices(model)
@@ -90,22 +85,22 @@ def fourier_terms(model, schemes, drawn, used=None):
 # What the loop over time does with the areas in rows of increments.
 
 
-@word
+@method
 def areas_length(kept, model):
     """How many floats the areas of a block are."""
 
 
-@word
+@method
 def draw_areas(kept, model, increments, noise, draw, block, h, terms, words):
     """Areas of the next STEPS_PER_DRAW steps, of size h, one row of `increments` each; 0 without `terms`."""
 
 
-@word
+@method
 def join_areas(kept, model, dW, first):
     """The areas of the step of which `dW` holds the second half and `first` the first, in `dW`."""
 
 
-@word
+@method
 def copy_areas(kept, model, dW, copied):
     """Those of `dW` in `copied`."""
 
@@ -164,7 +159,7 @@ def copy_area(index, model, dW, copied):
     return dW
 
 
-@linked
+@device(inline=False)
 def add_fourier_areas(model, increments, noise, draw, block, h, terms, words):
     """Add to the areas of STEPS_PER_DRAW steps what the head of this file says."""
     pairs, m = area_channels(model), noises(model)
@@ -198,20 +193,20 @@ def add_fourier_areas(model, increments, noise, draw, block, h, terms, words):
                 increments[step, place + lane] += h / (2.0 * np.pi) * total
 
 
-@linked
+@device(inline=False)
 def draw_coefficients(noise, channel, draw, block, words, normals):
     """Standard normals of one channel of the stream of the areas."""
     stream = noise.stream + np.uint64(AREAS)
     draw_increments(noise.seed, stream, np.uint64(channel), draw, block, 1.0, words, normals, LANES)
 
 
-@linked
+@device(inline=False)
 def subtract(y, w):
     for i in range(_SIZE):
         y[i] -= w[i]
 
 
-@linked
+@device(inline=False)
 def add_turned(area, factor, a, b, c, d):
     """area += factor (a b - c d)."""
     for i in range(_SIZE):

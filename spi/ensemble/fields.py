@@ -3,10 +3,8 @@
 All functions act on one state, a tuple of d floats, and are inlined into the loops over lanes.
 """
 
-from numba import types
-from numba.extending import overload
-
-from ..compiler.dispatch import INLINED, answers, class_of, constant, inlined, number, tuplewise, unrolled
+from ..compiler.dispatch import answers, device, number, trait, unrolled
+from ..compiler.records import class_of, is_array
 from ..numerics.rng import LANES
 from .protocol import (
     add_dissipation,
@@ -24,71 +22,67 @@ from .protocol import (
 )
 
 
-@constant
+@trait
 def lie_poisson(model):
     """Whether B is linear in y: whether a model leaves ``structure_derivative`` as it is by default."""
     return not answers(structure_derivative, class_of(model))
 
 
-@constant
+@trait
 def cross_product(model):
     """Whether B(y) v = y x v, as for every model that answers ``axis_inertias``."""
     return answers(axis_inertias, class_of(model))
 
 
-@tuplewise("a[i] + c * b[i]")
+@unrolled(each="a[i] + c * b[i]")
 def add_scaled(a, c, b):
     """a + c b."""
 
 
-@tuplewise("c * b[i]")
+@unrolled(each="c * b[i]")
 def scaled(b, c):
     """c b."""
 
 
-@tuplewise("a[i] * b[i]", total=True)
+@unrolled(total="a[i] * b[i]")
 def dot(a, b):
     """sum_i a_i b_i."""
 
 
-@tuplewise("(a[i] - b[i]) * (a[i] - b[i])", total=True)
+@unrolled(total="(a[i] - b[i]) * (a[i] - b[i])")
 def squared_distance(a, b):
     """|a - b|^2."""
 
 
-@tuplewise("(c * b[i]) * (c * b[i])", total=True)
+@unrolled(total="(c * b[i]) * (c * b[i])")
 def scaled_square(b, c):
     """|c b|^2."""
 
 
+@device(by_type=True)
 def smallest_component(b):
     """min_i b_i."""
-    return min(b)
+    return (lambda b: b.min()) if is_array(b) else (lambda b: min(b))
 
 
-@overload(smallest_component, jit_options=INLINED)
-def _(b):
-    return (lambda b: b.min()) if isinstance(b, types.Array) else (lambda b: min(b))
-
-
-@tuplewise("1.0 if indices[i] == j else 0.0")
+@unrolled(each="1.0 if indices[i] == j else 0.0")
 def unit(indices, j):
     """The unit vector e_j, given (0, ..., d-1)."""
 
 
-@inlined
+@device
 def drift_field(model, y):
     """B(y) grad H(y), and what else the drift has."""
     return add_dissipation(model, structure(model, y, drift_gradient(model, y)), 1.0, y)
 
 
-@inlined
+@device
 def noise_field(model, k, y):
     """f_k(y) = B(y) grad Ĥ_k(y)."""
     return noise_structure(model, k, y, noise_gradient(model, k, y))
 
 
-@inlined
+@device
 def noise_field_derivative(model, k, y, v):
     """f_k'(y) v = (DB(y)[v]) grad Ĥ_k(y) + B(y) Hess Ĥ_k(y) v."""
     turned = noise_structure_derivative(model, k, y, v, noise_gradient(model, k, y))
@@ -125,25 +119,25 @@ def add_noise_hessians(index, model, value, dW, lane, y, v):
     return add_scaled(value, strengths(model)[k] * dW[k * LANES + lane], noise_hessian(model, k, y, v))
 
 
-@inlined
+@device
 def step_gradient(model, h, dW, lane, y):
     """grad K(y) of the Hamiltonian K = h H + sum_k sigma_k dW_k Ĥ_k of one step of one lane."""
     return add_noise_gradients(model, scaled(drift_gradient(model, y), h), dW, lane, y)
 
 
-@inlined
+@device
 def step_field(model, h, dW, lane, y):
     """F(y) = B(y) grad K(y), and h times what else the drift has."""
     return step_field_along(model, h, y, step_gradient(model, h, dW, lane, y))
 
 
-@inlined
+@device
 def step_field_along(model, h, y, gradient):
     """F(y), given gradient = grad K(y)."""
     return add_dissipation(model, structure(model, y, gradient), h, y)
 
 
-@inlined
+@device
 def step_field_derivative(model, h, dW, lane, y, gradient, v):
     """F'(y) v, given gradient = grad K(y)."""
     hessian = add_noise_hessians(model, scaled(drift_hessian(model, y, v), h), dW, lane, y, v)

@@ -8,9 +8,9 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, class_of, field_type, inlined, number, unrolled, word
+from ..compiler.dispatch import device, method, number, unrolled
+from ..compiler.records import field
 from ..numerics.rng import (
     BRIDGES,
     COINS,
@@ -25,19 +25,19 @@ from .areas import areas_length, channels, copy_areas, draw_areas, join_areas
 from .protocol import noise_indices, noises
 
 
-@inlined
+@device
 def truncation_bound(h):
     """sqrt(h) A_h with A_h = sqrt(4 |ln h|), the bound for |dW| that the implicit midpoint rule needs."""
     return np.sqrt(h) * np.sqrt(4.0 * abs(np.log(h)))
 
 
-@inlined
+@device
 def first_lane(model, k, n, part):
     """Where in a row the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ... begin."""
     return ((n - 1 + part) * noises(model) + k) * LANES
 
 
-@inlined
+@device
 def draw_channels(model, increments, noise, draw, block, scale, words, stride):
     """Increments of the next STEPS_PER_DRAW steps, one row of `increments` each, for every noise that is on.
 
@@ -75,14 +75,14 @@ def draw_bridges(index, model, increments, noise, draw, block, scale, words, nor
     return increments
 
 
-@inlined
+@device
 def keep_first_half(model, dW, first):
     for k in channels(model):
         for lane in range(k * LANES, (k + 1) * LANES):
             first[lane] = dW[lane]
 
 
-@inlined
+@device
 def add_first_half(model, dW, first):
     """dW = first half + second half, where dW holds the second."""
     for k in channels(model):
@@ -123,7 +123,7 @@ def turn_around(index, model, dW, turned, finest):
     return dW
 
 
-@inlined
+@device
 def clip(model, dW, clipped, bound):
     for k in channels(model):
         for lane in range(k * LANES, (k + 1) * LANES):
@@ -157,7 +157,7 @@ class Kept(NamedTuple):
     coins: NamedTuple  #: Coins or NoCoins
 
 
-@inlined
+@device
 def row_length(kept, model):
     """How many floats the increments of a block over a step and its sub-steps are, with its areas."""
     return (2 * number(kept.substeps) - 1) * noises(model) * LANES + areas_length(kept.areas, model)
@@ -167,15 +167,12 @@ def _unless_one(plain):
     """Decorator: `plain` takes the place of ``body(kept, ...)`` where there are no sub-steps, without a branch."""
 
     def decorate(body):
+        @device(by_type=True)
         @functools.wraps(body)
-        def f(kept, *arguments):
-            return (plain if number(kept.substeps) == 1 else body)(kept, *arguments)
+        def chosen(kept, *arguments):
+            return plain if number(field(kept, "substeps")) == 1 else body
 
-        @overload(f, jit_options=INLINED, strict=False)
-        def f_while_compiling(kept, *types_of_arguments):
-            return plain if INDICES.index(class_of(field_type(kept, "substeps"))) == 1 else body
-
-        return f
+        return chosen
 
     return decorate
 
@@ -245,17 +242,17 @@ def truncate(kept, model, dW, clipped, h):
 # And what it does with rows of coins, where a scheme tosses them.
 
 
-@word
+@method
 def draw_coins(kept, noise, n, block, bits, coins, row):
     """The coins of step n in a row; `bits`, those of STEPS_PER_TOSS steps, are kept from step to step."""
 
 
-@word
+@method
 def copy_coins(kept, coins, source, target):
     """The coins of one row in another."""
 
 
-@word
+@method
 def turn_coins(kept, coins, source, target):
     """Those on the other side."""
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import get_num_threads, prange, set_num_threads
 
-from ..compiler.dispatch import inlined, linked, parallel_kernel
-from ..compiler.vectors import borrowed
+from ..compiler.dispatch import device, kernel
+from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .increments import (
     copy_coins,
@@ -133,10 +133,10 @@ def paths_of(states, d):
     return states[..., : d * LANES].reshape(blocks, levels, d, LANES).transpose(1, 2, 0, 3).reshape(levels, d, -1)
 
 
-@linked
+@device(inline=False)
 def integrate_block(scheme, model, states, grid, noise, observer, report, block, row, paths):
     """Integrate one block of LANES paths over all steps and step sizes; see :func:`integrate`."""
-    scheme, model, grid, observer, report = borrowed((scheme, model, grid, observer, report))
+    scheme, model, grid, observer, report = without_refcount((scheme, model, grid, observer, report))
     last, first_level = grid.doublings[-1], grid.first_level
     kept = kept_of_steps(grid.reference_scheme, scheme, model)
     # rows of increments: of the steps drawn together, first halves of steps of size 2^s h_ref, changed ones
@@ -152,7 +152,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
         np.empty(STEPS_PER_DRAW * LANES, np.uint64),
     )
     copy_rows(states, owned[0])
-    y, dW, coins, work, words, bits = borrowed(owned)  # which is in use until the last line
+    y, dW, coins, work, words, bits = without_refcount(owned)  # which is in use until the last line
 
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
@@ -202,14 +202,14 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     copy_rows(owned[0], states)
 
 
-@inlined
+@device
 def copy_rows(source, target):
     for level in range(source.shape[0]):
         for i in range(source.shape[1]):
             target[level, i] = source[level, i]
 
 
-@parallel_kernel
+@kernel(parallel=True)
 def integrate(scheme, model, states, grid, noise, observer, report, first_block, samples):
     """Move the states of some blocks of paths on, from block `first_block` on; paths from number `samples` on are idle.
 

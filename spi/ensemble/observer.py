@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, answers, class_of, inlined, number, unrolled
+from ..compiler.dispatch import answers, device, number, unrolled
+from ..compiler.records import class_of
 from ..numerics.rng import LANES, PARTS
 from .fields import scaled_square, smallest_component, squared_distance
 from .lanes import load_lane
@@ -70,7 +70,7 @@ def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
     return nothing._replace(rows=np.zeros((blocks, places, PARTS)), levels=levels, extremes=extremes, start=start)
 
 
-@inlined
+@device
 def observe(observer, model, row, paths, level, n, y, reference):
     """After step n (from 1 on) of a level: `y` are the states of block `row`, `reference` those of level 0 then.
 
@@ -87,7 +87,7 @@ def observe(observer, model, row, paths, level, n, y, reference):
         _watch(model, observer.extremes[row, level], observer.start, level, n, paths, y)
 
 
-@inlined
+@device
 def _add_squares(model, squares, paths, y, reference):
     for first in range(0, LANES, PARTS):
         for part in range(PARTS):
@@ -96,7 +96,7 @@ def _add_squares(model, squares, paths, y, reference):
             squares[part] += square if lane < paths else 0.0
 
 
-@inlined
+@device
 def _keep_states(model, kept, first, y):
     lanes = len(kept) // dimension(model)
     for i in range(dimension(model)):
@@ -104,7 +104,7 @@ def _keep_states(model, kept, first, y):
             kept[i * lanes + lane] = y[i * LANES + first + lane]
 
 
-@inlined
+@device
 def _watch(model, extremes, start, level, n, paths, y):
     _watch_casimirs(model, extremes, start, level, n, paths, y)
     if extremes.shape[0] > conserved(model):
@@ -132,20 +132,16 @@ def _watch_casimir(index, model, worst, start, level, n, y):
     return worst
 
 
+@device(by_type=True)
 def _grown(model, start, level, n, c):
     """What damping has made of Casimir function c after n steps of a level, inverted."""
-    return np.exp(start[1 + level, c] * n)
-
-
-@overload(_grown, jit_options=INLINED)
-def _(model, start, level, n, c):
     if answers(decay_rates, class_of(model)):
         return lambda model, start, level, n, c: np.exp(start[1 + level, c] * n)
     return lambda model, start, level, n, c: 1.0
 
 
 def _watch_all(model, worst, start, level, n, paths, y):
-    """All Casimir functions of a path at once, as a large model finds them."""
+    """All Casimir functions of a path at once, as an array-state model finds them."""
     for lane in range(paths):
         values = casimirs(model, load_lane(model, y, lane))
         for c in range(len(values)):
@@ -154,16 +150,9 @@ def _watch_all(model, worst, start, level, n, paths, y):
                 worst[c, lane] = change
 
 
+@device(by_type=True)
 def _watch_casimirs(model, worst, start, level, n, paths, y):
-    """Of a large model only the first `paths` lanes are watched."""
-    if large(model):
-        _watch_all(model, worst, start, level, n, paths, y)
-    else:
-        _watch_casimir(model, worst, start, level, n, y)
-
-
-@overload(_watch_casimirs, jit_options=INLINED)
-def _(model, worst, start, level, n, paths, y):
+    """Of an array-state model only the first `paths` lanes are watched."""
     if large(model):
         return _watch_all
     return lambda model, worst, start, level, n, paths, y: _watch_casimir(model, worst, start, level, n, y)

@@ -1,4 +1,4 @@
-"""The words of the program: what a model and a scheme are asked.  Read this file first.
+"""The methods of the program: what a model and a scheme are asked.  Read this file first.
 
 The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich form,
 
@@ -7,92 +7,92 @@ The problem (the paper's eq. prob): a stochastic Poisson system in Stratonovich 
 with independent Wiener processes W_1, ..., W_m.  In the program indices start at 0.
 
 A **model** is a NamedTuple of parameters with a field ``sigma`` (one entry per noise; None = that noise is off and is
-neither drawn nor applied).  In its class body stand its facts (``dimension = 3``) and, as methods, its answers to the
-words below (``def drift_flow(model, k, t, y, angles)``).  A **scheme** is a NamedTuple of options that answers its
-words alike; its orders and what it preserves stand in ``schemes.SCHEMES``.
+neither drawn nor applied).  In its class body stand its traits (``dimension = 3``) and the methods below
+(``def drift_flow(model, k, t, y, angles)``).  A **scheme** is a NamedTuple of options with the methods of schemes; its
+orders and what it preserves stand in ``schemes.SCHEMES``.
 
-A word marked ``@word`` must be answered, ``@word_with_default`` need not, and ``@capability`` says what only some
-models can; a ``@fact`` is required unless it has a default.  ``registration.py`` checks classes against this file.
+A class must implement what is marked ``@method``; for ``@method(default=True)`` it need not, and
+``@method(optional=True)`` says what only some models can.  A ``@trait`` is required unless it has a default.
+``registration.py`` checks classes against this file.
 
-A state y is a tuple of d floats, of a large model an array.  In kernels LANES paths travel together: their states are
-one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
+A state y is a tuple of d floats, of an array-state model an array.  In kernels LANES paths travel together: their
+states are one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
 """
 
 import itertools
 from typing import Annotated
 
 import annotated_types
-from numba import types
-from numba.core import cgutils
-from numba.core.imputils import impl_ret_borrowed
 
-from ..compiler.dispatch import capability, constant, fact, field_type, instructions, word, word_with_default
+from ..compiler import instructions
+from ..compiler.dispatch import intrinsic, method, trait
+from ..compiler.records import field, is_array, is_none
 
 #: What the fields of a record may hold, checked when a spec file is read.
 Positive = Annotated[float, annotated_types.Gt(0)]
 NonNegative = Annotated[float, annotated_types.Ge(0)]
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Facts about a model: constants in compiled code
+# Traits of a model: constants in compiled code
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@fact(int)
+@trait(int)
 def dimension(model):
     """d, the number of components of the state."""
 
 
-@fact(int)
+@trait(int)
 def pieces(model):
     """p, the number of pieces H_1, ..., H_p into which the Hamiltonian is split."""
 
 
-@fact(int)
+@trait(int)
 def noises(model):
     """m, the number of Wiener processes, those with sigma_k = None included."""
 
 
-@fact(int)
+@trait(int)
 def conserved(model):
     """The number of Casimir functions."""
 
 
-@fact(tuple, default=())
+@trait(tuple, default=())
 def casimir_degrees(model):
     """The degrees k of the Casimir functions where all are homogeneous, C(c y) = c^k C(y); otherwise empty."""
 
 
-@fact(bool, default=True)
+@trait(bool, default=True)
 def exact_flows(model):
     """Whether the flows are exact; if not, what is known of splitting schemes does not hold."""
 
 
-@fact(bool, default=False)
+@trait(bool, default=False)
 def squared_length_is_casimir(model):
     """Whether the first Casimir function is |y|^2."""
 
 
-@fact(bool, default=False)
+@trait(bool, default=False)
 def populations(model):
     """Whether the components are to stay positive."""
 
 
-@fact(float, default=0.0)
+@trait(float, default=0.0)
 def flow_ns(model):
     """Nanoseconds of one flow per path, on a processor with AVX-512 at about 4 GHz, for estimates of run time.
 
-    0: not known; then it is found by counting operations.
+    0: not stated; then 0.15 for each component, see ``schemes/costs.py``.
     """
 
 
-@fact(tuple, default=())
+@trait(tuple, default=())
 def commuting_noises(model):
     """Pairs (k, l), k < l, of noises whose flows are known to commute; schemes need no Lévy areas of theirs."""
 
 
-@fact(bool, default=False)
+@trait(bool, default=False)
 def large(model):
-    """Whether states are arrays, of any length, and flows move whole blocks; see the words of a large model below."""
+    """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
 
 
 def piece_indices(model):
@@ -100,7 +100,7 @@ def piece_indices(model):
     return tuple(range(pieces(model)))
 
 
-@constant
+@trait
 def component_indices(model):
     """(0, ..., d-1)."""
     return tuple(range(dimension(model)))
@@ -112,14 +112,10 @@ def casimir_indices(model):
 
 
 def noise_indices(model):
-    """The noises that are on, those whose sigma_k is not None; all of a large model."""
+    """The noises that are on, those whose sigma_k is not None; all of an array-state model."""
     if large(model):
         return tuple(range(noises(model)))
-    if isinstance(model, types.Type):
-        off = [t == types.none for t in field_type(model, "sigma").types]
-    else:
-        off = [s is None for s in model.sigma]
-    return tuple(k for k, is_off in enumerate(off) if not is_off)
+    return tuple(k for k, sigma in enumerate(field(model, "sigma")) if not is_none(sigma))
 
 
 piece_indices.count, component_indices.count = pieces, dimension
@@ -129,7 +125,7 @@ casimir_indices.count, noise_indices.count = conserved, noises
 def area_pairs(model):
     """((k, l), ...), k < l: the pairs of noises that are on and do not commute, whose Lévy areas schemes may need.
 
-    None of a large model, for which no scheme has areas.
+    None of an array-state model, for which no scheme has areas.
     """
     if large(model):
         return ()
@@ -138,65 +134,48 @@ def area_pairs(model):
 
 
 def strengths(model):
-    """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off; an array of a large model."""
-    return model.sigma if large(model) else tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
+    """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off; an array of an array-state model."""
+    return model.sigma if is_array(model.sigma) else tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
 
 
-@instructions(strengths)
+@intrinsic(strengths)
 def _(model):
-    sigma = field_type(model, "sigma")
-    if large(model):
-
-        def field(context, builder, signature, arguments):
-            array = builder.extract_value(arguments[0], model.fields.index("sigma"))
-            return impl_ret_borrowed(context, builder, sigma, array)
-
-        return sigma(model), field
-
-    def code(context, builder, signature, arguments):
-        values = cgutils.unpack_tuple(builder, builder.extract_value(arguments[0], model.fields.index("sigma")))
-        floats = [
-            context.get_constant(types.float64, 0.0) if t == types.none else context.cast(builder, v, t, types.float64)
-            for v, t in zip(values, sigma.types, strict=True)
-        ]
-        return context.make_tuple(builder, signature.return_type, floats)
-
-    return types.UniTuple(types.float64, len(sigma.types))(model), code
+    return instructions.floats(model, "sigma")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Words that a model answers
+# Methods of a model
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@word
+@method
 def drift_flow(model, k, t, y, angles):
     """exp(t Y_{H_k})(y), the exact flow of y' = B(y) grad H_k(y); `angles` is passed on to ``angles.sin_versine``."""
 
 
-@word
+@method
 def noise_flow(model, k, t, y, angles):
     """exp(t Y_{Ĥ_k})(y), the exact flow of y' = B(y) grad Ĥ_k(y), for any real t (sigma_k is not included)."""
 
 
-@word_with_default
+@method(default=True)
 def drift_angle(model, k, t, y):
     """The largest |angle| whose sine ``drift_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
     return 0.0
 
 
-@word_with_default
+@method(default=True)
 def noise_angle(model, k, t, y):
     """The largest |angle| whose sine ``noise_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
     return 0.0
 
 
-@word
+@method
 def structure(model, y, v):
     """B(y) v."""
 
 
-@word_with_default
+@method(default=True)
 def structure_derivative(model, y, u, v):
     """(DB(y)[u]) v, the derivative of B at y along u, applied to v.
 
@@ -205,76 +184,76 @@ def structure_derivative(model, y, u, v):
     return structure(model, u, v)
 
 
-@word_with_default
+@method(default=True)
 def noise_structure(model, k, y, v):
     """B(y) v for a v that is 0 wherever grad Ĥ_k always is: a model may leave out what vanishes."""
     return structure(model, y, v)
 
 
-@word_with_default
+@method(default=True)
 def noise_structure_derivative(model, k, y, u, v):
     """(DB(y)[u]) v for such a v."""
     return structure_derivative(model, y, u, v)
 
 
-@word
+@method
 def hamiltonian(model, y):
     """H(y)."""
 
 
-@word
+@method
 def drift_gradient(model, y):
     """grad H(y)."""
 
 
-@word
+@method
 def drift_hessian(model, y, v):
     """Hess H(y) v."""
 
 
-@word
+@method
 def noise_gradient(model, k, y):
     """grad Ĥ_k(y)."""
 
 
-@word
+@method
 def noise_hessian(model, k, y, v):
     """Hess Ĥ_k(y) v."""
 
 
-@word
+@method
 def casimirs(model, y):
     """The Casimir functions at y, a tuple (empty if there are none)."""
 
 
-@word_with_default
+@method(default=True)
 def add_dissipation(model, value, h, y):
     """value + h g(y), where g, a linear function, is what the drift has beside B(y) grad H(y)."""
     return value
 
 
-@word_with_default
+@method(default=True)
 def decay_rates(model):
     """The rates at which the Casimir functions decay; empty where they are preserved.  Asked in Python only."""
     return ()
 
 
-@word_with_default
+@method(default=True)
 def in_kernels(model):
-    """The record that kernels are given; of a large model one with its tables, a class that answers the words below.
+    """The record that kernels are given; of an array-state model one with its tables, a class with the methods below.
 
     Asked in Python only.
     """
     return model
 
 
-@word_with_default
+@method(default=True)
 def fault(model):
     """(key, what is wrong with it, what would be right) of the parameters, or None.  Asked in Python only."""
     return None
 
 
-@capability
+@method(optional=True)
 def axis_inertias(model):
     """((I_1, I_2, I_3), (Î_1, Î_2, Î_3)) where B(y) v = y x v, H_k = y_k^2 / (2 I_k) and Ĥ_k = y_k^2 / (2 Î_k).
 
@@ -283,7 +262,7 @@ def axis_inertias(model):
     """
 
 
-@capability
+@method(optional=True)
 def rotation_shear_rates(model):
     """((a, c), (â, ĉ)) where B(y) v = (y2 v3 - y3 v2, y3 v1, -y2 v1), H_1 = a y1^2 / 2, H_2 = c y3, hats alike.
 
@@ -292,56 +271,56 @@ def rotation_shear_rates(model):
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Words that a large model answers: the record that ``in_kernels`` gives
+# Methods of an array-state model: of the record that ``in_kernels`` gives
 # ---------------------------------------------------------------------------------------------------------------------
 
-# Its facts may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
-# is an array of strengths.  It answers ``hamiltonian`` and ``casimirs`` for a state that is an array, the latter with
+# Its traits may be fields (``dimension = FieldOf("d")``), so that one compilation serves all sizes, and its field sigma
+# is an array of strengths.  It has ``hamiltonian`` and ``casimirs`` for a state that is an array, the latter with
 # an array.  Its flows move `width` states at once, 1 or ``vectors.WIDTH``, component i of state j at y[i * width + j].
 # Noises whose flows are made as one, because they commute, are a group.
 
 
-@word
-def block_drift_flow(large_model, k, t, width, y, work):
+@method
+def block_drift_flow(array_state_model, k, t, width, y, work):
     """The flow of H_k for the time t, in place; returns the largest |angle| of a rotation, or a bound of it."""
 
 
-@word
-def block_noise_flow(large_model, group, times, width, y, work):
+@method
+def block_noise_flow(array_state_model, group, times, width, y, work):
     """The flow of the noises of a group, noise k of state j for the time times[k * width + j], in place; likewise."""
 
 
-@word
-def noise_groups(large_model):
+@method
+def noise_groups(array_state_model):
     """How many groups of noises there are, at most as many as noises."""
 
 
-@word
-def block_work(large_model):
-    """How many floats of scratch the words of a block need."""
+@method
+def block_work(array_state_model):
+    """How many floats of scratch the methods of a block need."""
 
 
-@word
-def add_block_drift(large_model, t, width, y, out, work):
+@method
+def add_block_drift(array_state_model, t, width, y, out, work):
     """out + t B(y) grad H(y), in place."""
 
 
-@word
-def add_block_noises(large_model, times, width, y, out, work):
+@method
+def add_block_noises(array_state_model, times, width, y, out, work):
     """out + sum_k t_k B(y) grad Ĥ_k(y), in place, noise k of state j with t_k = times[k * width + j]."""
 
 
-@word
-def add_block_ito_correction(large_model, h, width, y, out, work):
+@method
+def add_block_ito_correction(array_state_model, h, width, y, out, work):
     """out + h/2 sum_k sigma_k^2 f_k'(y) f_k(y), f_k = B grad Ĥ_k, in place."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Words that a scheme answers
+# Methods of a scheme
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@word
+@method
 def advance(scheme, model, h, dW, coins, y, work, report):
     """One step of size h for LANES paths: replaces the states in `y`.
 
@@ -353,33 +332,33 @@ def advance(scheme, model, h, dW, coins, y, work, report):
     """
 
 
-@capability
+@method(optional=True)
 def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-    """The same of a large model, for the first `paths` of the LANES paths; the others may stay where they are."""
+    """The same of an array-state model, for the first `paths` of the LANES paths; the others may stay as they are."""
 
 
-@fact(bool, default=False)
+@trait(bool, default=False)
 def tosses(scheme):
     """Whether the scheme needs a fair coin per step and path."""
 
 
-@fact(int, default=1)
+@trait(int, default=1)
 def substeps(scheme):
     """Into how many equal sub-steps, a power of two, the increments of a step must be resolved."""
 
 
-@fact(bool, default=False)
+@trait(bool, default=False)
 def needs_areas(scheme):
     """Whether a step needs the Lévy areas of noises that do not commute, and then coins as well."""
 
 
-@word_with_default
+@method(default=True)
 def work_size(scheme, model):
     """How many floats of scratch one block needs."""
     return 0
 
 
-@word_with_default
+@method(default=True)
 def memory_size(scheme, model):
     """How many floats, at first 0, a block keeps from step to step behind its states in `y`."""
     return 0

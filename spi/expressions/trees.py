@@ -83,7 +83,7 @@ class _Trees(Numbers):
     functions = tuple(_FUNCTIONS)
 
     def __init__(self, dimension, names=()):
-        within = min(dimension, MOST)  # of a large model an expression can name the first components only
+        within = min(dimension, MOST)  # of an array-state model an expression can name the first components only
         components = {f"y{k + 1}": Component(k) for k in range(within)}
         self.named = {name: Component(k) for k, name in enumerate(names)}
         self.calls = any("(" in name for name in names)

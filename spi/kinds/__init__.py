@@ -2,8 +2,7 @@
 
 A kind consists of the modules of its folder that :class:`Kind` names, which are imported when they are first
 needed.  The protocols below say what each of them has to offer; ``claims`` may be left out by a kind whose keys name no
-quantities.  What stands there as Any is the kind's own: the class
-of its keys and the record that is its reading.
+quantities.  What stands there as Any is the kind's own: the class of its keys and the record of its results.
 
 A new kind is such a folder and a line in KINDS.
 """
@@ -12,12 +11,13 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
-from spi.storage.records import Group, Part, Reading
+from spi.storage.records import Part
 
 if TYPE_CHECKING:  # what takes a while to import
     from spi.drawing import Figure
     from spi.specs import BaseCase
     from spi.statistics.claims import Quantity
+    from spi.storage.stored import Stored
 
     from .plans import Plan
 
@@ -40,22 +40,23 @@ class StudyModule(Protocol):
         """One part, ready to run."""
 
 
-class ReadingModule(Protocol):
-    """``reading``: the only module that looks into stored groups."""
+class ResultsModule(Protocol):
+    """``results``: the one description of what a study gives, and a file holds, of a part."""
 
-    def read(self, group: Group) -> Reading:
-        """What is in a stored group, a record with named fields of documented shapes."""
+    @property
+    def Record(self) -> "type[Stored]":
+        """The record, each field with its axes, what it is and its unit; what follows from them are properties."""
 
 
 class ClaimsModule(Protocol):
-    """``claims``: what a spec may expect, and judge, of readings."""
+    """``claims``: what a spec may expect, and judge, of results."""
 
     def quantities(self, readings: Sequence[Any]) -> "Iterator[Quantity]":
         """What came out in one case, by the names that the ``quantities`` of its keys have."""
 
 
 class TableModule(Protocol):
-    """``table``: readings as numbers and text."""
+    """``table``: results as numbers and text."""
 
     def rows(self, readings: Sequence[Any]) -> Iterator[dict[str, Any]]:
         """Flat records of numbers, for JSON and CSV."""
@@ -67,10 +68,10 @@ class TableModule(Protocol):
 
 
 class FigureModule(Protocol):
-    """``figure``: readings as a figure, and as a film where there is a function ``film`` of the same arguments."""
+    """``figure``: results as a figure, and as a film where there is a function ``film`` of the same arguments."""
 
     def draw(self, title: str, cases: Sequence[Sequence[Any]]) -> "Figure":
-        """The matplotlib figure of the readings of each case."""
+        """The matplotlib figure of the results of each case."""
 
 
 class Kind:
@@ -78,12 +79,12 @@ class Kind:
 
     keys: KeysModule
     study: StudyModule
-    reading: ReadingModule
+    results: ResultsModule
     claims: ClaimsModule
     table: TableModule
     figure: FigureModule
 
-    MODULES = ("keys", "study", "reading", "claims", "table", "figure")
+    MODULES = ("keys", "study", "results", "claims", "table", "figure")
 
     def __init__(self, package: str):
         self.package = package

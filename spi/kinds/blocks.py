@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from spi.ensemble.loop import in_batches
+from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
-from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
 from .plans import KernelCall, PathsPlan
@@ -91,11 +91,6 @@ class Blockwise:
 class BlocksPlan(PathsPlan, Blockwise):
     """The head of every plan with one set of paths, on one grid, that are summed up block after block."""
 
-    @property
-    def seconds_per_block(self) -> float:
-        """Of one thread at typical speed."""
-        return int(self.steps.sum()) * LANES * 1e-9 * typical_ns(self.row, self.model)
-
     def path_sets(self, more: Any) -> Sequence[PathSet]:
         """All paths."""
-        return (PathSet(self.samples, chunk_blocks(self.seconds_per_block)),)
+        return (PathSet(self.samples, chunk_blocks(int(self.steps.sum()), dimension(self.model))),)

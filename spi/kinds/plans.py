@@ -13,12 +13,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from spi.ensemble.invariants import empty_invariants, invariants
-from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest
+from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest, thread_count
 from spi.ensemble.protocol import in_kernels, large
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.statistics.tallies import Chunk, PathSet, Sums
-from spi.storage.records import Group, Part, describe
+from spi.storage.records import Description, Part
+from spi.storage.stored import Stored
 
 from .state import Nothing, State
 
@@ -91,7 +92,7 @@ class Plan(Protocol):
     def progress(self, state: State) -> Done:
         """How far a state is."""
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> Stored:
         """The results, from the final state; nothing is computed at length or measured here."""
 
 
@@ -129,9 +130,13 @@ class PartPlan:
         """The record of the scheme."""
         return self.row.record
 
-    def description(self) -> dict[str, Any]:
-        """The attributes that say what was integrated."""
-        return describe(self.case, self.row, self.part)
+    def description(self) -> Description:
+        """What is integrated."""
+        return Description.describe(self.case, self.row, self.part)
+
+    def whole(self, state: State) -> dict[str, Any]:
+        """The fields that every record has: what was integrated, and what it took."""
+        return {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
         """None."""

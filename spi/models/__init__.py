@@ -17,7 +17,7 @@ MODELS: dict[str, type] = {}
 def check_model_class(name, cls):
     """TypeError, with all that is wrong, if a class does not fit what ``protocol.py`` asks of a model."""
     if not (isinstance(cls, type) and issubclass(cls, tuple) and hasattr(cls, "_fields")):
-        raise TypeError(f"model '{name}' is no class derived from NamedTuple")
+        raise TypeError(f"model '{name}' is not a class derived from NamedTuple")
     check_class(cls, "model", name)
     if large(cls):
         return

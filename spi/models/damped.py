@@ -4,47 +4,24 @@ The field -gamma y has the exact flow exp(-gamma t) y, which acts as one more pi
 a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on every path and to rounding.
 """
 
+import inspect
 from typing import Any, NamedTuple
 
-from numba import types
-
-from ..compiler.dispatch import field_type
+from ..compiler.generated import function_of
+from ..compiler.records import field
+from ..ensemble import protocol
 from ..ensemble.fields import add_scaled
-from ..ensemble.protocol import (
-    casimir_degrees,
-    casimirs,
-    commuting_noises,
-    conserved,
-    dimension,
-    drift_angle,
-    drift_flow,
-    drift_gradient,
-    drift_hessian,
-    exact_flows,
-    flow_ns,
-    hamiltonian,
-    noise_angle,
-    noise_flow,
-    noise_gradient,
-    noise_hessian,
-    noise_structure,
-    noise_structure_derivative,
-    noises,
-    pieces,
-    populations,
-    structure,
-    structure_derivative,
-)
+from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
 from ..numerics.elementary import expm1
 
 
 def _inner(model):
     """The model that is damped, or the Numba type of it."""
-    return field_type(model, "model") if isinstance(model, types.Type) else model.model
+    return field(model, "model")
 
 
 class Damped(NamedTuple):
-    """A model with the field -gamma y added: its facts and words are those of the model, but for one more piece."""
+    """A model with the field -gamma y added: its traits and methods are those of the model, but for one more piece."""
 
     model: Any
     damping: float  #: gamma
@@ -52,30 +29,6 @@ class Damped(NamedTuple):
 
     def pieces(model):
         return pieces(_inner(model)) + 1
-
-    def dimension(model):
-        return dimension(_inner(model))
-
-    def noises(model):
-        return noises(_inner(model))
-
-    def conserved(model):
-        return conserved(_inner(model))
-
-    def casimir_degrees(model):
-        return casimir_degrees(_inner(model))
-
-    def commuting_noises(model):
-        return commuting_noises(_inner(model))
-
-    def exact_flows(model):
-        return exact_flows(_inner(model))
-
-    def populations(model):
-        return populations(_inner(model))
-
-    def flow_ns(model):
-        return flow_ns(_inner(model))
 
     def decay_rates(model):
         return tuple(k * model.damping for k in casimir_degrees(model))
@@ -95,41 +48,27 @@ class Damped(NamedTuple):
     def add_dissipation(model, value, h, y):
         return add_scaled(value, -model.damping * h, y)
 
-    def structure(model, y, v):
-        return structure(model.model, y, v)
 
-    def structure_derivative(model, y, u, v):
-        return structure_derivative(model.model, y, u, v)
+#: Where a damped model answers as any model does that does not answer: it lacks what these say, or has no such need.
+_NOT_FORWARDED = (
+    *("squared_length_is_casimir", "axis_inertias", "rotation_shear_rates"),
+    *("large", "in_kernels", "fault"),
+)
 
-    def noise_structure(model, k, y, v):
-        return noise_structure(model.model, k, y, v)
 
-    def noise_structure_derivative(model, k, y, u, v):
-        return noise_structure_derivative(model.model, k, y, u, v)
+def _forwarded(asked):
+    """The method by which a damped model answers as the model within."""
+    if asked.declared.of:  # also of the Numba type of a record
+        return lambda model: asked(_inner(model))
+    _, *others = inspect.signature(asked).parameters
+    parameters, arguments = (", ".join([first, *others]) for first in ("model", "model.model"))
+    return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
 
-    def noise_flow(model, k, t, y, angles):
-        return noise_flow(model.model, k, t, y, angles)
 
-    def noise_angle(model, k, t, y):
-        return noise_angle(model.model, k, t, y)
-
-    def hamiltonian(model, y):
-        return hamiltonian(model.model, y)
-
-    def drift_gradient(model, y):
-        return drift_gradient(model.model, y)
-
-    def drift_hessian(model, y, v):
-        return drift_hessian(model.model, y, v)
-
-    def noise_gradient(model, k, y):
-        return noise_gradient(model.model, k, y)
-
-    def noise_hessian(model, k, y, v):
-        return noise_hessian(model.model, k, y, v)
-
-    def casimirs(model, y):
-        return casimirs(model.model, y)
+for _name, _asked in vars(protocol).items():
+    _declared = getattr(_asked, "declared", None)
+    if _declared and _declared.asked == "model" and _name not in (*vars(Damped), *_NOT_FORWARDED):
+        setattr(Damped, _name, _forwarded(_asked))
 
 
 def damped(model, damping):

@@ -5,7 +5,7 @@ With three independent noises, and, for the paper's remark rem-consistent, with 
 
 from typing import Annotated, NamedTuple
 
-from ..compiler.dispatch import inlined
+from ..compiler.dispatch import device
 from ..ensemble.protocol import NonNegative, Positive, drift_hessian, noise_hessian
 from ..numerics.angles import sin_versine
 
@@ -13,7 +13,7 @@ Positives = tuple[Positive, Positive, Positive]
 Strengths = tuple[NonNegative | None, NonNegative | None, NonNegative | None]
 
 
-@inlined
+@device
 def rotate(k, theta, y, angles):
     """Turn y by the angle theta about axis k: for k = 0, y2 + i y3 is multiplied by exp(-i theta)."""
     s, v = sin_versine(angles, theta)
@@ -87,7 +87,7 @@ class RigidBodySharedNoise(NamedTuple):
     """As rigid_body, with the one noise Ĥ = sum_k y_k^2 / (2 Î_k); splitting is *not* consistent here.
 
     The flow of Ĥ is not known in closed form.  ``noise_flow`` composes the three rotations with one increment, as the
-    remark does: it is no flow, and the splitting scheme built on it converges to another equation.
+    remark does: it is not a flow, and the splitting scheme built on it converges to another equation.
     """
 
     inertia: Annotated[Positives, "moments of inertia I_1, I_2, I_3"]

@@ -15,7 +15,7 @@ The 3-point Fourier transform diagonalises it, with the purely imaginary eigenva
 import math
 from typing import Annotated, NamedTuple
 
-from ..compiler.dispatch import inlined, tuplewise
+from ..compiler.dispatch import device, unrolled
 from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian
 from ..numerics.angles import adding_to_zero, sin_versine
 
@@ -28,19 +28,19 @@ _THIRD = 1.0 / 3.0
 _S_REST, _THIRD_REST = 5.017542110903451e-17, 1.850371707708594e-17
 
 
-@inlined
+@device
 def _side(x):
     """sqrt(3)/2 x."""
     return _S * x + _S_REST * x
 
 
-@inlined
+@device
 def _third(x):
     """x / 3."""
     return _THIRD * x + _THIRD_REST * x
 
 
-@inlined
+@device
 def _line(k, y):
     """(omega_k, s / |k|^2, z_0, z_1, z_2) as (Re, Im) pairs; see the head of this file."""
     a = (y[0], y[1])
@@ -56,7 +56,7 @@ def _line(k, y):
     return d, 0.5 * _S, a, c, (b[0], -b[1])  # m = (1,0); (-1,-1) ends the line
 
 
-@inlined
+@device
 def _unline(k, w, z0, z1, z2):
     """The state with these modes on the line of k."""
     if k == 0:
@@ -68,30 +68,30 @@ def _unline(k, w, z0, z1, z2):
     return z0[0], z0[1], z2[0], -z2[1], z1[0], z1[1], w[0], w[1]
 
 
-@inlined
+@device
 def _turn(angles, theta, z):
     """(exp(i theta) - 1) z."""
     s, v = sin_versine(angles, theta)
     return -(s * z[1] + v * z[0]), s * z[0] - v * z[1]
 
 
-@inlined
+@device
 def _cross(w, g):
     """w g for complex numbers as pairs."""
     return w[0] * g[0] - w[1] * g[1], w[0] * g[1] + w[1] * g[0]
 
 
-@tuplewise("p[i] - q[i]")
+@unrolled(each="p[i] - q[i]")
 def _minus(p, q):
     """p - q."""
 
 
-@tuplewise("p[i] + q[i]")
+@unrolled(each="p[i] + q[i]")
 def _plus(p, q):
     """p + q."""
 
 
-@inlined
+@device
 def _column(k, y, v):
     """B(y) v for the part of v on the mode k: the field of H_k, with v/2 in the place of omega_k / |k|^2."""
     _, c, z0, z1, z2 = _line(k, y)
@@ -104,7 +104,7 @@ def _column(k, y, v):
     return _unline(k, (0.0, 0.0), new0, new1, new2)
 
 
-@inlined
+@device
 def _squares(y):
     """|omega_k|^2 of the four modes."""
     return (
@@ -115,7 +115,7 @@ def _squares(y):
     )
 
 
-@inlined
+@device
 def _re3(p, q, r):
     """Re(p q r)."""
     u = _cross(p, q)

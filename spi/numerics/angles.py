@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import inlined, word
+from ..compiler.dispatch import device, method
 from . import elementary
 
 
-@inlined
+@device
 def _divided(angles, square):
     """Sine and versine divided by the angle and its square; the limits at 0."""
     square += 1e-300
@@ -71,7 +71,7 @@ class AnyAngles(NamedTuple):
 TINY_ANGLES, SMALL_ANGLES, REDUCED_ANGLES, ANY_ANGLES = TinyAngles(), SmallAngles(), ReducedAngles(), AnyAngles()
 
 
-@word
+@method
 def sin_versine(angles, x):
     """(sin x, 1 - cos x).
 
@@ -80,11 +80,11 @@ def sin_versine(angles, x):
     """
 
 
-@word
+@method
 def sinc_versinc(angles, square):
     """(sin x / x - 1, (1 - cos x) / x^2), given x^2: what Rodrigues' formula for rotations about any axis takes."""
 
 
-@word
+@method
 def adding_to_zero(angles, p0, p1, p2):
     """Three angles whose sum is 0 but for roundings, so that what is left of it is no more than that of small ones."""

@@ -12,7 +12,7 @@ import struct
 import numpy as np
 from numba import types
 
-from ..compiler.dispatch import inlined, instructions
+from ..compiler.dispatch import device, intrinsic
 
 #: Beyond this angle the quotient by pi/2 has more than 20 bits and reduction in three exact products fails.
 REDUCIBLE = 1.6e6
@@ -66,12 +66,12 @@ def from_bits(i):
     return np.float64(struct.unpack("<d", struct.pack("<q", i))[0])
 
 
-@instructions(bits)
+@intrinsic(bits)
 def _(x):
     return types.int64(types.float64), _cast
 
 
-@instructions(from_bits)
+@intrinsic(from_bits)
 def _(i):
     return types.float64(types.int64), _cast
 
@@ -80,26 +80,26 @@ def _cast(context, builder, signature, arguments):
     return builder.bitcast(arguments[0], context.get_value_type(signature.return_type))
 
 
-@inlined
+@device
 def _sine_tail(z):
     """(sin x - x) / x^3 for z = x^2."""
     return _S1 + z * (_S2 + z * (_S3 + z * (_S4 + z * (_S5 + z * (_S6 + z * (_S7 + z * _S8))))))
 
 
-@inlined
+@device
 def _cosine_tail(z):
     """(cos x - 1 + x^2/2) / x^4 for z = x^2."""
     return _C1 + z * (_C2 + z * (_C3 + z * (_C4 + z * (_C5 + z * (_C6 + z * (_C7 + z * _C8))))))
 
 
-@inlined
+@device
 def sin_versine_small(x):
     """(sin x, 1 - cos x) for |x| <= pi/4, each to 2 ulp relative."""
     z = x * x
     return x + x * z * _sine_tail(z), 0.5 * z - z * z * _cosine_tail(z)
 
 
-@inlined
+@device
 def sin_versine_tiny(x):
     """(sin x, 1 - cos x) for |x| <= 2^-5: the same polynomials, without the terms that no longer count."""
     z = x * x
@@ -107,7 +107,7 @@ def sin_versine_tiny(x):
     return s, 0.5 * z - z * z * (_C1 + z * (_C2 + z * _C3))
 
 
-@inlined
+@device
 def sin_versine(x):
     """(sin x, 1 - cos x) for |x| <= 1.6e6; larger arguments lose accuracy and must go to :func:`sin_versine_huge`.
 
@@ -134,26 +134,26 @@ def sin_versine(x):
     return sine, versine
 
 
-@inlined
+@device
 def sinc_versinc_small(z):
     """(sin x / x - 1, (1 - cos x) / x^2) for z = x^2 and |x| <= pi/4, from the polynomials of sin_versine_small."""
     return z * _sine_tail(z), 0.5 - z * _cosine_tail(z)
 
 
-@inlined
+@device
 def sinc_versinc_tiny(z):
     """The same for |x| <= 2^-5."""
     return z * (_S1 + z * (_S2 + z * _S3)), 0.5 - z * (_C1 + z * (_C2 + z * _C3))
 
 
-@inlined
+@device
 def sin_versine_huge(x):
     """(sin x, 1 - cos x) for any x by the library's scalar sine: right, and slow."""
     half = np.sin(0.5 * x)
     return np.sin(x), 2.0 * half * half
 
 
-@inlined
+@device
 def log_normal(x):
     """ln x for finite x >= 2^-1022.
 
@@ -170,7 +170,7 @@ def log_normal(x):
     return k * _LN2_HI - ((h - (s * (h + r) + k * _LN2_LO)) - f)
 
 
-@inlined
+@device
 def log(x):
     """ln x for any float64: ln 0 = -inf, negative numbers give NaN, denormals are handled."""
     tiny = x < 2.2250738585072014e-308
@@ -181,7 +181,7 @@ def log(x):
     return y if x >= 0.0 else np.nan
 
 
-@inlined
+@device
 def _reduced_exp(x):
     """(e^r - 1, n + _ROUND) for x = n ln 2 + r with |r| <= ln(2)/2, by the Taylor polynomial of degree 13 in r."""
     shifted = x * _LOG2_E + _ROUND
@@ -203,7 +203,7 @@ def _reduced_exp(x):
     return r + (c + r * r * p), shifted
 
 
-@inlined
+@device
 def exp(x):
     """e^x for any float64: overflows to inf above 709.78, fades through the denormals to 0 below -745.13.
 
@@ -218,7 +218,7 @@ def exp(x):
     return y * from_bits((half + 1023) << _52) * from_bits((i - half + 1023) << _52)
 
 
-@inlined
+@device
 def expm1(x):
     """e^x - 1, to 2 ulp relative also where it is small: 2^n (e^r - 1) + (2^n - 1), see :func:`exp`.
 

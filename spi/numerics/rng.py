@@ -8,7 +8,7 @@ are in use; a noise that is off costs nothing.
 
 import numpy as np
 
-from ..compiler.dispatch import inlined
+from ..compiler.dispatch import device
 from .elementary import log_normal, sin_versine_small
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
@@ -38,7 +38,7 @@ _32 = np.uint64(32)
 _ANGLE = np.pi * 2.0**-31  # a quarter turn over 2^30
 
 
-@inlined
+@device
 def philox(c0, c1, c2, c3, k0, k1):
     """Philox4x32-10: four 32-bit words from a counter and a key, all carried in uint64."""
     for _ in range(10):
@@ -50,7 +50,7 @@ def philox(c0, c1, c2, c3, k0, k1):
     return c0, c1, c2, c3
 
 
-@inlined
+@device
 def normal_pair(radius_word, angle_word, scale=1.0):
     """Two independent normals of standard deviation `scale` from two 32-bit words (Box and Muller).
 
@@ -67,7 +67,7 @@ def normal_pair(radius_word, angle_word, scale=1.0):
     return (s if swap else c), (c if swap else s)
 
 
-@inlined
+@device
 def draw_increments(seed, stream, channel, draw, block, scale, words, increments, stride):
     """Increments of the steps 4 draw, ..., 4 draw + 3 of one channel, for the LANES paths of a block.
 
@@ -87,13 +87,13 @@ def draw_increments(seed, stream, channel, draw, block, scale, words, increments
             first[lane], second[lane] = pair
 
 
-@inlined
+@device
 def draw_normals(seed, stream, channel, draw, block, words, normals):
     """:func:`draw_increments` with scale 1, the four steps one after the other."""
     draw_increments(seed, stream, channel, draw, block, 1.0, words, normals, LANES)
 
 
-@inlined
+@device
 def toss(seed, stream, draw, block, words):
     """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
     k0, k1 = seed & _LOW, seed >> _32
@@ -103,7 +103,7 @@ def toss(seed, stream, draw, block, words):
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
 
 
-@inlined
+@device
 def read_coins(words, step, coins):
     """The coins of one step, 1.0 or -1.0 for each lane, from the bits of :func:`toss`."""
     row = step % STEPS_PER_TOSS // 32 * LANES

@@ -1,7 +1,5 @@
 """Numbers as JSON, CSV and text, and what an experiment would cost."""
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import IO, Any
@@ -20,16 +18,14 @@ def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
 
 def as_csv(records: list[dict[str, Any]]) -> str:
     """CSV with a header; infinities and nan are written ``inf`` and ``nan``, what a record lacks stays empty."""
-    columns = list(dict.fromkeys(key for record in records for key in record))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(records)
-    return text.getvalue()
+    from pandas import DataFrame
+
+    plain = [{key: str(value) if is_odd(value) else value for key, value in record.items()} for record in records]
+    return DataFrame(plain, dtype=object).to_csv(index=False)
 
 
 def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
-    """Print that an experiment is valid and what it would cost (a ``spi.running.runs.Cost``)."""
+    """Print that an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
     cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
     new_console(file).print(
         f"{printable(experiment.called)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
@@ -49,7 +45,7 @@ def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = N
 
 
 def print_verification(path: Any, found: Any, file: IO[str] | None = None) -> None:
-    """Print what came out when paths were computed again (a ``spi.running.verification.Verification``)."""
+    """Print what came out when paths were computed again (a ``spi.running.verify.Verification``)."""
     console = new_console(file)
 
     def write(line: str) -> None:

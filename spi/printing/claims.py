@@ -4,14 +4,14 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ..statistics.claims import BROKEN, KEPT, VERDICTS, Quantity, Verdict
+from ..statistics.claims import FAILED, PASSED, VERDICTS, Quantity, Verdict
 from .text import narrowed, new_table, power_of_two, print_whole, room, short
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-_STYLES = {KEPT: "", BROKEN: "bold red"}
+_STYLES = {PASSED: "", FAILED: "bold red"}
 
 
 def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
@@ -30,14 +30,14 @@ def _table(verdicts: Sequence[Verdict], stacked: bool = False) -> "Table":
     from rich.text import Text
 
     table, then = (
-        new_table("claims", ["scheme", "claim", "came out (95 %)", "at", ""], left=5),
+        new_table("claims", ["scheme", "claim", "result (95 %)", "at", ""], left=5),
         "\n" if stacked else " ",
     )
     for column in table.columns[:2]:
         column.no_wrap = False
     for one in verdicts:
         found, at = came_out(one).replace(" [", f"{then}["), _at(one).replace(", ", f",{then}")
-        verdict = Text(one.verdict.replace(" ", then), style=_STYLES.get(one.verdict, "yellow"))
+        verdict = Text(one.verdict, style=_STYLES.get(one.verdict, "yellow"))
         table.add_row(*map(Text, (one.subject, one.claim.text, found, at)), verdict)
     return table
 
@@ -53,7 +53,7 @@ def _at(one: Verdict) -> str:
 def came_out(one: Verdict) -> str:
     """The value with its interval."""
     if one.found is None:
-        return "nothing of that kind"
+        return "not computed"
     _, _, value, low, high, *_ = one.found
     if value != value:
         return "not resolved"
@@ -63,14 +63,14 @@ def came_out(one: Verdict) -> str:
 
 
 def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """How many claims of an experiment have which verdict, and a line for each that is not kept; nothing of none."""
+    """How many claims have which verdict, and a line for each that did not pass; nothing if there are no claims."""
     counts = Counter(one.verdict for one in verdicts)
     if counts:
         yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
     for one in verdicts:
-        if one.verdict != KEPT:
+        if one.verdict != PASSED:
             whose = f"case {one.claim.case}: {one.subject}"
-            yield f"{name}: {one.verdict}: {whose}: {one.claim.text}; what came out: {came_out(one)}"
+            yield f"{name}: {one.verdict}: {whose}: {one.claim.text}; result: {came_out(one)}"
 
 
 def columns(record: dict[str, Any], verdicts: Sequence[Verdict]) -> dict[str, str]:
@@ -82,7 +82,7 @@ def columns(record: dict[str, Any], verdicts: Sequence[Verdict]) -> dict[str, st
     for one in verdicts:
         if one.found and _is_about(one.found, record):
             name = f"claim[{one.claim.quantity}]"
-            found[name] = max(found.get(name, KEPT), one.verdict, key=VERDICTS.index)
+            found[name] = max(found.get(name, PASSED), one.verdict, key=VERDICTS.index)
     return found
 
 

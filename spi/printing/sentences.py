@@ -65,7 +65,7 @@ def _expected(order: float | None, whose: str = "") -> str:
 def casimirs(found: Iterable[tuple[str, float]]) -> str:
     """``the Casimir functions stay within 1.1e-15 with splitting and drift by 0.3 with Euler-Maruyama``.
 
-    Of (label, drift) each; the largest counts where a label has several, and NaN says that paths were lost.
+    Of (label, drift) each; the largest counts where a label has several, and NaN says that paths diverged.
     """
     drifts: dict[str, float] = {}
     for label, drift in found:
@@ -74,7 +74,7 @@ def casimirs(found: Iterable[tuple[str, float]]) -> str:
     moved = [f"by {short(drift, '.2g')} with {label}" for label, drift in drifts.items() if KEPT < drift < math.inf]
     lost = [label for label, drift in drifts.items() if drift == math.inf]
     most = max((drifts[label] for label in kept), default=0.0)
-    parts = [f"stay {f'within {short(most)}' if most else 'as they were'} with {joined(kept)}"] if kept else []
+    parts = [f"stay {f'within {short(most)}' if most else 'exactly constant'} with {joined(kept)}"] if kept else []
     parts += [f"drift {joined(moved)}"] if moved else []
-    parts += [f"are lost with {joined(lost)}"] if lost else []
+    parts += [f"diverged with {joined(lost)}"] if lost else []
     return f"the Casimir functions {joined(parts)}" if parts else ""

@@ -2,11 +2,9 @@
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from fractions import Fraction
 from typing import IO, TYPE_CHECKING, Any
-
-import numpy as np
 
 from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
 from spi.storage.records import Description
@@ -62,7 +60,7 @@ def error_and_remark(record: dict[str, Any], half: float) -> tuple["Text", "Text
 
 
 def lost_paths(count: int | None) -> "Text":
-    """The cell of how many paths left the finite numbers; empty where that is not known."""
+    """The cell of how many paths diverged (NaN or infinity); empty where that is not known."""
     from rich.text import Text
 
     return Text("" if count is None else str(count), style="bold red" if count else "")
@@ -73,35 +71,6 @@ def lines_of(about: Description) -> str:
     if len(about.label) <= LABEL:
         return about.label
     return about.label.replace(", eps = ", ",\neps = ").replace(", extrapolated", ",\nextrapolated")
-
-
-def in_order(record: dict[str, Any], columns: Iterable[str]) -> dict[str, Any]:
-    """The entries of a record that are known, in the order of the columns."""
-    return {key: record[key] for key in columns if record.get(key) is not None}
-
-
-def records_of_steps(
-    reading: Any, arrays: dict[str, np.ndarray | None], columns: Iterable[str], **own: Any
-) -> Iterator[dict[str, Any]]:
-    """A record per step size of a reading of errors, in the order of the columns.
-
-    `arrays`: name -> (S,), or None if not known.  Each record also has what holds for all step sizes, `own` included.
-    """
-    whole = {
-        "case": reading.about.case,
-        "scheme": reading.about.scheme,
-        "eps": reading.about.eps,
-        "extrapolate": reading.about.extrapolate or None,
-        "samples": reading.samples,
-        "order": reading.order.order,
-        "order_low": reading.order.low,
-        "order_high": reading.order.high,
-        "expected_order": reading.expected_order,
-        **own,
-    }
-    known = {name: values for name, values in arrays.items() if values is not None}
-    for i in range(len(reading.h)):
-        yield in_order({**whole, **{name: values[i].item() for name, values in known.items()}}, columns)
 
 
 def print_whole(console: "Console", table: "Table") -> None:

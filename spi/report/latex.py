@@ -4,7 +4,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-from .tables import Cell, PlainTable
+from .tables import Titled
 
 #: More rows than that do not fit on a page; longtable breaks them.
 _MOST_ROWS = 40
@@ -43,46 +43,27 @@ _NUMBER = re.compile(
 )
 
 
-def document(name: str, title: str, tables: Iterable[PlainTable]) -> str:
+def document(name: str, title: str, tables: Iterable[Titled]) -> str:
     """All tables of an experiment, each a float or, if it is long, a longtable."""
     parts = [_table(f"tab:{name}-{number}", title, table) for number, table in enumerate(tables, 1)]
-    return "\n".join([_HEAD.format(name=_comment(name), title=_comment(title)), *parts])
+    return "\n".join([_HEAD.format(name=" ".join(name.split()), title=" ".join(title.split())), *parts])
 
 
-def _comment(text: str) -> str:
-    return " ".join(text.split())
+def _table(label: str, title: str, table: Titled) -> str:
+    style = table.frame.style.hide(axis="index").format(_cell).format_index(text, axis="columns")
+    long = len(table.frame) > _MOST_ROWS
+    return style.to_latex(
+        hrules=True,
+        caption=text(": ".join(filter(None, (title, table.title)))),
+        label=re.sub(r"[^A-Za-z0-9:-]+", "-", label),
+        column_format=table.justified,
+        **({"environment": "longtable"} if long else {"position_float": "centering"}),
+    )
 
 
-def _table(label: str, title: str, table: PlainTable) -> str:
-    long = len(table.rows) > _MOST_ROWS
-    columns = "".join("l" if left else "r" for left in table.left)
-    caption = rf"\caption{{{text(': '.join(filter(None, (title, table.title))))}}}\label{{{_label(label)}}}"
-    headings = " & ".join(map(text, table.headings)) + r" \\"
-    body = [line for number, row in enumerate(table.rows) for line in _row(row.cells, _rule(table, number))]
-    rows = [r"\toprule", headings, r"\midrule", *[r"\endhead"] * long, *body, r"\bottomrule"]
-    if long:
-        return "\n".join([rf"\begin{{longtable}}{{{columns}}}", caption + r"\\", *rows, r"\end{longtable}", ""])
-    tabular = [rf"\begin{{tabular}}{{{columns}}}", *rows, r"\end{tabular}"]
-    return "\n".join([r"\begin{table}", r"\centering", caption, *tabular, r"\end{table}", ""])
-
-
-def _rule(table: PlainTable, number: int) -> bool:
-    return table.rows[number].ends_section and number + 1 < len(table.rows)
-
-
-def _row(cells: Iterable[Cell], rule: bool) -> list[str]:
-    return [" & ".join(_cell(cell) for cell in cells) + r" \\", *[r"\midrule"] * rule]
-
-
-def _cell(cell: Cell) -> str:
-    content = text(cell.text)
-    if cell.mark in ("bad", "bold"):
-        return rf"\textbf{{{content}}}"
+def _cell(plain: str) -> str:
+    content = text(plain)
     return f"{{{content}}}" if content.startswith("[") else content  # else an option of the line break before it
-
-
-def _label(label: str) -> str:
-    return re.sub(r"[^A-Za-z0-9:-]+", "-", label)
 
 
 def text(plain: str) -> str:

@@ -33,7 +33,8 @@ def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup]
         yield from map(picture, found, prefixes)
         return
     size = min(processors(), len(found))
-    executor = ProcessPoolExecutor(size, get_context("spawn"), initializer=_leave_signals_to_the_parent)
+    ignore = signal.SIGINT, signal.SIG_IGN  # which stops this process, and it the others
+    executor = ProcessPoolExecutor(size, get_context("spawn"), initializer=signal.signal, initargs=ignore)
     done = 0
     try:
         for one in executor.map(picture, found, prefixes):
@@ -43,10 +44,6 @@ def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup]
         yield from map(picture, found[done:], prefixes[done:])
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _leave_signals_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def picture(results: Results, prefix: str) -> Markup:

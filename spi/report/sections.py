@@ -14,11 +14,12 @@ from ..kinds import KINDS
 from ..printing import claims as printed_claims
 from ..printing.text import duration, fraction, short
 from ..report import views
-from ..running.loading import load_as
-from ..specs import shipped, text_of
-from ..statistics.claims import KEPT, VERDICTS, Verdict
+from ..running import shipped
+from ..running.load import load_as
+from ..specs import text_of
+from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Reading, Results, by_case
-from .tables import Cell, Line, PlainTable, Recorder, Row
+from .tables import Recorder, Titled
 
 Facts = list[tuple[str, str]]  #: name and value
 
@@ -52,19 +53,19 @@ class Section(NamedTuple):
     paper_figure: int | None
     asks: str  #: what the experiment asks; empty if its spec does not say
     told: Facts  #: the title of a case and what came out of it; one without a title if there is one case
-    verdicts: dict[str, int]  #: how many claims are kept, not decided and broken; empty if there are none
-    complaints: list[tuple[str, str]]  #: of each claim that is not kept the verdict, and what is to be said
-    orders: PlainTable | None
-    items: list[PlainTable | Line]  #: what `spi show` prints
+    verdicts: dict[str, int]  #: how many claims passed, are inconclusive and failed; empty if there are none
+    complaints: list[tuple[str, str]]  #: of each claim that did not pass: the verdict and its details
+    orders: Titled | None
+    items: list[Titled | str]  #: what `spi show` prints
     cost: Facts
     provenance: Facts
     command: str  #: that repeats it
     files: Facts  #: the spec and the files that belong to it: name and text
 
     @property
-    def tables(self) -> list[PlainTable]:
+    def tables(self) -> list[Titled]:
         """The tables among the items, that of the orders before them."""
-        printed = [item for item in self.items if isinstance(item, PlainTable)]
+        printed = [item for item in self.items if isinstance(item, Titled)]
         return [self.orders, *printed] if self.orders else printed
 
 
@@ -80,6 +81,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to report")
     judged, attributes = views.verdicts(results), results.attributes
+    counts, recorder = Counter(one.verdict for one in judged), Recorder()
+    views.show(results, recorder, with_title=False)
     return Section(
         name=path.stem,
         anchor=anchor,
@@ -88,10 +91,10 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         paper_figure=attributes.get("figure"),
         asks=attributes.get("asks", ""),
         told=_told(kind, by_case(read)),
-        verdicts=_counted(judged),
+        verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=list(_complaints(judged)),
         orders=_orders(kind, by_case(read)),
-        items=_printed(results),
+        items=recorder.items,
         cost=list(_cost(results)),
         provenance=list(_provenance(attributes)),
         command=_command(path.stem, attributes),
@@ -112,31 +115,25 @@ def _titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
     return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
 
 
-def _counted(judged: Iterable[Verdict]) -> dict[str, int]:
-    counts = Counter(one.verdict for one in judged)
-    return {verdict: counts[verdict] for verdict in VERDICTS} if counts else {}
-
-
 def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
     for one in judged:
-        if one.verdict != KEPT:
+        if one.verdict != PASSED:
             came_out = printed_claims.came_out(one)
-            yield one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; what came out: {came_out}"
+            yield one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out}"
 
 
-def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> PlainTable | None:
+def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> Titled | None:
     """All fitted orders with their intervals; None if there are none."""
     if not KINDS[kind].keys.Case.quantities:
         return None
     several = len(cases) > 1
     headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")
-    left = (*[True] * several, True, False, False, False)
     found = [
-        Row((*[Cell(title)] * several, *map(Cell, texts)))
+        (*[title] * several, *texts)
         for title, case in zip(_titles(cases), cases, strict=True)
         for texts in _orders_of(kind, case)
     ]
-    return PlainTable("orders", headings, left, tuple(found)) if found else None
+    return Titled.of("orders", several * "l" + "lrrr", headings, found) if found else None
 
 
 def _orders_of(kind: str, case: Sequence[Any]) -> Iterator[tuple[str, str, str, str]]:
@@ -153,12 +150,6 @@ def _orders_of(kind: str, case: Sequence[Any]) -> Iterator[tuple[str, str, str, 
             yield subject, f"{one.value:.3f}", f"[{one.low:.3f}, {one.high:.3f}]", told
         else:
             yield subject, "not resolved", "", told
-
-
-def _printed(results: Results) -> list[PlainTable | Line]:
-    recorder = Recorder()
-    views.show(results, recorder, with_title=False)
-    return recorder.items
 
 
 def _cost(results: Results) -> Iterator[tuple[str, str]]:

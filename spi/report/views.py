@@ -9,7 +9,7 @@ from ..kinds import KINDS
 from ..printing import anything
 from ..printing import claims as printed_claims
 from ..printing.text import new_console, printable
-from ..specs import shipped
+from ..running import shipped
 from ..statistics import claims
 from ..storage import StorageError, write_all
 from ..storage.records import Group, Reading, Results, by_case
@@ -42,7 +42,7 @@ def _meant(name: str, folder: Path) -> str:
 
 
 def readings(results: Results) -> list[Reading]:
-    """What the kind of the results makes of each group: records with named fields, see ``kinds/*/reading.py``.
+    """The groups as the records of the kind, see ``kinds/*/results.py``.
 
     StorageError where a group lacks what its kind needs, as one may that another version of spi wrote.
     """
@@ -52,17 +52,15 @@ def readings(results: Results) -> list[Reading]:
 
 def _reading(kind: str, group: Group) -> Reading:
     try:
-        return KINDS[kind].reading.read(group)
+        return KINDS[kind].results.Record.of(group)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
-        name = "/".join(filter(None, (group.case, group.variant, group.estimator)))
         what = f"it has no {error}" if isinstance(error, KeyError) else " ".join(str(error).split())
-        raise StorageError(
-            f"the group {name} cannot be read as results of kind {kind} ({what}); run the experiment again with --fresh"
-        ) from error
+        whose = f"the group {group.name} cannot be read as results of kind {kind} ({what})"
+        raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
 def verdicts(results: Results) -> list[claims.Verdict]:
-    """Whether the claims that are stored with results are kept, case by case; StorageError if they cannot be read."""
+    """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
 
 
@@ -172,16 +170,15 @@ def film(results: Results) -> "Film":
         return found
 
 
-def save_film(film: "Film", folder: str | Path, stem: str, form: str, report: Callable[[int, int], None]) -> Path:
-    """Write ``<stem>.gif`` or ``<stem>.mp4`` into ``folder``, whole or not at all.
+def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:
+    """Write ``<stem>.gif`` into ``folder``, whole or not at all; StorageError if that is not possible.
 
-    `report` is told the frames drawn and how many there are.  ValueError if this form cannot be made here, StorageError
-    if the file cannot be written.
+    `report` is told the frames drawn and how many there are.
     """
-    from ..drawing.film import as_file
+    from ..drawing.film import as_gif
 
-    path = Path(folder, f"{stem}.{form}")
-    write_all({path: as_file(film, form, report)})
+    path = Path(folder, f"{stem}.gif")
+    write_all({path: as_gif(film, report)})
     return path
 
 

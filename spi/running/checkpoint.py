@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from .. import SOURCE_DIGEST, specs, storage
+from .. import NUMBERS_DIGEST, specs, storage
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
-from .loading import name_of, plans
+from .load import name_of, plans
 
 #: Of the time of a run, what writing checkpoints may take.
 _SHARE = 0.01
 
 
 class Stopped(Exception):
-    """The run was interrupted, or its time was up; the same command goes on from the checkpoint."""
+    """The run was interrupted, or its time was up; the same command resumes from the checkpoint."""
 
 
 class Limits(NamedTuple):
@@ -32,15 +32,15 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Slice:
-    """Part number `number` of `count` of an experiment that is divided among several runs."""
+class Shard:
+    """Number `number` of `count` shares of an experiment that is divided among several runs."""
 
     number: int  #: from 1 on
     count: int
 
     @classmethod
-    def of(cls, text: str) -> "Slice":
-        """Read from "3/8"; ValueError if that is no slice."""
+    def of(cls, text: str) -> "Shard":
+        """Read from "3/8"; ValueError if that is not a shard."""
         number, _, count = text.partition("/")
         found = cls(int(number), int(count))
         if not 1 <= found.number <= found.count:
@@ -50,7 +50,7 @@ class Slice:
     @property
     def suffix(self) -> str:
         """What its file is called after that of the whole."""
-        return f".part-{self.number}-of-{self.count}"
+        return f".shard-{self.number}-of-{self.count}"
 
 
 class _TimeIsUp(Exception):
@@ -58,7 +58,7 @@ class _TimeIsUp(Exception):
 
 
 def sums_path(
-    experiment: specs.Experiment, out: str | Path, one: Slice | None = None, spec_hash: str | None = None
+    experiment: specs.Experiment, out: str | Path, one: Shard | None = None, spec_hash: str | None = None
 ) -> Path:
     """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>.npz``; `spec_hash` is that of another."""
     name = f"{experiment.name}-{(spec_hash or experiment.hash)[:12]}{one.suffix if one else ''}.npz"
@@ -93,15 +93,15 @@ class Checkpoint:
             for chunk in path_set.chunks(number)
         )
 
-    def slices(self) -> dict[Slice, Path]:
-        """The files of those slices of the experiment that have been begun."""
-        name = re.compile(re.escape(self.path.stem) + r"[.]part-([0-9]+)-of-([0-9]+)[.]npz")
+    def shards(self) -> dict[Shard, Path]:
+        """The files of those shards of the experiment that have been begun."""
+        name = re.compile(re.escape(self.path.stem) + r"[.]shard-([0-9]+)-of-([0-9]+)[.]npz")
         found = {file: name.fullmatch(file.name) for file in self.path.parent.glob("*.npz")}
-        return {Slice(int(match[1]), int(match[2])): file for file, match in found.items() if match}
+        return {Shard(int(match[1]), int(match[2])): file for file, match in found.items() if match}
 
     def resume(self) -> None:
-        """Take what is known from the file and from those of slices; else of a run with other numbers of samples."""
-        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.slices().values())]
+        """Take what is known from the file and from those of shards; else of a run with other numbers of samples."""
+        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.shards().values())]
         if not any(known):
             others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
             sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
@@ -126,7 +126,7 @@ class Checkpoint:
         about = {
             "paths_hash": self.experiment.paths_hash,
             "spec_hash": self.experiment.hash,
-            "source_digest": SOURCE_DIGEST,  # other code might go on with other numbers
+            "source_digest": NUMBERS_DIGEST,  # other code might go on with other numbers
             "samples": sum(self.experiment.samples),
             "finished": finished,
         }
@@ -145,7 +145,7 @@ class Checkpoint:
             except StorageError as error:
                 self.saved = time.monotonic()
                 if not self.failed:
-                    self.tell(f"warning: no checkpoint could be written: {error}; the run goes on")
+                    self.tell(f"warning: no checkpoint could be written: {error}; the run continues")
                 self.failed = True
 
     @contextlib.contextmanager
@@ -154,16 +154,16 @@ class Checkpoint:
         try:
             yield
         except (KeyboardInterrupt, _TimeIsUp) as reason:
-            why = "stopped" if isinstance(reason, KeyboardInterrupt) else "stopped, as its time is up"
+            why = "stopped" if isinstance(reason, KeyboardInterrupt) else "stopped, the time limit is reached"
             try:
                 self.save()
             except StorageError as error:
-                raise Stopped(f"{why}; what is done could not be kept: {error}") from None
-            raise Stopped(f"{why}; what is done is kept in {self.path}: the same command goes on from there") from None
+                raise Stopped(f"{why}; progress could not be saved: {error}") from None
+            raise Stopped(f"{why}; progress is saved in {self.path}: run the same command again to resume") from None
 
     def _about(self, path: Path) -> dict | None:
         about = storage.about_sums(path)
         return about if about is not None and self._same_paths(about) else None
 
     def _same_paths(self, about: dict) -> bool:
-        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, SOURCE_DIGEST)
+        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, NUMBERS_DIGEST)

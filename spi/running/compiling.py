@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..checks.compilable import explained
-from ..compiler.inlining import is_compiled, record_classes, types_of
+from ..compiler.inlining import is_compiled, types_of
 from ..compiler.modules import is_foreign
+from ..compiler.records import record_classes
 
 _JOBS = "jobs"  # file of the pickled jobs
 #: What a worker runs, with the folder as argument; it imports from where this process does.

@@ -4,8 +4,8 @@ import math
 
 from ..ensemble.protocol import exact_flows
 from .costs import typical_ns
-from .rows import has_loops, is_own_reverse
 from .splitting import splitting
+from .stages import has_loops, is_own_reverse
 from .table import POISSON, SCHEMES, Scheme, register_scheme
 
 __all__ = [
@@ -14,42 +14,42 @@ __all__ = [
     "composed",
     "has_theory",
     "register_scheme",
-    "scheme_row",
+    "scheme_entry",
     "typical_ns",
     "weak_exponents",
     "with_eps",
 ]
 
 
-def has_theory(row, model):
-    """Whether a row has orders that hold for a model; not those of a splitting that is not made of exact flows."""
-    return not math.isnan(row.weak_order) and (exact_flows(model) or row.composition is None)
+def has_theory(entry, model):
+    """Whether an entry has orders that hold for a model; not those of a splitting that is not made of exact flows."""
+    return not math.isnan(entry.weak_order) and (exact_flows(model) or entry.composition is None)
 
 
-def weak_exponents(row, model, count):
+def weak_exponents(entry, model, count):
     """The first powers of h in the weak error of a scheme at smooth functions, `count` of them; None if none are known.
 
     p, p + 1, ... (Talay and Tubaro, Stochastic Analysis and Applications 8, 1990), and p, p + 2, ... of a composition
     that equals itself reversed.  Those of a scheme for the multiscale system would not be uniform in eps.
     """
-    if row.multiscale or not has_theory(row, model):
+    if entry.multiscale or not has_theory(entry, model):
         return None
-    apart = 2 if row.composition is not None and is_own_reverse(row.composition, model) else 1
-    return tuple(row.weak_order + apart * i for i in range(count))
+    apart = 2 if entry.composition is not None and is_own_reverse(entry.composition, model) else 1
+    return tuple(entry.weak_order + apart * i for i in range(count))
 
 
-def composed(name, rows, weak_order):
-    """What is known of a composition of flows that has no row in the table; NaN for the order if theory states none.
+def composed(name, stages, weak_order):
+    """What is known of a composition of flows that has no entry in the table; NaN for the order if theory states none.
 
     Its strong orders are those of all compositions that are whole steps: what they do not share with the equation at
     first order are brackets of a noise with the drift, of mean 0, and, without loops, of noises with one another.
     """
     known = not math.isnan(weak_order)
-    orders = {"strong_order": 1.0 if has_loops(rows) else 0.5, "strong_order_commuting": 1.0}
+    orders = {"strong_order": 1.0 if has_loops(stages) else 0.5, "strong_order_commuting": 1.0}
     return Scheme(
-        record=splitting(*rows),
+        record=splitting(*stages),
         label=name,
-        formula="z = the flows of its rows one after the other",
+        formula="z = the flows of its stages one after the other",
         reference="the experiment",
         look=("", ""),
         weak_order=weak_order,
@@ -57,11 +57,11 @@ def composed(name, rows, weak_order):
     )
 
 
-def with_eps(row, eps):
-    """A row with this eps in its record if it is for the multiscale system."""
-    return row._replace(record=row.record._replace(eps=eps)) if row.multiscale else row
+def with_eps(entry, eps):
+    """An entry with this eps in its record if it is for the multiscale system."""
+    return entry._replace(record=entry.record._replace(eps=eps)) if entry.multiscale else entry
 
 
-def scheme_row(name, eps=None):
-    """The row of a scheme in the table, for the multiscale system with this eps in its record."""
+def scheme_entry(name, eps=None):
+    """The entry of a scheme in the table, for the multiscale system with this eps in its record."""
     return with_eps(SCHEMES[name], eps)

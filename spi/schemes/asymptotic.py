@@ -8,15 +8,15 @@ xi_k/eps as its dW_k; this is written without dividing by eps and without cancel
 
 from typing import NamedTuple
 
-from ..compiler.dispatch import number, unrolled, word
+from ..compiler.dispatch import method, number, unrolled
 from ..ensemble.fields import add_noise_fields, add_scaled, drift_field
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, noises
 from ..numerics.rng import LANES
-from .splitting import LIE_TROTTER, rows_toss, run_rows
+from .splitting import LIE_TROTTER, run_stages, stages_toss
 
 
-@word
+@method
 def increment_and_process(rule, eps, h, dW, z):
     """(increment, new z) of one process z = eps xi."""
 
@@ -65,10 +65,10 @@ class AsymptoticPreserving(NamedTuple):
 
     eps: float
     rule: tuple
-    rows: tuple = LIE_TROTTER.rows
+    stages: tuple = LIE_TROTTER.stages
 
     def tosses(scheme):
-        return rows_toss(scheme)
+        return stages_toss(scheme)
 
     def memory_size(scheme, model):
         return noises(model) * LANES
@@ -78,7 +78,7 @@ class AsymptoticPreserving(NamedTuple):
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         move_processes(model, y, scheme, h, dW, work)
-        run_rows(scheme.rows, model, h, work, coins, y, work[noises(model) * LANES :], report)
+        run_stages(scheme.stages, model, h, work, coins, y, work[noises(model) * LANES :], report)
 
 
 class MultiscaleEuler(NamedTuple):

@@ -7,9 +7,8 @@ B(y) v = y x v it is a rotation, by Rodrigues' formula; otherwise the exponentia
 from fractions import Fraction
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, inlined
+from ..compiler.dispatch import device
 from ..ensemble.fields import add_scaled, cross_product, dot, scaled
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, structure
@@ -30,19 +29,15 @@ _INVERSE = tuple(1.0 / j for j in range(1, 4 * _MOST + 1))
 _INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1, 4 * _MOST + 1))
 
 
-@inlined
+@device
 def action_size(model):
     """How many floats of scratch :func:`act` needs, those of v included."""
     return (2 + _MOST) * dimension(model) * LANES
 
 
+@device(by_type=True)
 def act(model, work, y, report):
     """y becomes exp(M(v)) y, in each lane of a block; `work` begins with the states v."""
-    (turn if cross_product(model) else add_series)(model, work, y, report)
-
-
-@overload(act, jit_options=INLINED)
-def _(model, work, y, report):
     return turn if cross_product(model) else add_series
 
 
@@ -68,7 +63,7 @@ def turn(model, work, y, report):
     report_angle(bits(np.sqrt(from_bits(min(largest, _INFINITE_BITS)))), report)
 
 
-@inlined
+@device
 def turn_within(angles, model, work, y):
     """Rodrigues' formula, y + (sin a / a) M y + ((1 - cos a) / a^2) M^2 y with a = |v|."""
     for lane in range(LANES):
@@ -102,7 +97,7 @@ def add_series(model, work, y, report):
             done += 1
 
 
-@inlined
+@device
 def sum_series(model, share, work, y, most):
     """Sum up exp(share M(v)) y - y, four terms at a time, at most so often.
 
@@ -133,14 +128,14 @@ def sum_series(model, share, work, y, most):
     return unfinished, fours
 
 
-@inlined
+@device
 def next_term(model, term, v, inverse, rest):
     """M(v) term / j, given 1/j in two parts."""
     moved = structure(model, term, v)
     return add_scaled(scaled(moved, inverse), rest, moved)
 
 
-@inlined
+@device
 def add_sums(model, fours, work, y):
     """Add the sums to y, or NaN in lanes where the last term was not small.
 

@@ -4,14 +4,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import inlined
+from ..compiler.dispatch import device
 from ..ensemble.fields import add_ito_correction, add_noise_fields, add_scaled, dot, drift_field, scaled
 from ..ensemble.lanes import load_lane, store_lane
 from ..numerics.rng import LANES
 from .large import euler_step_of_large, size_or
 
 
-@inlined
+@device
 def euler_step(model, h, dW, lane, y):
     """One step of one lane."""
     new = add_scaled(y, h, drift_field(model, y))

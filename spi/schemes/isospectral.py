@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import inlined
+from ..compiler.dispatch import device
 from ..ensemble.fields import add_noise_hessians, add_scaled, dot, scaled, step_gradient
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, drift_hessian, structure
@@ -13,19 +13,19 @@ from ..numerics.rng import LANES
 from .midpoint import ENOUGH, report_solves
 
 
-@inlined
+@device
 def quarter(v, u):
     """(v . u) v / 4."""
     return scaled(v, 0.25 * dot(v, u))
 
 
-@inlined
+@device
 def residual(model, v, y, u):
     """u - M(v) u / 2 + (v . u) v / 4 - y."""
     return add_scaled(add_scaled(add_scaled(u, -0.5, structure(model, u, v)), 1.0, quarter(v, u)), -1.0, y)
 
 
-@inlined
+@device
 def residual_derivative(model, h, dW, lane, v, u, e):
     """The derivative of the residual along e, where v = grad K(u) of the step's Hamiltonian K."""
     turned = add_noise_hessians(model, scaled(drift_hessian(model, u, e), h), dW, lane, u, e)
@@ -34,19 +34,19 @@ def residual_derivative(model, h, dW, lane, v, u, e):
     return add_scaled(add_scaled(e, -0.5, field), 0.25, along)
 
 
-@inlined
+@device
 def solve_3(a, b, c, r):
     """The solution of x a + y b + z c = r by Cramer's rule, for a matrix not far from the identity."""
     bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
     return scaled((dot(r, bc), dot(r, ca), dot(r, ab)), 1.0 / dot(a, bc))
 
 
-@inlined
+@device
 def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@inlined
+@device
 def improve(model, h, dW, y, u):
     """An iteration of Newton's method; how many lanes need another one (those that are not finite do not)."""
     unfinished = 0
@@ -63,7 +63,7 @@ def improve(model, h, dW, y, u):
     return unfinished
 
 
-@inlined
+@device
 def finish(model, h, dW, y, u, tolerance):
     """y becomes y + M(v) u; how many lanes have a squared relative residual above `tolerance`, and the largest one."""
     failures = 0

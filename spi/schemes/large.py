@@ -1,4 +1,4 @@
-"""A step of a large model: a few paths at a time are copied together, make the whole step, and are copied back.
+"""A step of an array-state model: a few paths at a time are copied together, make the whole step, and are copied back.
 
 Paths go ``vectors.WIDTH`` at a time, or alone where few are left; where the order of flows depends on a coin, only
 paths with the same coin go together.
@@ -7,9 +7,9 @@ paths with the same coin go together.
 import functools
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.dispatch import INLINED, called, inlined
+from ..compiler.dispatch import device
+from ..compiler.generated import function_of
 from ..compiler.vectors import WIDTH
 from ..ensemble.protocol import (
     REPORT,
@@ -27,30 +27,26 @@ from ..ensemble.protocol import (
     strengths,
 )
 from ..numerics.rng import LANES
-from .rows import FINEST, Backwards, Symmetric, rows_known
+from .stages import FINEST, Backwards, Symmetric, stages_known
 
 _ALONE = 3  #: so many paths at most go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
 _SMALL = 0.25 * np.pi  # angles above it are reported
 
 
-@inlined
+@device
 def large_work(model):
     """How many floats of scratch a step needs: states, field, times, and what the flows need."""
     return (2 * dimension(model) + noises(model)) * WIDTH + block_work(model)
 
 
+@device(by_type=True)
 def size_or(small, model):
-    """:func:`large_work` for a large model, `small` for another: how many floats of scratch a scheme needs."""
-    return large_work(model) if large(model) else small
-
-
-@overload(size_or, jit_options=INLINED)
-def _(small, model):
+    """:func:`large_work` for an array-state model, `small` for another: how many floats of scratch a scheme needs."""
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
-@called
+@device(inline=False)
 def lanes_by_coin(paths, coins):
     """The numbers of the first `paths` lanes, those with the coin 1 first, and how many these are."""
     lanes = np.empty(paths, np.int64)
@@ -67,13 +63,13 @@ def lanes_by_coin(paths, coins):
     return lanes, heads
 
 
-@inlined
+@device
 def group_size(left):
     """(paths, width) of the next group where so many are left."""
     return (1, 1) if left <= _ALONE else (min(left, WIDTH), WIDTH)
 
 
-@called
+@device(inline=False)
 def take(y, lanes, width, states):
     """Copy the states of `lanes` to component i of state j at [i * width + j]; the last lane fills what is over."""
     last = len(lanes) - 1
@@ -82,7 +78,7 @@ def take(y, lanes, width, states):
             states[i * width + j] = y[i * LANES + lanes[min(j, last)]]
 
 
-@called
+@device(inline=False)
 def put(y, lanes, width, states):
     """Copy them back."""
     for i in range(len(states) // WIDTH):
@@ -90,9 +86,9 @@ def put(y, lanes, width, states):
             y[i * LANES + lanes[j]] = states[i * width + j]
 
 
-@called
+@device(inline=False)
 def take_times(model, dW, lanes, width, first, end, n, times):
-    """sigma_k times the increment of noise k over the sub-steps from `first` to before `end` of n, as for words."""
+    """sigma_k times the increment of noise k over the sub-steps from `first` to before `end` of n, as for flows."""
     last = len(lanes) - 1
     for k in range(noises(model)):
         for j in range(width):
@@ -102,8 +98,8 @@ def take_times(model, dW, lanes, width, first, end, n, times):
             times[k * width + j] = strengths(model)[k] * increment
 
 
-@called
-def drift_row(model, backwards, symmetric, t, width, states, work):
+@device(inline=False)
+def drift_stage(model, backwards, symmetric, t, width, states, work):
     """All flows of the drift for the time t; returns the largest |angle|."""
     count, largest = pieces(model), 0.0
     for i in range(2 * count - 1 if symmetric else count):
@@ -114,8 +110,8 @@ def drift_row(model, backwards, symmetric, t, width, states, work):
     return largest
 
 
-@called
-def noise_groups_row(model, first, end, backwards, times, width, states, work):
+@device(inline=False)
+def noise_groups_stage(model, first, end, backwards, times, width, states, work):
     """The flows of the groups of noises from `first` to before `end`, perhaps backwards."""
     largest = 0.0
     for i in range(end - first):
@@ -124,28 +120,24 @@ def noise_groups_row(model, first, end, backwards, times, width, states, work):
     return largest
 
 
-@called
+@device(inline=False)
 def report_large_angle(largest, report):
     if largest > _SMALL:
         report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], largest)
 
 
-def run_rows_of_large(rows, model, paths, h, dW, coins, y, work, report):
-    """Apply the rows of a composition to the first `paths` states of a block, in place."""
-    _step(rows_known(rows))(rows, model, paths, h, dW, coins, y, work, report)
-
-
-@overload(run_rows_of_large, jit_options=INLINED)
-def _(rows, model, paths, h, dW, coins, y, work, report):
-    return _step(rows_known(rows))
+@device(by_type=True)
+def run_stages_of_large(stages, model, paths, h, dW, coins, y, work, report):
+    """Apply the stages of a composition to the first `paths` states of a block, in place."""
+    return _step(stages_known(stages))
 
 
 @functools.lru_cache
 def _step(known):
-    """The Python function :func:`run_rows_of_large` for rows as ``rows_known`` tells them."""
-    coin = any(row.coin for row in known)
+    """The Python function :func:`run_stages_of_large` for stages as ``stages_known`` tells them."""
+    coin = any(stage.coin for stage in known)
     lines = [
-        "def step(rows, model, paths, h, dW, coins, y, work, report):",
+        "def step(stages, model, paths, h, dW, coins, y, work, report):",
         "d, m, largest, done = dimension(model), noises(model), 0.0, 0",
         "states, times = work[: d * WIDTH], work[2 * d * WIDTH : (2 * d + m) * WIDTH]",
         "scratch = work[(2 * d + m) * WIDTH :]",
@@ -158,26 +150,25 @@ def _step(known):
         "    take(y, some, width, states)",
     ]
     used = 0
-    for i, row in enumerate(known):
-        backwards = "tails" if row.coin else str(row.order is Backwards)
-        if row.part == "drift":
-            arguments = f"{backwards}, {row.order is Symmetric}, rows[{i}].fraction * h"
-            lines.append(f"    largest = max(largest, drift_row(model, {arguments}, width, states, scratch))")
+    for i, stage in enumerate(known):
+        backwards = "tails" if stage.coin else str(stage.order is Backwards)
+        if stage.part == "drift":
+            arguments = f"{backwards}, {stage.order is Symmetric}, stages[{i}].fraction * h"
+            lines.append(f"    largest = max(largest, drift_stage(model, {arguments}, width, states, scratch))")
         else:
-            lines += _noise_row(used, row, backwards)
-            used += row.length
+            lines += _noise_stage(used, stage, backwards)
+            used += stage.length
     lines += ["    put(y, some, width, states)", "    done += count", "report_large_angle(largest, report)"]
     names = {"np": np, "WIDTH": WIDTH, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
-    functions = (lanes_by_coin, group_size, take, put, take_times, drift_row, noise_groups_row, report_large_angle)
+    functions = (lanes_by_coin, group_size, take, put, take_times, drift_stage, noise_groups_stage, report_large_angle)
     names |= {f.__name__: f for f in functions}
-    exec("\n    ".join(lines), names)
-    return names["step"]
+    return function_of(lines, names)
 
 
-def _noise_row(first, row, backwards):
-    """Lines for a row of noise whose increments begin at sub-step `first` of FINEST."""
-    end, half = first + row.length, first + row.length // 2
-    if row.order is Symmetric:
+def _noise_stage(first, stage, backwards):
+    """Lines for a stage of noise whose increments begin at sub-step `first` of FINEST."""
+    end, half = first + stage.length, first + stage.length // 2
+    if stage.order is Symmetric:
         groups = "noise_groups(model)"
         last = f"max({groups} - 1, 0)"  # there may be none
         parts = [(first, half, "0", last, "False"), (first, end, last, groups, "False"), (half, end, "0", last, "True")]
@@ -188,7 +179,7 @@ def _noise_row(first, row, backwards):
         n = FINEST
         while begin % 2 == 0 and stop % 2 == 0 and n > 1:
             begin, stop, n = begin // 2, stop // 2, n // 2
-        flows = f"noise_groups_row(model, {low}, {high}, {back}, times, width, states, scratch)"
+        flows = f"noise_groups_stage(model, {low}, {high}, {back}, times, width, states, scratch)"
         lines += [
             f"    take_times(model, dW, some, width, {begin}, {stop}, {n}, times)",
             f"    largest = max(largest, {flows})",
@@ -196,7 +187,7 @@ def _noise_row(first, row, backwards):
     return lines
 
 
-@called
+@device(inline=False)
 def euler_step_of_large(model, paths, h, dW, y, work):
     """A step of Euler-Maruyama for the first `paths` states of a block, in place."""
     d, m, done, lanes = dimension(model), noises(model), 0, np.arange(paths)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import inlined, number, unrolled
+from ..compiler.dispatch import device, number, unrolled
 from ..ensemble.fields import (
     add_scaled,
     dot,
@@ -23,7 +23,7 @@ from ..numerics.rng import LANES
 ENOUGH = 2.0**-60  # for squares
 
 
-@inlined
+@device
 def newton_system(model, h, dW, y, x, matrix):
     """Write I - F'(x)/2 and, as one more column, y + F(x)/2 - x; entry (i, j) of a lane at [(j d + i) LANES + lane]."""
     right = matrix[dimension(model) * dimension(model) * LANES :]
@@ -44,7 +44,7 @@ def newton_columns(index, model, matrix, h, dW, lane, x, gradient):
     return matrix
 
 
-@inlined
+@device
 def eliminate(model, matrix):
     """Solve the d x d systems of all lanes by elimination with partial pivoting; the solution replaces column d.
 
@@ -81,7 +81,7 @@ def eliminate(model, matrix):
             p[lane] /= q[lane]
 
 
-@inlined
+@device
 def correct(model, x, correction):
     """Add the corrections to x; how many lanes need another iteration (those that are not finite do not)."""
     unfinished = 0
@@ -93,7 +93,7 @@ def correct(model, x, correction):
     return unfinished
 
 
-@inlined
+@device
 def finish(model, h, dW, y, x, tolerance):
     """y becomes y + F(x); how many lanes have a squared relative residual above `tolerance`, and the largest residual.
 
@@ -112,7 +112,7 @@ def finish(model, h, dW, y, x, tolerance):
     return failures, np.sqrt(from_bits(largest))
 
 
-@inlined
+@device
 def report_solves(report, iterations, failures, residual):
     """Report that the equations of a block were solved, with so many iterations each."""
     report[0] += LANES

@@ -1,6 +1,6 @@
 """Stochastic Runge-Kutta-Munthe-Kaas schemes: the state is moved by the coadjoint action of one exponential a step.
 
-See docs/schemes_of_others.md.
+See docs/literature_schemes.md.
 """
 
 from typing import NamedTuple

@@ -8,29 +8,18 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
-from ..compiler.dispatch import INDICES, INLINED, field_type, inlined, number
+from ..compiler.dispatch import INDICES, device, number
+from ..compiler.generated import function_of
+from ..compiler.records import field, is_array
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import REPORT, noises, strengths
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..numerics.rng import LANES
-from .large import run_rows_of_large, size_or
-from .rows import (
-    PARTS,
-    LoopTime,
-    Symmetric,
-    angle,
-    flow,
-    flows,
-    has_loops,
-    is_reversed_by_coin,
-    needs_coins,
-    substeps,
-    sweeps,
-)
+from .large import run_stages_of_large, size_or
+from .stages import PARTS, Symmetric, angle, flow, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
+from .sweeps import LoopTime, sweeps
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
@@ -40,38 +29,38 @@ _LARGEST_ANGLE = REPORT.index("largest_angle")
 
 
 class Splitting(NamedTuple):
-    """A composition of exact flows, given as its rows, the first to act first; a stochastic Poisson integrator."""
+    """A composition of exact flows, given as its stages, the first to act first; a stochastic Poisson integrator."""
 
-    rows: tuple
+    stages: tuple
 
     def tosses(scheme):
-        return rows_toss(scheme)
+        return stages_toss(scheme)
 
     def substeps(scheme):
-        return substeps(_rows_of(scheme))
+        return substeps(field(scheme, "stages"))
 
     def needs_areas(scheme):
-        return has_loops(_rows_of(scheme))
+        return has_loops(field(scheme, "stages"))
 
     def work_size(scheme, model):
         return size_or(3 * LANES, model)  # the times of a sweep, and a and b of a loop
 
     def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
-        run_rows_of_large(scheme.rows, model, paths, h, dW, coins, y, work, report)
+        run_stages_of_large(scheme.stages, model, paths, h, dW, coins, y, work, report)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
-        run_rows(scheme.rows, model, h, dW, coins, y, work, report)
+        run_stages(scheme.stages, model, h, dW, coins, y, work, report)
 
 
-def splitting(*rows):
-    """The scheme with these rows of :func:`~.rows.flows`.
+def splitting(*stages):
+    """The scheme with these stages of :func:`~.stages.flows`.
 
     ValueError unless drift and noise get the whole step, and for loops where they are not known to supply what the
     noise lacks.
     """
-    of = {part: [row for row in rows if type(row.part) is type(record)] for part, record in PARTS.items()}
+    of = {part: [stage for stage in stages if type(stage.part) is type(record)] for part, record in PARTS.items()}
     for part in ("drift", "noise"):
-        total = sum(row.fraction for row in of[part])
+        total = sum(stage.fraction for stage in of[part])
         if abs(total - 1.0) > 1e-12:
             raise ValueError(f"the fractions of the {part} add up to {total:g} and not to 1")
     if of["loops"]:
@@ -79,8 +68,8 @@ def splitting(*rows):
             raise ValueError("the loops stand there twice; they supply all that is lacking at once")
         noise = of["noise"][0]
         if len(of["noise"]) > 1 or noise.coin is not None or type(noise.order) is Symmetric:
-            raise ValueError("loops need the noise in one row, noise 1 or noise 1 backwards, without a coin")
-    return Splitting(rows)
+            raise ValueError("loops need the noise in one stage, noise 1 or noise 1 backwards, without a coin")
+    return Splitting(stages)
 
 
 #: The paper's eq. slpI.
@@ -95,18 +84,14 @@ ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True
 SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"), flows("drift", "backwards", 1 / 2))
 
 
-def rows_toss(scheme):
-    """Whether the rows of a scheme, or of the Numba type of one, need coins."""
-    return needs_coins(_rows_of(scheme))
+def stages_toss(scheme):
+    """Whether the stages of a scheme, or of the Numba type of one, need coins."""
+    return needs_coins(field(scheme, "stages"))
 
 
-def _rows_of(scheme):
-    return field_type(scheme, "rows") if isinstance(scheme, types.Type) else scheme.rows
-
-
-def has_reversed_twin(scheme):
+def has_antithetic_path(scheme):
     """Whether a step with its increments in reversed order and its coin turned is the step with all flows reversed."""
-    return isinstance(scheme, Splitting) and is_reversed_by_coin(scheme.rows)
+    return isinstance(scheme, Splitting) and is_reversed_by_coin(scheme.stages)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -114,19 +99,15 @@ def has_reversed_twin(scheme):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def run_rows(rows, model, h, dW, coins, y, work, report):
-    """Apply the rows in order to the states `y` of a block, in place; `work` has LANES floats, 3 LANES for loops."""
-    _step(sweeps(rows, model))(rows, model, h, dW, coins, y, work, report)
-
-
-@overload(run_rows, jit_options=INLINED)
-def _(rows, model, h, dW, coins, y, work, report):
-    return _step(sweeps(rows, model))
+@device(by_type=True)
+def run_stages(stages, model, h, dW, coins, y, work, report):
+    """Apply the stages in order to the states `y` of a block, in place; `work` has LANES floats, 3 LANES for loops."""
+    return _step(sweeps(stages, model))
 
 
 #: The time of a flow in a lane, as source text: of all lanes, of those with the coin 1, of those with the coin -1.
 _TIMES = {
-    "drift": "{share} * (rows[{row}].fraction * h)",
+    "drift": "{share} * (stages[{stage}].fraction * h)",
     "noise": "strengths(model)[{k}] * {increment}",
 }
 _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[lane] > 0.0 else {}"}
@@ -134,17 +115,17 @@ _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[l
 
 @functools.lru_cache
 def _step(sweeps):
-    """The Python function ``run_rows`` for a sequence of sweeps, written out: every k is a constant from the start.
+    """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
     The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
     """
-    lines = ["def step(rows, model, h, dW, coins, y, work, report):", "largest = 0"]
-    for row, part, k, share, coin, span in sweeps:
+    lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
+    for stage, part, k, share, coin, span in sweeps:
         if isinstance(span, LoopTime):
             lines += _loop_time(span)
             time = "work"
         else:
-            time = _TIMES[part].format(row=row, k=k, share=share, increment=span and _increment(k, *span))
+            time = _TIMES[part].format(stage=stage, k=k, share=share, increment=span and _increment(k, *span))
             if part == "noise" or coin:  # one time per lane
                 lines += ["for lane in range(LANES):", "    work[lane] = " + _OF_LANES[coin].format(time)]
                 time = "work"
@@ -160,8 +141,7 @@ def _step(sweeps):
     }
     names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
-    exec("\n    ".join(lines), names)
-    return names["step"]
+    return function_of(lines, names)
 
 
 def _increment(k, first, end, n):
@@ -188,7 +168,7 @@ def _loop_time(of):
     return [*lines, f"    work[lane] = {time}"]
 
 
-@inlined
+@device
 def report_angle(largest, report):
     """Report the angle with these bits, if it is above pi/4."""
     if largest > _SMALL_BITS:
@@ -200,7 +180,7 @@ def report_angle(largest, report):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@device
 def sweep(part, index, model, y, t):
     """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
 
@@ -221,17 +201,13 @@ def sweep(part, index, model, y, t):
     return largest
 
 
-@inlined
+@device
 def sweep_within(angles, part, index, model, y, t):
     for lane in range(LANES):
         store_lane(y, lane, flow(part, model, number(index), of_lane(t, lane), load_lane(model, y, lane), angles))
 
 
+@device(by_type=True)
 def of_lane(t, lane):
     """t, or the entry of the lane if there is one for each."""
-    return t[lane] if np.ndim(t) else t
-
-
-@overload(of_lane, jit_options=INLINED)
-def _(t, lane):
-    return (lambda t, lane: t[lane]) if isinstance(t, types.Array) else (lambda t, lane: t)
+    return (lambda t, lane: t[lane]) if is_array(t) else (lambda t, lane: t)

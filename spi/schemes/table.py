@@ -1,4 +1,4 @@
-"""The table of the schemes: what is known of each of them, one row each."""
+"""The table of the schemes: what is known of each of them, one entry each."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,17 +8,16 @@ from ..compiler.dispatch import answers
 from ..ensemble.fields import cross_product, lie_poisson, noise_field_derivative
 from ..ensemble.protocol import advance_large, squared_length_is_casimir
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
-from .costs import euler_cost, exponential_cost, midpoint_cost
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
-from .rows import has_loops
 from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
+from .stages import has_loops
 
 
 class Scheme(NamedTuple):
-    """One row of the table of orders; what theory says where the coefficients are smooth and bounded.
+    """One entry of the table of orders; what theory says where the coefficients are smooth and bounded.
 
     A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
     """
@@ -32,8 +31,8 @@ class Scheme(NamedTuple):
     strong_order_commuting: float  #: with one noise, or several that commute
     weak_order: float
     preserves: str
-    work: float | None = None  #: of a step, in flows of the model, for estimates of run time; None: flows are counted
-    step_cost: Callable = euler_cost  #: nanoseconds of a step without flows, of a model that does not state ``flow_ns``
+    work: float = 0.0  #: of a step that is no composition, in flows of the model, for estimates of run time
+    solves: bool = False  #: whether this work is that for three components, and grows with their number
     overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
     needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
     multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
@@ -43,8 +42,8 @@ class Scheme(NamedTuple):
 
     @property
     def composition(self):
-        """The rows of flows of which a step consists, None for a scheme that is no composition of flows."""
-        return getattr(self.record, "rows", None)
+        """The stages of which a step consists, None for a scheme that is no composition of flows."""
+        return getattr(self.record, "stages", None)
 
     @property
     def solvable_without_sampling(self):
@@ -60,9 +59,9 @@ class Scheme(NamedTuple):
 SCHEMES: dict[str, Scheme] = {}
 
 
-def register_scheme(name, **row):
+def register_scheme(name, **entry):
     """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``protocol.py``."""
-    scheme = Scheme(**row)
+    scheme = Scheme(**entry)
     check_class(type(scheme.record), "scheme", name)
     SCHEMES[name] = scheme
 
@@ -164,7 +163,7 @@ register_scheme(
     weak_order=1.0,
     preserves="quadratic Casimirs",
     work=25.0,
-    step_cost=midpoint_cost,
+    solves=True,
     needs_truncation=True,
 )
 register_scheme(
@@ -172,14 +171,14 @@ register_scheme(
     record=MuntheKaasEuler(),
     label="Munthe-Kaas, Euler",
     formula="z = exp(M(v)) y, v = h (grad H + 1/2 sum_k sigma_k^2 Hess Ĥ_k f_k) + sum_k sigma_k dW_k grad Ĥ_k at y",
-    reference="doi:10.1137/060666743, its Euler type; see docs/schemes_of_others.md",
+    reference="doi:10.1137/060666743, its Euler type; see docs/literature_schemes.md",
     look=(">", "#CC79A7"),
     strong_order=0.5,
     strong_order_commuting=0.5,
     weak_order=1.0,
     preserves="Casimirs",
     work=6.0,
-    step_cost=exponential_cost,
+    solves=True,
     needs=lie_poisson,
     left_out=left_out_by_euler,
 )
@@ -188,14 +187,14 @@ register_scheme(
     record=MuntheKaasMidpoint(),
     label="Munthe-Kaas, midpoint",
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k",
-    reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/schemes_of_others.md",
+    reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/literature_schemes.md",
     look=("<", "#E69F00"),
     strong_order=0.5,
     strong_order_commuting=1.0,
     weak_order=1.0,
     preserves="Casimirs",
     work=10.0,
-    step_cost=lambda model: 2 * exponential_cost(model),
+    solves=True,
     needs=lie_poisson,
 )
 register_scheme(

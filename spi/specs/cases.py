@@ -1,36 +1,29 @@
 """What several kinds of experiment have in common: keys, and conditions between them."""
 
-import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pydantic
 
-from ..ensemble.protocol import NonNegative, Positive, dimension, in_kernels, large
-from ..exact.kolmogorov import Demands, can_solve, demands
-from ..expressions import canonical, functions_of, is_constant, parse_expression
+from ..ensemble.protocol import NonNegative, Positive, dimension, large
+from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.damped import undamped
 from ..schemes import SCHEMES, Scheme, composed, with_eps
-from ..schemes.rows import compositions, has_loops
 from ..statistics.claims import Claim, Sort
 from ..systems import variables
 from ..systems.keys import MOST
-from .checks import ROUNDING, check_count, check_extrapolate, check_multiple, check_names, check_once, check_schemes
+from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
 from .damping import damped_model
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
-    ESTIMATORS,
     Eps,
-    Estimators,
     Functions,
     Keys,
-    Levels,
-    Samples,
     SchemeName,
     Schemes,
     Seed,
@@ -42,7 +35,7 @@ from .keys import (
     shown,
     wrong,
 )
-from .mistakes import Mistakes
+from .mistakes import every
 from .models import Model, check_words, name_of
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
@@ -69,7 +62,7 @@ class BaseCase(Keys):
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
     eps: key_of(Eps | None, "scale of the fast processes of the multiscale system, a number or a list of them") = None
-    compositions: key_of(Compositions, "schemes of your own, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
+    compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
@@ -134,7 +127,7 @@ class BaseCase(Keys):
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition
+    @condition("damping", "model", "panels")
     def _check_damping(self) -> Self:
         """The case with its damping in the record of the model."""
         return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
@@ -145,28 +138,28 @@ class BaseCase(Keys):
         said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
-    @condition
+    @condition("schemes", "reference_scheme", "compositions")
     def _check_names(self) -> Self:
         """The case with those of its compositions that it uses."""
         check_names(self)
         used = {name: rows for name, rows in self.compositions.items() if name in self.schemes_used}
         return self.model_copy(update={"compositions": used})
 
-    @condition
+    @condition("initial", "model")
     def _check_initial(self) -> Self:
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
-    @condition
+    @condition("initial", "model")
     def _check_words(self) -> Self:
         check_words(self.model, self.initial)
         return self
 
-    @condition
+    @condition("schemes", "reference_scheme", "model")
     def _check_needs(self) -> Self:
-        if large(in_kernels(self.model)):
+        if large(self.model):
             self._check_large()
         for name in self.schemes_used:
             needs = self.row(name).needs
@@ -187,7 +180,7 @@ class BaseCase(Keys):
                 right = "use euler_maruyama or a splitting without Lévy areas"
                 raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
-    @condition
+    @condition("eps", "schemes")
     def _check_eps(self) -> Self:
         multiscale = [s for s in self.schemes if self.row(s).multiscale]
         if multiscale and self.eps is None:
@@ -202,7 +195,7 @@ class BaseCase(Keys):
                     raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
         return self
 
-    @condition
+    @condition("expect", "schemes")
     def _check_expect(self) -> Self:
         _ = self.claims
         return self
@@ -225,7 +218,7 @@ class ErrorCase(BaseCase):
         """T."""
         return self.final_time
 
-    @condition
+    @condition("steps", "schemes")
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
@@ -235,7 +228,7 @@ class ErrorCase(BaseCase):
         check_schemes(self, self.schemes_used if self.bounded_increments else (), max(steps), "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
-    @condition
+    @condition("reference_scheme", "schemes", "eps")
     def _check_reference_scheme(self) -> Self:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
@@ -274,16 +267,13 @@ class FunctionsCase(ErrorCase):
         # pairs, because their order decides that of the results, and in the least text that decides the values
         return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
 
-    @condition
+    @condition("functions", "model")
     def _check_functions(self) -> Self:
-        trees, mistakes = {}, Mistakes()
-        for name, text in self.functions.items():
-            with mistakes.apart():
-                trees[name] = self._tree(name, text)
-        mistakes.report()
+        trees = every(self._tree, self.functions.items())
         if not self.variables:
             return self
-        return self.model_copy(update={"functions": {name: canonical(tree) for name, tree in trees.items()}})
+        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
+        return self.model_copy(update={"functions": texts})
 
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""
@@ -298,93 +288,8 @@ class FunctionsCase(ErrorCase):
         return tree
 
 
-class SampledCase(FunctionsCase):
-    """What the cases have in which expectations are estimated."""
-
-    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
-    samples: key_of(Samples | None, "number of Brownian paths") = None
-    standard_error: key_of(
-        Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
-    ) = None
-    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
-        None
-    )
-    accuracy: key_of(
-        Positive | None, "numerical error that kolmogorov aims at; default: as fine as a figure needs", "value"
-    ) = None
-
-    extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
-
-    @condition
-    def _check_extrapolate(self) -> Self:
-        check_extrapolate(self)
-        return self
-
-    @condition
-    def _check_estimators(self) -> Self:
-        check_once(self.estimators, "estimators")
-        for name in self.estimators:
-            getattr(self, f"_check_{name}")()
-        return self
-
-    def _check_plain(self) -> None:
-        self._need("plain", "samples")
-
-    def _check_multilevel(self) -> None:
-        self._need("multilevel", "standard_error", "seconds")
-        if self.reference_scheme:
-            what = "has 'multilevel', which has references of its own, and reference_scheme is set"
-            raise wrong(what, "use plain or leave out reference_scheme", "estimators")
-        if can_solve(self.model) and not self.truncate_noise:
-            self._check_demands("multilevel", multiscale=True)
-
-    def _check_demands(self, estimator: str, multiscale: bool) -> None:
-        """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
-        for name in self.schemes:
-            row = self.row(name)
-            rows = row.composition
-            if rows is None or row.multiscale != multiscale or has_loops(rows):
-                continue
-            acting, texts = compositions(rows, self.model), tuple(self.functions.values())
-            need = _demands(self.model, acting, self.initial, self.final_time, self.steps, texts, self.accuracy)
-            if need.obstacle:
-                its = f" for '{name}'" if multiscale else ""
-                raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
-
-    def _check_kolmogorov(self) -> None:
-        """What the solvers without sampling can do."""
-        if self.damping:
-            what = "follows paths on a Casimir surface, which they leave with damping"
-        elif not can_solve(self.model):
-            able = [name for name, cls in MODELS.items() if can_solve(cls)]
-            what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
-        elif not any(self.row(s).solvable_without_sampling for s in self.schemes):
-            rows = self.row(self.schemes[0]).composition
-            without = " without loops" if rows and has_loops(rows) else ""
-            what = f"is for splitting schemes{without}, which '{self.schemes[0]}' is not"
-        elif self.truncate_noise:
-            what = "has no truncate_noise"
-        elif self.reference_scheme:
-            what = "has no reference_scheme"
-        else:
-            self._check_demands("kolmogorov", multiscale=False)
-            return
-        rest = [name for name in ESTIMATORS if name != "kolmogorov"]
-        raise wrong(f"has 'kolmogorov', which {what}", f"use {' or '.join(rest)} instead", "estimators")
-
-    def _need(self, estimator: str, *keys: str) -> None:
-        """One of these keys must be given."""
-        if all(getattr(self, key) is None for key in keys):
-            add = " or ".join(f"{key}: {type(self).model_fields[key].description}" for key in keys)
-            raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])
-
-
-@functools.lru_cache(maxsize=256, typed=True)
-def _demands(
-    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
-) -> Demands:
-    """What solving without sampling takes; kept, because the layers of a file often ask the same.
-
-    Typed, because models of two classes may be equal tuples.
-    """
-    return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)
+def need(case: BaseCase, estimator: str, *keys: str) -> None:
+    """One of these keys must be given."""
+    if all(getattr(case, key) is None for key in keys):
+        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
+        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

@@ -9,7 +9,7 @@ from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
 from ..systems.keys import MOST
 from .keys import quantity, shown, suggestion, wrong
-from .mistakes import Mistakes
+from .mistakes import every
 
 ROUNDING = 1e-12  #: relative: ratios of steps written as decimals are not exact
 _MOST_STEPS = 2**34  # of the reference step: what the counter of the random numbers has room for
@@ -25,7 +25,7 @@ def check_multiple(end: float, h: float, key: str, has: str) -> None:
     """The final time must be a multiple of h."""
     if h > end * (1 + ROUNDING) or abs(round(end / h) * h - end) > ROUNDING * end:
         lower = max(math.floor(end / h), 1) * h
-        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is no multiple"
+        what = f"{has} {quantity(h)}, of which final_time {quantity(end)} is not a multiple"
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 
@@ -36,13 +36,14 @@ def check_once(listed: Sequence[Any], key: str) -> None:
 
 def check_names(case: Any) -> None:
     """All schemes are in the table of schemes or among the compositions of the case."""
-    known, mistakes = (*SCHEMES, *case.compositions), Mistakes()
-    for n, name in enumerate(case.schemes_used):
+    known = (*SCHEMES, *case.compositions)
+
+    def check(n: int, name: str) -> None:
         if name not in known:
             place = ("schemes", n) if n < len(case.schemes) else ("reference_scheme",)
-            with mistakes.apart():
-                raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
-    mistakes.report()
+            raise wrong(f"is {shown(name)}", suggestion(name, known), *place)
+
+    every(check, enumerate(case.schemes_used))
 
 
 def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: str) -> None:

@@ -1,13 +1,13 @@
-"""The key ``compositions``: splitting schemes of the user's own, as rows of flows.
+"""The key ``compositions``: splitting schemes of the user's own, as stages.
 
     compositions:
       strang: [noise 1/2, drift 1, noise 1/2]
       palindrome: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]
       with_areas: [drift 1/2, noise 1, loops, drift 1/2 backwards]
 
-A row is the part that acts, its share of the step and, where that is not forwards, the order of its flows; the word
-``coin`` has the order reversed for the paths whose coin is -1.  The row ``loops`` supplies the Lévy areas of noises
-that do not commute.  The first row acts first.
+A stage is the part that acts, its share of the step and, where that is not forwards, the order of its flows; the word
+``coin`` has the order reversed for the paths whose coin is -1.  The stage ``loops`` supplies the Lévy areas of noises
+that do not commute.  The first stage acts first.
 """
 
 import functools
@@ -22,14 +22,14 @@ from ..exact.kolmogorov import backward
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
 from ..schemes import SCHEMES
-from ..schemes.rows import ORDERS, PARTS, Flows, compositions, flows, has_loops
 from ..schemes.splitting import splitting
+from ..schemes.stages import ORDERS, PARTS, Flows, compositions, flows, has_loops
 from .keys import NAME, entries_in, shown, suggestion, wrong
-from .mistakes import Mistakes
+from .mistakes import every
 
-Rows = tuple[Flows, ...]
+Stages = tuple[Flows, ...]
 
-_MOST_ROWS = 16  # each becomes compiled code of its own
+_MOST_STAGES = 16  # each becomes compiled code of its own
 _OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
 _COIN = "coin"
 _WORDS = (*ORDERS, _COIN)
@@ -38,8 +38,8 @@ _RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
 
 
-def _row(text: Any, *keys: str | int) -> Flows:
-    """The row that a text stands for; `keys` lead to it."""
+def _stage(text: Any, *keys: str | int) -> Flows:
+    """The stage that a text stands for; `keys` lead to it."""
     part, *words = (text.split() if isinstance(text, str) else []) or [""]
     if part == _LOOPS and not words:
         return flows(_LOOPS)
@@ -69,49 +69,40 @@ def _fraction(text: str) -> float:
     return float(fraction)
 
 
-def _read(value: dict[str, Any]) -> dict[str, Rows]:
-    """The mapping {name: texts of rows} as {name: rows}."""
-    read, mistakes = {}, Mistakes()
-    for name, texts in value.items():
-        with mistakes.apart():
-            read[name] = _rows(name, texts)
-    mistakes.report()
-    return read
+def _read(value: dict[str, Any]) -> dict[str, Stages]:
+    """The mapping {name: texts of stages} as {name: stages}."""
+    return dict(zip(value, every(_stages, value.items()), strict=True))
 
 
-def _rows(name: str, texts: Any) -> Rows:
+def _stages(name: str, texts: Any) -> Stages:
     if not re.match(NAME, name):
-        raise wrong("is no name of a composition", "must consist of letters, digits and _", name)
+        raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
         raise wrong("is the name of a scheme", "give the composition another name", name)
     if not isinstance(texts, list):
-        raise wrong(f"is {shown(texts)}", "must be a list of rows, as in [noise 1/2, drift 1, noise 1/2]", name)
-    if len(texts) > _MOST_ROWS:
-        raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_ROWS}", name)
-    rows, mistakes = [], Mistakes()
-    for n, text in enumerate(texts):
-        with mistakes.apart():
-            rows.append(_row(text, name, n))
-    mistakes.report()
+        raise wrong(f"is {shown(texts)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]", name)
+    if len(texts) > _MOST_STAGES:
+        raise wrong(f"has {entries_in(len(texts))}", f"must have at most {_MOST_STAGES}", name)
+    stages = every(_stage, ((text, name, n) for n, text in enumerate(texts)))
     try:
-        splitting(*rows)
+        splitting(*stages)
     except ValueError as error:
-        raise wrong("is no whole step", f"{error}", name) from None
-    return tuple(rows)
+        raise wrong("is not a whole step", f"{error}", name) from None
+    return tuple(stages)
 
 
-def weak_order(rows: Rows, model: Any) -> float:
-    """What theory says of rows: 2 where any two flows act in either order for one half of the step, otherwise 1.
+def weak_order(stages: Stages, model: Any) -> float:
+    """What theory says of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
     negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops
     together is that of the noise of the equation up to terms of order h^2 only.
     """
-    if has_loops(rows):
+    if has_loops(stages):
         return 1.0
     if large(model):  # of hundreds of flows four tell the same
         model = MODELS["sine_euler"](sigma=tuple(1.0 if k < noises(model) else None for k in range(4)))
-    return _weak_order(compositions(rows, model)) if noise_indices(model) else math.nan
+    return _weak_order(compositions(stages, model)) if noise_indices(model) else math.nan
 
 
 @functools.lru_cache(maxsize=64)
@@ -120,21 +111,26 @@ def _weak_order(acting: Any) -> float:
     return float(backward.weak_order(words, commute=lambda a, b: False))
 
 
-def _texts(rows: Rows) -> list[str]:
-    """The rows in one text each, whatever the texts that they were read from."""
+def _texts(stages: Stages) -> list[str]:
+    """The stages in one text each, whatever the texts that they were read from."""
     return [
         _LOOPS
-        if _NAMES[type(row.part)] == _LOOPS
+        if _NAMES[type(stage.part)] == _LOOPS
         else " ".join(
-            [_NAMES[type(row.part)], repr(row.fraction), _NAMES[type(row.order)], *[_COIN] * (row.coin is not None)]
+            [
+                _NAMES[type(stage.part)],
+                repr(stage.fraction),
+                _NAMES[type(stage.order)],
+                *[_COIN] * (stage.coin is not None),
+            ]
         )
-        for row in rows
+        for stage in stages
     ]
 
 
 Compositions = Annotated[
     dict[str, Any],
     AfterValidator(_read),
-    PlainSerializer(lambda compositions: {name: _texts(rows) for name, rows in compositions.items()}),
+    PlainSerializer(lambda compositions: {name: _texts(stages) for name, stages in compositions.items()}),
     Field(json_schema_extra={"additionalProperties": {"type": "array", "items": {"type": "string"}}}),
 ]

@@ -145,7 +145,7 @@ class Document:
             if key.tag == _MERGE:
                 for source in reversed(value.value if isinstance(value, yaml.SequenceNode) else [value]):
                     if not isinstance(source, yaml.MappingNode):
-                        self.fail(inner, "is no mapping; give the alias of one, as in <<: *name")
+                        self.fail(inner, "is not a mapping; give the alias of one, as in <<: *name")
                     merged |= self._value(source, loc, around)
                 continue
             if key.value in own:
@@ -195,7 +195,7 @@ def override(told: str, text: str) -> Document:
     """
     key, equals, value = text.partition("=")
     if not key.strip() or not equals:
-        raise SpecError(f"{told}: --set {text}: is no assignment; write --set key=value")
+        raise SpecError(f"{told}: --set {text}: is not an assignment; write --set key=value")
     word = key.strip().removeprefix("--")
     option = "--set" if word == key.strip() else f"--{word}:"
     return Document(value, lambda line: f"{told}: {option}", tuple(word.split(".")))

@@ -6,7 +6,7 @@
 
 Under a scheme stand quantities, and mappings of quantities that hold for one estimator or test function, by its name,
 for so many levels of extrapolation (``extrapolate 1``), or up to a step size (``up to 2^-3``), an eps (``eps up to
-0.01``) or a value of the swept word.  Layers override it
+0.01``) or a value of the swept parameter.  Layers override it
 claim by claim: a claim that is empty (``order: null``) is dropped, and a layer that names fewer schemes, estimators or
 test functions drops the claims about the others.
 """
@@ -14,15 +14,16 @@ test functions drops the claims about the others.
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from itertools import chain
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BeforeValidator
-from pydantic_core import PydanticCustomError
 
 from ..expressions.arithmetic import NumberError, parse
 from ..statistics.claims import EQUAL, Claim
 from .keys import shown, suggestion, wrong
-from .mistakes import Mistakes
+from .mistakes import every
 
 #: The keys of a spec whose entries claims may be about.
 NAMING = ("schemes", "estimators", "functions", "extrapolate")
@@ -49,19 +50,12 @@ def _number(text: str) -> float:
 
 
 def _read(value: Any, path: tuple[str, ...] = ()) -> Any:
-    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it.
-
-    In the place of a number that cannot be read stands the error about it, which is raised by :func:`claims` together
-    with the others, and by :func:`readable`.
-    """
-    if isinstance(value, dict):
-        return {key: _read(inner, (*path, key)) for key, inner in value.items() if inner is not None}
-    if not path:
-        return {} if value is None else value
-    try:
-        return _stated(value, path)
-    except PydanticCustomError as error:
-        return error
+    """What stands under ``expect`` with its numbers read and without its empty entries; `path` leads to it."""
+    if not isinstance(value, dict):
+        return _stated(value, path) if path else {} if value is None else value
+    given = {key: inner for key, inner in value.items() if inner is not None}
+    read = every(_read, ((inner, (*path, key)) for key, inner in given.items()))
+    return dict(zip(given, read, strict=True))
 
 
 def _stated(value: Any, path: tuple[str, ...]) -> Stated:
@@ -76,19 +70,6 @@ def _stated(value: Any, path: tuple[str, ...]) -> Stated:
     if stated.tolerance < 0 or (sense and tolerance):
         raise wrong(f"is {shown(value)}", _RIGHT, "expect", *path)
     return stated
-
-
-def readable(expect: dict[str, Any]) -> dict[str, Any]:
-    """An ``expect`` as it is; raises the error with all numbers in it that cannot be read, if there are any."""
-    mistakes = Mistakes()
-    for value in expect.values():
-        with mistakes.apart():
-            if isinstance(value, dict):
-                readable(value)
-            elif isinstance(value, PydanticCustomError):
-                raise value
-    mistakes.report()
-    return expect
 
 
 Expect = Annotated[
@@ -130,42 +111,34 @@ class _Place(NamedTuple):
 
 
 def claims(case: Any) -> tuple[Claim, ...]:
-    """The claims of a case; raises the error for pydantic about all that cannot be read or is not known.
-
-    Where the schemes of the case are wrong, so that it has no such key, claims may be about any.
-    """
+    """The claims of a case; raises the error for pydantic about all that is not known."""
     if case.expect and not case.quantities:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"
         )
-    found: list[Claim] = []
-    mistakes, schemes = Mistakes(), getattr(case, "schemes", case.expect)
-    for scheme, stated in case.expect.items():
-        place = _Place(("expect", scheme))
-        with mistakes.apart():
-            if scheme not in schemes:
-                raise wrong("is none of the schemes", suggestion(scheme, schemes), *place.path)
-            right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
-            found += _claims(case, scheme, _mapping(stated, right, place), place)
-    mistakes.report()
-    return tuple(found)
+    return tuple(chain.from_iterable(every(partial(_of_scheme, case), case.expect.items())))
+
+
+def _of_scheme(case: Any, scheme: str, stated: Any) -> list[Claim]:
+    place = _Place(("expect", scheme))
+    if scheme not in case.schemes:
+        raise wrong("is not a known scheme", suggestion(scheme, case.schemes), *place.path)
+    right = f"must be a mapping of quantities, as in {scheme}: {{{next(iter(case.quantities))}: 1/2}}"
+    return _claims(case, scheme, _mapping(stated, right, place), place)
 
 
 def _claims(case: Any, scheme: str, stated: Mapping[str, Any], place: _Place) -> list[Claim]:
     scopes = [name for key in case.scoping for name in getattr(case, key)]
     scopes += [f"extrapolate {levels}" for levels in getattr(case, "extrapolate", ())]
-    found: list[Claim] = []
-    mistakes = Mistakes()
-    for key, value in stated.items():
+
+    def read(key: str, value: Any) -> list[Claim]:
         here = place._replace(path=(*place.path, key))
-        with mistakes.apart():
-            if key in case.quantities:
-                found.append(_claim(case, scheme, key, value, here))
-            else:
-                inside = _inside(case, key, scopes, here)
-                found += _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
-    mistakes.report()
-    return found
+        if key in case.quantities:
+            return [_claim(case, scheme, key, value, here)]
+        inside = _inside(case, key, scopes, here)
+        return _claims(case, scheme, _mapping(value, "must be a mapping of quantities", here), inside)
+
+    return list(chain.from_iterable(every(read, stated.items())))
 
 
 def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place:
@@ -177,14 +150,12 @@ def _inside(case: Any, key: str, scopes: Sequence[str], place: _Place) -> _Place
         return place._replace(limits=(*place.limits, (name, largest)), text=text)
     if key not in scopes:
         right = suggestion(key, (*case.quantities, *scopes))
-        raise wrong("is nothing that can be expected here", right, *place.path)
+        raise wrong("is not a known quantity", right, *place.path)
     return place._replace(scopes=(*place.scopes, key))
 
 
 def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
     """What stands at a place, if that is a mapping."""
-    if isinstance(value, PydanticCustomError):
-        raise value
     if not isinstance(value, dict):
         raise wrong(f"is {shown(value.text)}", right, *place.path)
     return value
@@ -192,8 +163,6 @@ def _mapping(value: Any, right: str, place: _Place) -> Mapping[str, Any]:
 
 def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Claim:
     sort = case.quantities[name]
-    if isinstance(value, PydanticCustomError):
-        raise value
     if isinstance(value, dict):
         raise wrong(f"is {shown(value)}", _RIGHT, *place.path)
     if "h" in dict(place.limits) and not sort.per_step:

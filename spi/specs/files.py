@@ -69,7 +69,7 @@ class Files:
         name = (error.name or "").partition(".")[0]
         beside = any((self.folder / file).exists() for file in (f"{name}.py", name)) if name else False
         if beside or (error.name or "").startswith(own.__name__):  # the latter for a relative import
-            return "the file must stand alone; make a package of both, with an entry point, see docs/own_models.md"
+            return "the file must stand alone; make an installed package of both, see docs/own_models.md"
         return "install what it imports, or correct the Python file"
 
 

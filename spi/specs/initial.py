@@ -48,7 +48,7 @@ class Vorticity(Keys):
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
-    @condition
+    @condition()
     def _check_one(self) -> "Vorticity":
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
@@ -72,13 +72,13 @@ def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
     written: dict[int, str] = {}
     for key, value in given.items():
         if not (match := _MODE.fullmatch(key)):
-            raise wrong("is no mode", 'must be two whole numbers, as in "2,-1"', "modes", key)
+            raise wrong("is not a mode", 'must be two whole numbers, as in "2,-1"', "modes", key)
         mode = int(match[1]), int(match[2])
         if mode == (0, 0):
             raise wrong("is the mean, which is 0", "leave it out", "modes", key)
         if mode not in known:
             right = f"both numbers must be between -{n // 2} and {n // 2}"
-            raise wrong(f"is no mode of the lattice modulo {n}", right, "modes", key)
+            raise wrong(f"is not a mode of the lattice modulo {n}", right, "modes", key)
         place, sign = known[mode]
         if place in written:
             what = f"is given twice, also as {shown(written[place])}"

@@ -7,12 +7,11 @@ import difflib
 import functools
 import math
 import re
-import warnings
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
-from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Self, Union, get_args, get_origin, get_type_hints
 
 import pydantic
 from annotated_types import Ge, Le, MinLen
@@ -22,10 +21,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
-from .mistakes import Mistakes, again, details
-
-#: How expectations are estimated: plain Monte Carlo, multilevel Monte Carlo, without sampling on a Casimir surface.
-ESTIMATORS = ("plain", "multilevel", "kolmogorov")
+from .mistakes import again, details, every
 
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
@@ -75,24 +71,27 @@ def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mappi
     """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
     unknown = [key for key in data if key not in known]
     meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
-    faults = [wrong("is no known key", suggestion(key, known), key) for key in unknown]
+    faults = [wrong("is not a known key", suggestion(key, known), key) for key in unknown]
     for key, field in needed.items():
         if key not in data and key not in meant:
             faults.append(wrong(f"missing key '{key}'", f"add {key}: {field.description}", key))
     return [InitErrorDetails(type=fault, loc=(), input=data) for fault in faults]
 
 
-def condition(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A method of a subclass of :class:`Keys` that raises the error about a condition between keys, if there is one.
+def condition(*keys: str) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
+    """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between `keys`.
 
-    Where several entries of a key can be wrong it raises them all, as :class:`Mistakes` collects them.
-
-    It returns the record, or a copy with what it makes of it.  The conditions of a class are tried in the order in
-    which they are defined, those of its bases first.  After one that is not met the rest are tried without the key at
-    fault: what asks for that key is left out, so that no mistake hides another and none is reported twice.
+    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It returns the
+    record, or a copy with what it makes of it.  The conditions of a class are tried in the order in which they are
+    defined, those of its bases first, once all keys can be read.  After one that is not met those that have a key in
+    common with it are left out, so that what depends on a mistake is not reported as another.
     """
-    check.is_condition = True  # type: ignore[attr-defined]
-    return check
+
+    def mark(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        check.about = keys  # type: ignore[attr-defined]
+        return check
+
+    return mark
 
 
 class Keys(pydantic.BaseModel):
@@ -102,72 +101,41 @@ class Keys(pydantic.BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _check(cls, data: Any, read: pydantic.ModelWrapValidatorHandler[Self], info: pydantic.ValidationInfo) -> Any:
-        """The record; a ValidationError with all that is wrong, as far as one mistake does not hide another."""
+    def _check(cls, data: Any, read: pydantic.ModelWrapValidatorHandler[Self]) -> Any:
+        """The record; a ValidationError with all that is wrong with its keys, or else between them."""
         if not isinstance(data, dict):
             return read(data)
         allowed = cls.model_config["extra"] == "allow"
         faults = _faults_of_keys(data, data if allowed else cls.model_fields, needed_keys(cls))
-        known = {key: value for key, value in data.items() if allowed or key in cls.model_fields}
         try:
-            record = read(known)
+            record = read({key: value for key, value in data.items() if allowed or key in cls.model_fields})
         except ValidationError as invalid:
-            inner = [f for f in invalid.errors(include_url=False) if f["type"] != "missing" or len(f["loc"]) > 1]
-            faults += map(again, inner)
-            record = cls._of_right_keys(known, {fault["loc"][0] for fault in inner if fault["loc"]}, info.context)
-        record = record._met(faults)
+            every = invalid.errors(include_url=False)
+            faults += [again(fault) for fault in every if fault["type"] != "missing" or len(fault["loc"]) > 1]
+        if not faults:
+            record = record._met(faults)
         if faults:
             raise ValidationError.from_exception_data(cls.__name__, faults)
         return record
 
-    @classmethod
-    def _of_right_keys(cls, data: dict[str, Any], wrong_keys: Collection[Any], context: Any) -> Self:
-        """A record of what is right and given, or has a default; other keys are no attributes of it."""
-        right = {
-            k: f for k, f in cls.model_fields.items() if k not in wrong_keys and (k in data or not f.is_required())
-        }
-        fields: dict[str, Any] = {key: (field.annotation, field) for key, field in right.items()}
-        with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
-            read = create_model(cls.__name__, **fields)
-        values = read.model_validate({key: data[key] for key in right if key in data}, context=context)
-        return cls.model_construct(**dict(values))._without(set(cls.model_fields) - set(right))
-
-    def _without(self, keys: Iterable[str]) -> Self:
-        """A copy of which some keys are no attributes."""
-        copy = self.model_copy()
-        for key in keys:
-            copy.__dict__.pop(key, None)
-        return copy
-
     def _met(self, faults: list[InitErrorDetails]) -> Any:
-        """The record once its conditions are met; adds to `faults` what is wrong."""
-        record, whole = self, not faults
-        for name in _conditions(type(self)):
-            try:
-                record = getattr(record, name)()
-            except (PydanticCustomError, ValidationError) as error:
-                found = details(error)
-                faults += found
-                record = record._without(str(key) for fault in found for key in _keys_of(fault)[:1])
-                whole = False
-            except Exception:
-                if whole:  # else it asked for a key that is wrong
-                    raise
+        """The record once its conditions are met; adds to `faults` those that are not."""
+        record, in_doubt = self, set[str]()
+        for name, keys in _conditions(type(self)).items():
+            if in_doubt.isdisjoint(keys):
+                try:
+                    record = getattr(record, name)()
+                except (PydanticCustomError, ValidationError) as error:
+                    faults += details(error)
+                    in_doubt.update(keys)
         return record
 
 
 @functools.cache
-def _conditions(cls: type[Keys]) -> tuple[str, ...]:
-    """The names of the conditions of a class."""
+def _conditions(cls: type[Keys]) -> dict[str, tuple[str, ...]]:
+    """The names of the conditions of a class, and the keys that they are about."""
     named = (item for base in reversed(cls.__mro__) for item in vars(base).items())
-    return tuple(dict.fromkeys(name for name, method in named if getattr(method, "is_condition", False)))
-
-
-def _keys_of(fault: InitErrorDetails) -> tuple[Any, ...]:
-    """The keys that lead to what is wrong."""
-    error = fault["type"]
-    context = error.context if isinstance(error, PydanticCustomError) else None
-    return (*fault.get("loc", ()), *(context or {}).get("keys", ()))
+    return {name: method.about for name, method in named if hasattr(method, "about")}
 
 
 def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
@@ -277,12 +245,12 @@ NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 def _by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
-    mistakes = Mistakes()
-    for name in value if isinstance(value, dict) else ():
+
+    def check(name: str) -> None:
         if not re.match(NAME, name):
-            with mistakes.apart():
-                raise wrong("is no name of a function", "must consist of letters, digits and _", name)
-    mistakes.report()
+            raise wrong("is not a valid name", "must consist of letters, digits and _", name)
+
+    every(check, ((name,) for name in value) if isinstance(value, dict) else ())
     return {"phi": value} if isinstance(value, str) else value
 
 
@@ -316,7 +284,6 @@ Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.
 SchemeName = Annotated[str, Field(json_schema_extra={"anyOf": [{"enum": list(SCHEMES)}, {"pattern": NAME}]})]
 Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
-Estimators = Annotated[tuple[Literal[ESTIMATORS], ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]

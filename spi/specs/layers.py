@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import pydantic
 from annotated_types import Ge, MinLen
-from pydantic import AfterValidator, create_model
+from pydantic import create_model
 
 from ..models import MODELS
 from . import expect
@@ -19,7 +19,7 @@ from .keys import (
     needed_keys,
     one_of,
 )
-from .models import COMPLETE, NOT_BUILT_IN, ModelPart, is_another
+from .models import COMPLETE, ModelPart, is_another
 from .sweep import PLACES
 from .systems import overridden
 
@@ -34,9 +34,8 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
-    swept = PLACES if "sweep" in keys else ()  # only together with the values of the word can these be read
+    swept = PLACES if "sweep" in keys else ()  # only together with the values of the parameter can these be read
     read = {k: Unread if k in swept else hints[k] for k in keys} | {"model": ModelPart}
-    read["expect"] = Annotated[hints["expect"], AfterValidator(expect.readable)]  # also of what other layers override
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}
     name = (key_of(CaseName, "letters, digits, _ and -"), ...)
     title = (key_of(str, "title of tables and figures; default: the name"), ABSENT)
@@ -48,7 +47,6 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     classes = zip(MODELS, COMPLETE, strict=True)
     models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
     models += [{"required": keys} for keys in (["system"], ["algebra"], ["bracket"], ["python", "name"])]
-    models += [{"properties": {"name": NOT_BUILT_IN}, "required": ["name"]}]
     alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),

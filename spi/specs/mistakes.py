@@ -1,31 +1,25 @@
 """Several mistakes under one key of a spec, reported together."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+Made = TypeVar("Made")
 
-class Mistakes:
-    """Collects the errors of the entries of a key: each is checked within :meth:`apart`, then :meth:`report` ends."""
 
-    def __init__(self) -> None:
-        self.found: list[InitErrorDetails] = []
-
-    @contextmanager
-    def apart(self) -> Iterator[None]:
-        """Within it an error about one entry is kept, so that the next one is checked as well."""
+def every(check: Callable[..., Made], entries: Iterable[tuple[Any, ...]]) -> list[Made]:
+    """What `check` makes of each of some entries; a ValidationError with all that is wrong with any of them."""
+    made, faults = [], list[InitErrorDetails]()
+    for entry in entries:
         try:
-            yield
+            made.append(check(*entry))
         except (PydanticCustomError, ValidationError) as error:
-            self.found += details(error)
-
-    def report(self) -> None:
-        """Raise the ValidationError with all that is wrong, if there is anything."""
-        if self.found:
-            raise ValidationError.from_exception_data("spec", self.found)
+            faults += details(error)
+    if faults:
+        raise ValidationError.from_exception_data("spec", faults)
+    return made
 
 
 def details(error: PydanticCustomError | ValidationError) -> list[InitErrorDetails]:

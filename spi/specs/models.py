@@ -1,4 +1,4 @@
-"""How ``model`` is read: a built-in model or one that an installed package registers, by name; or one from a file.
+"""How ``model`` is read: a built-in model by its name, or one from a file.
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
@@ -7,8 +7,6 @@
 :data:`SOURCES` says for each key that tells where a model comes from how the mapping is read.
 """
 
-import functools
-import importlib.metadata
 import warnings
 from collections.abc import Callable, Mapping
 from functools import reduce
@@ -19,7 +17,7 @@ import pydantic
 from pydantic import BeforeValidator, Field, PlainValidator, create_model
 
 from .. import systems
-from ..checks.model_checks import check_once
+from ..checks.passed import check_once
 from ..compiler import modules
 from ..ensemble.protocol import fault, large
 from ..models import MODELS, check_model_class
@@ -27,9 +25,6 @@ from ..models.damped import undamped
 from .files import Files
 from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, text_in, wrong
 from .systems import KEYS, read_system
-
-GROUP = "spi.models"  #: of the entry points by which packages register models
-
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Parameters
@@ -61,59 +56,9 @@ def _record(cls: Any, parameters: Keys) -> Any:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@functools.cache
-def registered() -> dict[str, list[importlib.metadata.EntryPoint]]:
-    """The models that installed packages register, by name; none is loaded for it, and none takes a built-in name."""
-    found: dict[str, list[importlib.metadata.EntryPoint]] = {}
-    for point in importlib.metadata.entry_points(group=GROUP):
-        if point.name not in MODELS:
-            found.setdefault(point.name, []).append(point)
-    return found
-
-
-_LOADED: dict[str, Any] = {}
-
-
-def loaded(name: str) -> Any:
-    """The class of a registered model; ValueError says in a sentence what is wrong with it or its package."""
-    if name in _LOADED:
-        return _LOADED[name]
-    point, *others = registered()[name]
-    if rival := next((other for other in others if other.value != point.value), None):
-        raise ValueError(f"'{name}', which is registered both as {point.value} and as {rival.value}, is ambiguous")
-    try:
-        cls = point.load()
-        check_model_class(name, cls)
-    except (Exception, SystemExit) as error:
-        package = point.dist.name if point.dist else point.value
-        what = f"{type(error).__name__}: {error}".splitlines()[0]
-        raise ValueError(f"'{name}', which the package {package} registers as {point.value}, fails: {what}") from error
-    return _LOADED.setdefault(name, cls)
-
-
-def catalogue() -> tuple[dict[str, Any], list[str]]:
-    """All models that are known by a name, name -> class, and what is wrong with others."""
-    found, problems = dict(MODELS), []
-    for name in sorted(registered()):
-        try:
-            found[name] = loaded(name)
-        except ValueError as error:
-            problems.append(f"the model {error}")
-    return found, problems
-
-
 def _by_name(data: Any, files: Files) -> Any:
-    name = data.get("name") if isinstance(data, dict) else None
-    if not isinstance(name, str) or name in MODELS or not registered():
-        parameters = _BUILT_IN.validate_python(data)
-        return _record(MODELS[parameters.name], parameters)
-    if name not in registered():
-        raise wrong(f"is {shown(name)}", suggestion(name, [*MODELS, *registered()]), "name")
-    try:
-        cls = loaded(name)
-    except ValueError as error:
-        raise wrong(f"is {error}", "repair or remove what registers it", "name") from None
-    return _of_class(cls, data, {"name": Literal[name]}, "correct that package")
+    parameters = _BUILT_IN.validate_python(data)
+    return _record(MODELS[parameters.name], parameters)
 
 
 def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> Any:
@@ -194,7 +139,7 @@ def is_another(above: Any, below: Any) -> bool:
 def name_of(model: Any) -> str:
     """What a model is called: by its name in a spec file, or by that of its class if it comes from a file."""
     cls = type(undamped(model))
-    return next((name for name, known in {**MODELS, **_LOADED}.items() if known is cls), cls.__qualname__)
+    return next((name for name, known in MODELS.items() if known is cls), cls.__qualname__)
 
 
 def check_words(model: Any, initial: tuple[float, ...]) -> None:
@@ -231,21 +176,21 @@ _BUILT_IN = pydantic.TypeAdapter(one_of(COMPLETE, "name", MODELS))
 
 
 #: What JSON Schema says of a name that is not one of theirs.
-NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
+_NOT_BUILT_IN: dict[str, Any] = {"not": {"enum": list(MODELS)}}
 
 
 class _FromElsewhere(Keys):
-    """A model that is not built in: by its name, by its class in a Python file, or a system."""
+    """A model that is not built in: by its class in a Python file, or a system."""
 
     model_config = pydantic.ConfigDict(
-        extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": NOT_BUILT_IN}}]}
+        extra="allow", json_schema_extra={"anyOf": [{"required": ["python"]}, {"properties": {"name": _NOT_BUILT_IN}}]}
     )
 
     python: Annotated[str, Field(description="path of a Python file, seen from the folder of this one")] = ABSENT
     system: Annotated[str, Field(description=KEYS["system"])] = ABSENT
     algebra: Annotated[str, Field(description=KEYS["algebra"])] = ABSENT
     bracket: Annotated[dict[str, Any], Field(description=KEYS["bracket"])] = ABSENT
-    name: Annotated[str, Field(description="name of a model, or of a class in the Python file")] = ABSENT
+    name: Annotated[str, Field(description="name of a class in the Python file")] = ABSENT
 
 
 Model = Annotated[

@@ -1,9 +1,9 @@
-"""A word that may stand in numbers of a spec file, and the values that it takes in turn.
+"""A parameter of the user's choice that may stand in numbers of a spec file, and its values.
 
     sweep: {s: [0.1, 1, 10]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
-The word may stand in the model, in ``damping``, in ``initial`` and in ``eps``.
+The parameter may stand in the model, in ``damping``, in ``initial`` and in ``eps``.
 """
 
 import re
@@ -17,7 +17,7 @@ PLACES = ("model", "damping", "initial", "eps")
 
 
 class Sweep(NamedTuple):
-    """What ``sweep`` is turned into: the case with each value in the place of the word."""
+    """What ``sweep`` is turned into: the case with each value in place of the parameter."""
 
     word: str
     values: tuple[float, ...]
@@ -36,16 +36,16 @@ def check(data: dict[str, Any]) -> None:
     """Raise the error about what is to be swept in `data`, if anything is wrong with it."""
     sweep = data["sweep"]
     if len(sweep) != 1:
-        raise wrong(f"has {len(sweep)} words", "must have one word and its values, as in sweep: {s: [0.1, 1, 10]}")
+        raise wrong(f"has {len(sweep)} parameters", "must have one and its values, as in sweep: {s: [0.1, 1, 10]}")
     (word,) = sweep
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
-        raise wrong(f"{shown(word)} cannot be swept", "must be a word of letters that is no function or constant")
+        raise wrong(f"{shown(word)} cannot be swept", "must be a name that is not a function or constant")
     if all(_replaced(data[key], word, "") == data[key] for key in PLACES if key in data):
-        raise wrong(f"the word {shown(word)} stands nowhere", f"use it in one of {', '.join(PLACES)}")
+        raise wrong(f"the parameter {shown(word)} is not used", f"use it in one of {', '.join(PLACES)}")
 
 
 def versions(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """`data` with each of the values, which are texts, in the place of the word."""
+    """`data` with each of the values, which are texts, in place of the parameter."""
     ((word, values),) = data["sweep"].items()
     return [
         {key: _replaced(part, word, value) if key in PLACES else part for key, part in data.items()} for value in values

@@ -31,7 +31,7 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
     """The record of the model that is generated of a system; raises the error about a key of `data`."""
     for key in data:
         if key not in KEYS:
-            raise wrong("is no known key", suggestion(key, KEYS), key)
+            raise wrong("is not a known key", suggestion(key, KEYS), key)
     document = _document(data["system"], files) if "system" in data else None
     whole = overridden(document.data, data) if document else data
     name = _name(whole)
@@ -82,9 +82,9 @@ def _document(path: Any, files: Files) -> Document:
     except SpecError as error:
         raise wrong(f"is {shown(path)}, {error}", "correct that file", "system") from None
     if not isinstance(document.data, dict):
-        raise wrong(f"is {shown(path)}, which is no mapping", f"give it some of {', '.join(systems.KEYS)}", "system")
+        raise wrong(f"is {shown(path)}, which is not a mapping", f"give it some of {', '.join(systems.KEYS)}", "system")
     if unknown := next((key for key in document.data if key not in KEYS or key == "system"), None):
-        what = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is no known key"
+        what = f"is {shown(path)}, {document.places[(unknown,)]}, {unknown}: is not a known key"
         raise wrong(what, suggestion(unknown, [key for key in KEYS if key != "system"]), "system")
     return document
 

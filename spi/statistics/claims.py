@@ -4,12 +4,12 @@ A spec states claims under its key ``expect``; the module ``claims`` of a kind o
 out; :func:`judge` compares the two.  A quantity is judged with its 95 % interval.  With [a, b] the numbers that the
 claim allows, it is
 
-    kept          if the interval lies in [a, b]; where one number is claimed, with a tolerance or without, if it meets
-                  [a, b], since no interval lies in a single number,
-    broken        if not even the interval of twice that width meets [a, b],
-    not decided   otherwise, and if the interval is too wide to say anything or the number is not known.
+    passed         if the interval lies in [a, b]; where one number is claimed, with a tolerance or without, if it meets
+                   [a, b], since no interval lies in a single number,
+    failed         if not even the interval of twice that width meets [a, b],
+    inconclusive   otherwise, and if the interval is too wide to say anything or the number is not known.
 
-An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim is hardly ever broken.
+An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim hardly ever fails.
 """
 
 import json
@@ -22,8 +22,8 @@ import numpy as np
 from ..storage.records import INTERVAL, Description, Order
 
 EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in which a number can be claimed
-KEPT, UNDECIDED, BROKEN = "kept", "not decided", "broken"  #: the verdicts, from good to bad
-VERDICTS = (KEPT, UNDECIDED, BROKEN)
+PASSED, INCONCLUSIVE, FAILED = "passed", "inconclusive", "failed"  #: the verdicts, from good to bad
+VERDICTS = (PASSED, INCONCLUSIVE, FAILED)
 
 WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
 
@@ -87,7 +87,7 @@ class Quantity(NamedTuple):
     high: float
     function: str = ""  #: the test function it belongs to
     h: float | None = None  #: the step size it belongs to
-    swept: tuple[str, float] | None = None  #: the swept word and the value it belongs to
+    swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
 
     @property
@@ -103,11 +103,11 @@ class Quantity(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """Whether a claim is kept by one scheme, at one eps, with one estimator and test function."""
+    """Whether a claim passed for one scheme, at one eps, with one estimator and test function."""
 
     claim: Claim
     found: Quantity | None  #: the worst of all step sizes; None if nothing came out that the claim speaks of
-    verdict: str  #: KEPT, UNDECIDED or BROKEN
+    verdict: str  #: PASSED, INCONCLUSIVE or FAILED
 
     @property
     def subject(self) -> str:
@@ -151,7 +151,7 @@ def at_steps(
 def drifts(about: Description, h: np.ndarray, drift: np.ndarray) -> Iterator[Quantity]:
     """``casimir_drift`` for each step size, of `drift` (S, C) the largest over the Casimirs; nothing if C = 0.
 
-    A drift that is no number, because paths were lost, counts as infinite.
+    A drift that is no number, because paths diverged, counts as infinite.
     """
     if drift.shape[1]:
         yield from each_step("casimir_drift", about, h, lost_is_infinite(drift.max(axis=1)))
@@ -170,14 +170,14 @@ def lost_is_infinite(values: np.ndarray) -> np.ndarray:
 def judge(claims: Iterable[Claim], quantities: Iterable[Quantity]) -> list[Verdict]:
     """The verdicts on the claims, in their order: for each what it says of each scheme, eps, estimator and function.
 
-    Of the step sizes that a claim covers the worst one counts.  A claim of which nothing came out is not decided.
+    Of the step sizes that a claim covers the worst one counts.  A claim without a result is inconclusive.
     """
     quantities, verdicts = list(quantities), []
     for claim in claims:
         covered: dict[str, list[Quantity]] = {}
         for one in filter(claim.covers, quantities):
             covered.setdefault(one.subject, []).append(one)
-        verdicts += [_worst(claim, members) for members in covered.values()] or [Verdict(claim, None, UNDECIDED)]
+        verdicts += [_worst(claim, members) for members in covered.values()] or [Verdict(claim, None, INCONCLUSIVE)]
     return verdicts
 
 
@@ -197,11 +197,11 @@ def _verdict(claim: Claim, one: Quantity) -> str:
     a, b = claim.allowed
     down, up = (0.0 if end == one.value else abs(one.value - end) for end in (one.low, one.high))
     if any(map(math.isnan, (one.value, down, up))) or (down + up) / 2 > one.widest:
-        return UNDECIDED
+        return INCONCLUSIVE
     meets = one.low <= b and one.high >= a
     if meets if claim.sense == EQUAL else a <= one.low and one.high <= b:
-        return KEPT
-    return UNDECIDED if one.value - 2 * down <= b and one.value + 2 * up >= a else BROKEN
+        return PASSED
+    return INCONCLUSIVE if one.value - 2 * down <= b and one.value + 2 * up >= a else FAILED
 
 
 # ---------------------------------------------------------------------------------------------------------------------

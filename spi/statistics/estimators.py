@@ -1,9 +1,9 @@
-"""Means, standard errors and orders of convergence, from sums over groups of paths.
+"""Means, standard errors and orders of convergence, from sums over jackknife groups of paths.
 
-Paths fall into GROUPS groups, lane l of block b into group (b mod 8) * 8 + l mod 8, of which only sums are kept, so
-that memory does not grow with the number of paths.  Standard errors and intervals come from leaving out one group at a
-time (the jackknife), which needs no assumption on how the errors at different step sizes depend on one another: they
-share their paths.
+Paths fall into GROUPS jackknife groups, lane l of block b into group (b mod 8) * 8 + l mod 8, of which only sums are
+kept, so that memory does not grow with the number of paths.  Standard errors and intervals come from leaving out one
+group at a time, which needs no assumption on how the errors at different step sizes depend on one another: they share
+their paths.
 """
 
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from ..storage.records import Order
 
 Array = np.ndarray
 
-#: Paths are summed up in this many groups.
+#: Number of jackknife groups.
 GROUPS = 64
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0

@@ -19,8 +19,8 @@ import numpy as np
 
 from ..numerics.rng import LANES
 
-#: A chunk takes about so many seconds of one thread.
-CHUNK_SECONDS = 2.0
+#: Paths * steps * dimension^2 of a chunk, at most: some two seconds of one thread.
+CHUNK_WORK = 2**32
 
 _CLOCK = "seconds"  # with which the names of those fields end that a clock decides
 
@@ -85,9 +85,12 @@ class PathSet(NamedTuple):
         return [Chunk.of(number, i, self.chunk_blocks, min(size, self.samples - i * size)) for i in range(count)]
 
 
-def chunk_blocks(seconds_per_block: float) -> int:
-    """How many blocks a chunk has, a power of two: about CHUNK_SECONDS at the typical speed of one thread."""
-    return int(2 ** max(0, np.ceil(np.log2(CHUNK_SECONDS / max(seconds_per_block, 1e-9)))))
+def chunk_blocks(steps: int, dimension: int) -> int:
+    """How many blocks a chunk has whose paths take so many steps, a power of two.
+
+    The order of summation, so the last bits of results, depends on this rule, which therefore knows no times.
+    """
+    return 1 << max(0, (CHUNK_WORK // (LANES * max(steps, 1) * dimension**2)).bit_length() - 1)
 
 
 class Tally(NamedTuple):

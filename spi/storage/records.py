@@ -1,6 +1,7 @@
 """What a study hands to storage, tables and figures: plain arrays with names."""
 
 from collections.abc import Iterable
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -39,6 +40,12 @@ class Group(NamedTuple):
     variables: Variables
     attributes: dict[str, Any]  #: numbers, texts and tuples of them that describe the whole group
     estimator: str = ""
+    notes: Any = MappingProxyType({})  #: name of an array or axis -> its "long_name", "formula" and "units"
+
+    @property
+    def name(self) -> str:
+        """``case/variant``, or ``case/variant/estimator``."""
+        return "/".join(filter(None, (self.case, self.variant, self.estimator)))
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
@@ -62,42 +69,6 @@ class Order(NamedTuple):
     low: float
     high: float
     points: int  #: in the fit
-
-    @classmethod
-    def of(cls, attributes: dict[str, Any]) -> "Order":
-        """What the attributes of a group tell; KeyError if they tell no order."""
-        low, high = attributes["order_ci"]
-        return cls(attributes["order"], low, high, attributes["points_in_fit"])
-
-
-class Solver(NamedTuple):
-    """What an implicit scheme reports of its equations, per step size; arrays of one shape."""
-
-    solves: np.ndarray
-    iterations: np.ndarray
-    failures: np.ndarray
-    largest_residual: np.ndarray  #: relative
-
-    @classmethod
-    def of(cls, arrays: dict[str, np.ndarray]) -> "Solver | None":
-        """What the arrays of a group tell, name -> array; None if its scheme is explicit."""
-        return cls(**{name: arrays[name] for name in cls._fields}) if "solves" in arrays else None
-
-    @property
-    def failing_fraction(self) -> np.ndarray:
-        """Failures over solves, in the shape of the fields; 0 where nothing was solved."""
-        return _ratio(self.failures, self.solves, 0.0)
-
-    @property
-    def iterations_per_solve(self) -> np.ndarray:
-        """Iterations over solves, in the shape of the fields; NaN where nothing was solved."""
-        return _ratio(self.iterations, self.solves, np.nan)
-
-
-def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
-    """`part` over `whole`, and `otherwise` where the whole is 0."""
-    whole = np.asarray(whole, float)
-    return np.divide(part, whole, out=np.full(whole.shape, otherwise), where=whole > 0)
 
 
 class Description(NamedTuple):
@@ -135,23 +106,52 @@ class Description(NamedTuple):
         return times.get(self.extrapolate, f"extrapolated {self.extrapolate} times")
 
     @classmethod
+    def describe(cls, case: Any, row: Any, part: Part) -> "Description":
+        """Of `part` of `case`; `row` is its scheme's row of SCHEMES."""
+        return cls(
+            case=case.name,
+            case_title=case.title,
+            variant=part.variant,
+            scheme=part.scheme,
+            scheme_label=row.label,
+            eps=part.eps,
+            estimator=part.estimator,
+            seed=case.seed,
+            model=case.model_name,
+            parameters={name: value for name, value in case.parameters.items() if name != "constants"},
+            variables=tuple(getattr(case, "variables", ())),
+            initial=case.initial,
+            final_time=getattr(case, "final_time", None),
+            truncate_noise=case.truncate_noise,
+            extrapolate=part.extrapolate,
+        )
+
+    def attributes(self) -> dict[str, Any]:
+        """What a group keeps of it besides the names of the case and the variant."""
+        plain = self._asdict()
+        parameters = {f"{_MODEL}{name}": value for name, value in plain.pop("parameters").items()}
+        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator")}
+        return {name: value for name, value in (plain | empty | parameters).items() if name not in ("case", "variant")}
+
+    @classmethod
     def of(cls, group: Group) -> "Description":
         """What a group tells; KeyError if it is not of this layout."""
         a = group.attributes
+        parameters = {key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)}
         return cls(
             case=group.case,
-            case_title=a["case_title"],
             variant=group.variant,
+            estimator=group.estimator,
+            parameters=parameters,
+            case_title=a["case_title"],
             scheme=a["scheme"],
             scheme_label=a["scheme_label"],
-            eps=a.get("eps"),
-            estimator=group.estimator,
             seed=a["seed"],
             model=a["model"],
-            parameters={key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)},
-            variables=tuple(a.get("variables") or ()),
+            eps=a.get("eps"),
             initial=a.get("initial"),
             final_time=a.get("final_time"),
+            variables=tuple(a.get("variables") or ()),
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=int(a.get("extrapolate") or 0),
         )
@@ -160,26 +160,8 @@ class Description(NamedTuple):
 _MODEL = "model_"  # what the attributes begin with that are parameters of the model
 
 
-def describe(case: Any, row: Any, part: Part) -> dict[str, Any]:
-    """The attributes that :meth:`Description.of` reads, of `part` of `case`; `row` is its scheme's row of SCHEMES."""
-    return {
-        "scheme": part.scheme,
-        "scheme_label": row.label,
-        "eps": part.eps,
-        "extrapolate": part.extrapolate or None,
-        "case_title": case.title,
-        "seed": case.seed,
-        "final_time": getattr(case, "final_time", None),
-        "initial": case.initial,
-        "truncate_noise": case.truncate_noise,
-        "model": case.model_name,
-        **{f"{_MODEL}{name}": value for name, value in case.parameters.items() if name != "constants"},
-        **({"variables": names} if (names := getattr(case, "variables", ())) else {}),
-    }
-
-
 class Reading(Protocol):
-    """What a kind makes of a group: a record with named fields."""
+    """A record of results, of any kind."""
 
     @property
     def about(self) -> Description:
@@ -190,7 +172,7 @@ R = TypeVar("R", bound=Reading)
 
 
 def by_case(readings: Iterable[R]) -> list[list[R]]:
-    """The readings of each case, in the order of the file."""
+    """The records of each case, in the order of the file."""
     cases: dict[str, list[R]] = {}
     for reading in readings:
         cases.setdefault(reading.about.case, []).append(reading)

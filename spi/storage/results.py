@@ -19,7 +19,10 @@ from .files import DAMAGE, StorageError, aside, checksum_holds, create, opened, 
 from .records import Group, Results
 
 #: The root attribute by which our results are known, and the version of their layout.
-MARK, VERSION = "spi_results", 2
+MARK, VERSION = "spi_results", 3
+
+#: What is said of an array, beside it.
+_NOTES = ("long_name", "formula", "units")
 
 #: The dataset of ``Results.chunks``, beside the groups of the cases; a case has another name, for lack of a space.
 _CHUNKS = "digests of chunks"
@@ -77,6 +80,8 @@ def _write_group(file: h5py.File, group: Group) -> None:
             raise ValueError(f"{name}: the axes {axes} do not fit shape {dataset.shape} and {list(group.coordinates)}")
         for i, axis in enumerate(axes):
             dataset.dims[i].attach_scale(target[axis])
+    for name, notes in group.notes.items():
+        target[name].attrs.update(notes)
 
 
 def _read_groups(case: str, variant: str, file: h5py.File) -> list[Group]:
@@ -88,14 +93,15 @@ def _read_groups(case: str, variant: str, file: h5py.File) -> list[Group]:
 
 
 def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> Group:
-    coordinates, variables = {}, {}
+    coordinates, variables, notes = {}, {}, {}
     for name, dataset in source.items():
+        notes[name] = {key: dataset.attrs[key] for key in _NOTES if key in dataset.attrs}
         if dataset.is_scale:
             coordinates[name] = read_array(dataset)
         else:
             axes = tuple(Path(dataset.dims[i][0].name).name for i in range(dataset.ndim))
             variables[name] = (axes, read_array(dataset))
-    return Group(case, variant, coordinates, variables, _read_attributes(source), estimator)
+    return Group(case, variant, coordinates, variables, _read_attributes(source), estimator, notes)
 
 
 def _write_array(target: h5py.Group, name: str, values: Any) -> h5py.Dataset:
@@ -177,9 +183,9 @@ def _open_results(path: Path) -> Iterator[h5py.File]:
         if version is None:
             raise StorageError(f"{path}: an HDF5 file, but not of ours; give a results file written by `spi run`")
         if version != VERSION:
-            raise StorageError(
-                f"{path}: written in layout {version}, this spi reads {VERSION}; run the experiment again with --fresh"
-            )
+            whose = "an earlier" if version < VERSION else "a later"
+            what = f"was written by {whose} version of spi (layout {version}, this one reads {VERSION})"
+            raise StorageError(f"{path}: {what}; run the experiment again with --fresh")
         if sound is None:
             raise StorageError(f"{path}: has no checksum, so it was changed or is of an earlier spi, or {_DAMAGED}")
         yield file

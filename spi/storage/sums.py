@@ -17,7 +17,7 @@ import numpy as np
 
 from .files import aside, write_bytes
 
-VERSION = 1
+VERSION = 2  #: raised where chunks are divided in another way, since sums go on only with chunks of the same size
 
 #: What reading a damaged file may raise.
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, NotImplementedError)

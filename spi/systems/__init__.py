@@ -13,7 +13,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from .. import SOURCE_DIGEST
+from .. import digest_of, sources
 from ..compiler import modules
 from ..expressions.arithmetic import NumberError
 from .keys import KEYS, USED, DefinitionError
@@ -115,9 +115,15 @@ def _said(model: Any) -> dict[str, Any]:
     return modules.system_of(type(model)) or {}
 
 
+@functools.cache
+def _digest_of_makers() -> str:
+    """What a definition is made into a module by."""
+    return digest_of(sources("checks", "expressions", "systems"))
+
+
 @functools.lru_cache(maxsize=256)
 def _made(key: str) -> Made:
-    digest = hashlib.sha256(f"{SOURCE_DIGEST} {key}".encode()).hexdigest()
+    digest = hashlib.sha256(f"{_digest_of_makers()} {key}".encode()).hexdigest()
     kept = modules.folder() / f"definition_{digest[:32]}.json"
     with contextlib.suppress(OSError, ValueError, TypeError):
         checksum, text = json.loads(kept.read_text(encoding="utf-8"))

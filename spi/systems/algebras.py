@@ -36,7 +36,7 @@ def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
     for factor in text.split("*"):
         match = _FACTOR.match(factor)
         if not match:
-            raise NumberError(f"'{factor.strip()}' is no algebra; known are {KNOWN}")
+            raise NumberError(f"'{factor.strip()}' is not an algebra; known: {KNOWN}")
         name, inside, power = match.groups()
         sizes = [whole(part, symbols) for part in inside.split(",")] if inside else []
         count = whole(power, symbols) if power else 1
@@ -46,20 +46,17 @@ def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
         if dimension + d * count > _LARGEST:
             raise NumberError(f"it has more than {_LARGEST} components")
         for _ in range(count):
-            brackets += [(i + dimension, j + dimension, _moved(linear, dimension)) for i, j, linear in one]
+            for i, j, linear in one:
+                brackets.append((i + dimension, j + dimension, {k + dimension: c for k, c in linear.items()}))
             dimension += d
     return dimension, brackets
-
-
-def _moved(linear: Linear, by: int) -> Linear:
-    return {k + by: c for k, c in linear.items()}
 
 
 def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
     """(dimension, brackets) of an algebra that is no product."""
     make, least, most = _MAKE.get((name, len(sizes)), (None, 0, 0))
     if make is None:
-        raise NumberError(f"'{text}' is no known algebra; known are {KNOWN}")
+        raise NumberError(f"'{text}' is not a known algebra; known: {KNOWN}")
     if not all(least <= size <= most for size in sizes):
         raise NumberError(f"the size in '{text}' must be from {least} to {most}")
     return make(*sizes)

@@ -8,6 +8,8 @@ from typing import Any
 import mpmath
 import sympy
 
+from .brackets import NOTHING
+
 _EXACT = mpmath.mpf(10) ** -35
 _PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "np.sign", sympy.tan: "np.tan"}
 _PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh"}
@@ -182,7 +184,8 @@ def forms(
             name = f"{prefix}{len(lines) + 1}"
             lines.append(f"{name} = {written_sum([('+', first), numbers.times(ratio, second, False)])}")
             for row in left:
-                if _has_pair(row, first, second, ratio):
+                both = first in row and second in row
+                if both and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio)):
                     row[name] = row.pop(first)
                     del row[second]
         for name in sorted({name for row in left for name in row}):
@@ -220,5 +223,9 @@ def _most_frequent_pair(rows: Sequence[Mapping[str, mpmath.mpf]]) -> tuple[str, 
     return (a, b, ratio) if count > 1 else None
 
 
-def _has_pair(row: Mapping[str, mpmath.mpf], first: str, second: str, ratio: mpmath.mpf) -> bool:
-    return first in row and second in row and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio))
+def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
+    """A linear form from its terms; a quantity may occur in several."""
+    found: dict[str, mpmath.mpf] = {}
+    for name, c in terms:
+        found[name] = found.get(name, mpmath.mpf(0)) + c
+    return {name: c for name, c in found.items() if abs(c) > NOTHING}

@@ -17,10 +17,11 @@ import sympy
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import search
+from .forms import check_finite, check_name, degree_of, linear, shortened
 from .keys import KEYS, MOST, DefinitionError
-from .source import Function, System
 from .splitting import Constants, Flow, NoExactFlow, merged, single, split
 from .symbolics import Symbolics
+from .system import Function, System
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 T = TypeVar("T")
@@ -38,7 +39,7 @@ def define(data: Mapping[str, Any]) -> Defined:
     """The system of a definition with some of :data:`KEYS`; DefinitionError if anything is wrong with it."""
     unknown = next((key for key in data if key not in KEYS), None)
     if unknown is not None:
-        raise DefinitionError(f"is no known key; known: {', '.join(KEYS)}", unknown)
+        raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
     return _Reader(data).read()
 
 
@@ -52,7 +53,7 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     found = []
     for keys, text, value in reader.expressions("sigma", formulas):
         if not value.is_number or not value.is_real or not 0 <= value < 1e300:
-            raise DefinitionError(f"is '{_shortened(text)}'; must be a number, at least 0", *keys)
+            raise DefinitionError(f"is '{shortened(text)}'; must be a number, at least 0", *keys)
         found.append(float(value))
     if len(found) != count:
         raise DefinitionError(f"has {len(found)} entries; must have {count}, one for each noise", "sigma")
@@ -66,7 +67,7 @@ class _Reader:
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
         for name in self.sizes:
-            _check_word(name, "sizes")
+            check_name(name, "sizes")
         self.parameters = self.numbers()
 
     def read(self) -> Defined:
@@ -82,7 +83,7 @@ class _Reader:
         flows = self.flows(world, formulas, constants)
         noises = self.noises(world, formulas)
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
-        self.check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants)
+        check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants.values)
         casimirs, searched = self.casimirs(world, formulas)
         squares = sympy.Add(*(y**2 for y in symbols))
         first = next((n for n, c in enumerate(casimirs) if c.expression - squares == 0), None)
@@ -110,7 +111,7 @@ class _Reader:
         except NumberError as error:
             cut = "not closed" in str(error) and isinstance(keys[-1], int)
             right = "put an entry with commas in quotes" if cut else "correct it here"
-            raise DefinitionError(f"is '{_shortened(self.value(keys))}' ({error}); {right}", *keys) from None
+            raise DefinitionError(f"is '{shortened(self.value(keys))}' ({error}); {right}", *keys) from None
 
     def value(self, keys: Sequence[Any]) -> Any:
         found: Any = self.data
@@ -143,12 +144,12 @@ class _Reader:
         """The parameters, exact numbers; each may use those before it."""
         found: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
-            _check_word(name, "parameters")
+            check_name(name, "parameters")
             if name in self.sizes:
                 raise DefinitionError("is a size as well; take another name", "parameters", name)
             value = self.at(("parameters", name), expression, text, Symbols(parameters=found, indices=self.sizes))
             if not value.is_number or not value.is_real or not sympy.N(value).is_finite:
-                raise DefinitionError(f"is '{_shortened(text)}'; must be a finite real number", "parameters", name)
+                raise DefinitionError(f"is '{shortened(text)}'; must be a finite real number", "parameters", name)
             found[name] = value
         return found
 
@@ -217,10 +218,10 @@ class _Reader:
                 raise NumberError(f"'{body.strip()}' must be two variables, as in P1 P2")
             for name in pair:
                 if name not in variables:
-                    raise NumberError(f"'{name}' is no variable")
+                    raise NumberError(f"'{name}' is not a variable")
             value = expression(self.data["bracket"][key], inner)
             i, j = (variables.index(name) for name in pair)
-            found.append((key, i, j, _linear(value, formulas)))
+            found.append((key, i, j, linear(value, formulas)))
         return found
 
     # ---- Hamiltonians --------------------------------------------------------------------------------------------
@@ -235,7 +236,7 @@ class _Reader:
                     f"missing key 'hamiltonian'; add hamiltonian: {KEYS['hamiltonian']}", "hamiltonian"
                 )
             if not isinstance(self.data["hamiltonian"], str):
-                raise DefinitionError("is no text; must be one formula", "hamiltonian")
+                raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
                 found = split(parts, world, constants)
@@ -264,7 +265,7 @@ class _Reader:
 
     def flow(self, function: Any, world: Symbolics, keys: Sequence[Any], what: str) -> Flow:
         """The one flow of a piece or a noise, all of whose terms commute."""
-        text = _shortened(world.name(function))
+        text = shortened(world.name(function))
         if not world.used(function):
             raise DefinitionError(f"is '{text}', which moves nothing; leave it out", *keys)
         try:
@@ -281,26 +282,6 @@ class _Reader:
             raise DefinitionError(f"has no exact flow: {reason}; {help_}", *keys)
         return found[0]
 
-    def check_finite(self, functions: Sequence[Any], world: Symbolics, constants: Constants) -> None:
-        """No parameter may make a Hamiltonian infinite or complex everywhere."""
-        for function in functions:
-            for y in world.used(function):
-                derivative = sympy.diff(function, world.variables[y])
-                for factor in derivative.atoms(sympy.Pow):
-                    if not factor.exp.is_negative or factor.free_symbols & set(world.variables):
-                        continue
-                    value = factor.base.xreplace(world.parameters).xreplace(constants.values)
-                    if value == 0:
-                        name = next((str(s) for s in sorted(factor.base.free_symbols, key=str)), "")
-                        raise DefinitionError(
-                            f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
-                            *(["parameters", name] if name in self.parameters else ["hamiltonian"]),
-                        )
-            if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
-                name = world.name(function)
-                what = f"has no finite real value at these parameters: '{_shortened(name)}'"
-                raise DefinitionError(f"{what}; take others", "parameters")
-
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""
         if "casimirs" not in self.data:
@@ -312,49 +293,7 @@ class _Reader:
             if not world.used(value):
                 raise DefinitionError("is constant; leave it out", *keys)
             if not world.is_casimir(value):
-                what = f"is '{_shortened(text)}', no Casimir function"
+                what = f"is '{shortened(text)}', no Casimir function"
                 raise DefinitionError(f"{what}; its brackets must all be 0", *keys)
-            functions.append(Function(world.name(value), value, _degree(value, world)))
+            functions.append(Function(world.name(value), value, degree_of(value, world)))
         return tuple(functions), None
-
-
-def _degree(value: Any, world: Symbolics) -> int | None:
-    """The degree of a homogeneous polynomial; None for another function."""
-    if not value.is_polynomial(*world.variables):
-        return None
-    return sympy.Poly(value, *world.variables).homogeneous_order()
-
-
-def _check_word(name: str, key: str) -> None:
-    """DefinitionError if formulas cannot name a parameter or a size so."""
-    is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
-    if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
-        what = "is no name of a parameter" if key == "parameters" else "is no name of a size"
-        raise DefinitionError(f"{what}; take letters from a to z and digits, and no function", key, name)
-
-
-def _linear(value: Any, formulas: Symbols) -> Linear:
-    """A linear form of the variables, as factors by component; NumberError if it is none."""
-    symbols = list(formulas.variables.values())
-    expanded = sympy.expand(value)
-    if not expanded.is_polynomial(*symbols):
-        raise NumberError("a bracket must be linear in the variables")
-    poly = sympy.Poly(expanded, *symbols)
-    found: Linear = {}
-    for monomial, c in poly.terms():
-        if c == 0:
-            continue
-        if sum(monomial) != 1:
-            right = (
-                "for a constant add a variable that commutes with all others"
-                if not sum(monomial)
-                else "only Lie-Poisson brackets are known"
-            )
-            raise NumberError(f"a bracket must be linear in the variables; {right}")
-        found[monomial.index(1)] = c
-    return found
-
-
-def _shortened(text: Any) -> str:
-    text = str(text)
-    return text if len(text) <= 60 else f"{text[:57]}..."

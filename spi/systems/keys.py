@@ -5,7 +5,7 @@ from typing import Any
 
 #: Names that generated modules give other meanings than their class.
 USED = (
-    *("Annotated", "NamedTuple", "NonNegative", "exp", "expm1", "inlined", "larger", "log", "np", "sin_versine"),
+    *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "np", "sin_versine"),
     *("sinh_coshm1", "times"),
 )
 MOST = 64  #: components, flows, noises

@@ -1,13 +1,13 @@
 """Source of the motions exp(a_1 M_1 + ... + a_r M_r) y, one function for each set of commuting linear functions."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 
 from .brackets import NOTHING
-from .code import Numbers, forms, written_sum
+from .code import Numbers, forms, total, written_sum
 from .spectrum import Block, Space
 
 
@@ -125,7 +125,7 @@ class _Writer:
         s, v = self.let("s", self._product(inverse, s)), self.let("v", self._product(inverse_square, v))
         rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
         first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
-        again = [_total((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
+        again = [total((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
         for i, code in zip(block.components, self.linear(again), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
@@ -195,7 +195,7 @@ class _Writer:
                     for part, factor in zip(parts, (mpmath.re(c), -mpmath.im(c)), strict=False):
                         if factor and part != "0.0":
                             changes[i].append((part, factor / common))
-        for i, code in zip(block.components, self.linear(list(map(_total, changes.values()))), strict=True):
+        for i, code in zip(block.components, self.linear(list(map(total, changes.values()))), strict=True):
             if code == "0.0":
                 self.lines.append(f"z{i + 1} = y{i + 1}")
             else:
@@ -286,14 +286,6 @@ class _Writer:
             re, im = mpmath.re(c) / order, mpmath.im(c) / order
         found = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
         return [(part, other, number) for part, other, number in found if number]
-
-
-def _total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
-    """A linear form from its terms; a quantity may occur in several."""
-    found: dict[str, mpmath.mpf] = {}
-    for name, c in terms:
-        found[name] = found.get(name, mpmath.mpf(0)) + c
-    return {name: c for name, c in found.items() if abs(c) > NOTHING}
 
 
 def _kind(space: Space) -> str:

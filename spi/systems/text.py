@@ -156,7 +156,7 @@ def whole(text: str, algebra: Symbols) -> int:
     """The whole number that an index stands for."""
     value = read(text, Symbols(indices=algebra.indices))
     if not value.is_Integer:
-        raise NumberError(f"'{text.strip()}' is no whole number")
+        raise NumberError(f"'{text.strip()}' is not an integer")
     return int(value)
 
 
@@ -167,7 +167,7 @@ def names(text: str, algebra: Symbols) -> list[str]:
         for part in parts(body):
             word, parenthesis, rest = part.strip().partition("(")
             if not _NAME.fullmatch(word.strip()) or (parenthesis and not rest.endswith(")")):
-                raise NumberError(f"'{part.strip()}' is no name")
+                raise NumberError(f"'{part.strip()}' is not a name")
             found.append(indexed(word.strip(), rest[:-1], inner) if parenthesis else word)
     return found
 
@@ -186,7 +186,7 @@ def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
     bound = [algebra]
     for part in parts(ranges):
         if not (match := _RANGE.match(part)):
-            raise NumberError(f"'{part.strip()}' is no range such as i = 1..n")
+            raise NumberError(f"'{part.strip()}' is not a range such as i = 1..n")
         name, low, high = match.groups()
         if name in algebra.constants or name in algebra.families or name in FUNCTIONS:
             raise NumberError(f"'{name}' is a variable, a parameter or a function; take another word as index")

@@ -20,8 +20,8 @@ from spi.api.specs import experiment_of
 from spi.compiler import modules
 from spi.ensemble.loop import thread_count
 from spi.models import RigidBody
-from spi.running import runs
-from spi.running.loading import load_as
+from spi.running import run as runs
+from spi.running.load import load_as
 
 TINY = {"profile": "quick", "samples": 9, "schemes": ["euler_maruyama", "splitting"], "expect": None}
 TINY |= {"steps": "2^-2 .. 2^-4", "reference_step": "2^-5"}
@@ -120,7 +120,7 @@ def test_mappings_override_what_they_name():
     ("changed", "told"),
     [
         ({"steps": [0.3]}, "spec: steps: has 0.3, which is not 2, 4, 8, ... times the reference_step 2^-5"),
-        ({"sampels": 3}, "spec: sampels: is no known key; did you mean 'samples'?"),
+        ({"sampels": 3}, "spec: sampels: is not a known key; did you mean 'samples'?"),
         ({"model": "rigid_bod"}, "spec: model.name: is 'rigid_bod'; did you mean 'rigid_body'?"),
         ({"model": {**BODY, "inertia": [1, 2]}}, "spec: model.inertia: has 2 entries; must have 3"),
         ({"initial": [float("nan"), 0, 0]}, "spec: initial: entry 1 is '.nan'"),
@@ -140,7 +140,7 @@ def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
     ]
     assert "no such file" in messages(spi.run, "rigid_body_stron")[0]
     (line,) = messages(spi.run, "rigid_body_strong", profile="papr")
-    assert "profile: 'papr' is no known profile; did you mean 'paper'?" in line and "--" not in line
+    assert "profile: 'papr' is not a known profile; did you mean 'paper'?" in line and "--" not in line
 
     foreign = type("Mine", (RigidBody,), {"__module__": "__main__"})
     assert "the class Mine is in no file" in messages(spi.trajectory, foreign, "splitting", **PATH)[0]
@@ -155,14 +155,14 @@ def test_what_is_wrong_with_arguments_is_told_in_words_of_python():
 
 def test_an_experiment_of_another_kind():
     assert messages(spi.run, "rigid_body_strong", kind="weak") == [
-        "kind: is no key to override; as_='...' makes an experiment into one of another kind"
+        "kind: cannot be overridden; as_='...' makes an experiment into one of another kind"
     ]
     assert messages(spi.run, "rigid_body_strong", as_="wea") == [
-        "as_: 'wea' is no kind of experiment; did you mean 'weak'?"
+        "as_: 'wea' is not a kind of experiment; did you mean 'weak'?"
     ]
     assert messages(spi.run, SPEC, out=None, as_="weak")[0].startswith("as_: is for experiments in files")
     assert messages(spi.run, "rigid_body_strong", as_="weak", sampels=3) == [
-        "rigid_body_strong_as_weak: sampels: is no known key; did you mean 'samples'?"
+        "rigid_body_strong_as_weak: sampels: is not a known key; did you mean 'samples'?"
     ]
     made = experiment_of("rigid_body_strong", None, "laptop", {"samples": 7}, "weak")
     assert (made.name, made.kind, made.samples) == ("rigid_body_strong_as_weak", "weak", (7,))
@@ -176,9 +176,9 @@ def test_an_interrupted_run_goes_on(monkeypatch, capsys):
 
     with monkeypatch.context() as patched:
         patched.setattr(progress.Line, "_report", interrupt)
-        with pytest.raises(KeyboardInterrupt, match=r"kept in results.*the same call goes on"):
+        with pytest.raises(KeyboardInterrupt, match=r"saved in results.*run the same call again"):
             spi.run("rigid_body_strong", **TINY, progress=True)
-        with pytest.raises(KeyboardInterrupt, match="nothing is kept"):
+        with pytest.raises(KeyboardInterrupt, match="nothing is saved"):
             spi.run("rigid_body_strong", **TINY, progress=True, out=None)
     assert list(Path("results/sums").glob("rigid_body_strong-*"))
     expected = spi.run("rigid_body_strong", **TINY, out=None)
@@ -264,7 +264,7 @@ def test_observers_see_all_paths(monkeypatch, most):
 
 def test_what_is_wrong_with_a_trajectory_is_told_at_once():
     assert messages(spi.trajectory, BODY, "splitting", **PATH | {"step": 0.3}) == [
-        "step: is 0.3, of which final_time 0.5 is no multiple; the nearest multiples are 0.3 and 0.6"
+        "step: is 0.3, of which final_time 0.5 is not a multiple; the nearest multiples are 0.3 and 0.6"
     ]
     found = messages(spi.trajectory, "lotka_volterra", "splittin", **PATH, sede=4)
     assert {line.partition(":")[0] for line in found} >= {"sede"}

@@ -29,7 +29,7 @@ def run(codes, where):
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-@pytest.mark.parametrize("name", ["notebook.ipynb", "python.md"])
+@pytest.mark.parametrize("name", [pytest.param("notebook.ipynb", marks=pytest.mark.slow), "python.md"])
 def test_all_code_runs(name, tmp_path, monkeypatch, capsys):
     from matplotlib import pyplot
 

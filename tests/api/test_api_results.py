@@ -67,15 +67,15 @@ def test_arrays_have_coordinates_and_names(results):
     dataset = results["one/splitting"].dataset
     assert dataset.casimir_drift.dims == ("h", "casimir") and dataset.attrs["scheme"] == "splitting"
     assert (dataset.seconds.attrs["units"], dataset.ns_per_step.attrs["units"]) == ("s", "ns")
-    assert dataset.error_stderr.attrs["long_name"] == "standard error of the error"
+    assert dataset.error_stderr.attrs["long_name"] == "standard error of the strong error"
     assert "error" in dir(results["one/splitting"]) and "error" not in dir(results)
     with pytest.raises(AttributeError, match="error is of one part; choose one by its name: three/euler_maruyama"):
         _ = results.error
     with pytest.raises(AttributeError, match=r"one/splitting has no eror; arrays: error, error_stderr.* mean error\?$"):
         _ = results["one/splitting"].eror
     for some in (results, results["one/splitting"]):
-        with pytest.raises(AttributeError, match=r" has (no )?order; arrays: .*; did you mean orders\?$"):
-            _ = some.order
+        with pytest.raises(AttributeError, match=r" has (no )?claim; arrays: .*; did you mean claims\?$"):
+            _ = some.claim
     with pytest.raises(AttributeError, match="dataset is of one part"):
         _ = results.dataset
 
@@ -105,8 +105,8 @@ def test_orders_and_claims_are_tables(results):
     assert orders.scheme.tolist() == ["euler_maruyama", "splitting"] * 2 and set(orders.order) == {0.5}
     assert (orders.low[0], orders.high[0], orders.expected[0]) == (0.48, 0.52, 0.5)
     found = results.claims
-    assert found.verdict.tolist() == [claims.KEPT, claims.BROKEN] and found.value.tolist() == [0.5, 0.5]
-    assert results["three/splitting"].claims.verdict.tolist() == [claims.KEPT]
+    assert found.verdict.tolist() == [claims.PASSED, claims.FAILED] and found.value.tolist() == [0.5, 0.5]
+    assert results["three/splitting"].claims.verdict.tolist() == [claims.PASSED]
     assert len(results["one"].claims) == 0  # of which nothing is claimed
     weak_orders = spi.Results(weak(weak_group("splitting", "plain"))).orders
     assert weak_orders.estimator.tolist() == ["plain"] * 2 and len(set(weak_orders.function)) == 2
@@ -121,7 +121,7 @@ def test_results_show_themselves(results, stored, tmp_path):
     page = results._repr_html_()
     html.parser.HTMLParser().feed(page)
     assert "Strong &lt;errors&gt;" in page and "<errors>" not in page
-    assert "1 kept, 1 broken" in page and "0.480" in page and "file:" not in page
+    assert "1 passed, 1 failed" in page and "0.480" in page and "file:" not in page
     storage.write(tmp_path / "s.h5", stored)
     loaded = spi.load(tmp_path / "s.h5")
     assert loaded.path == tmp_path / "s.h5" and "s.h5" in loaded._repr_html_() and "s.h5" in repr(loaded)

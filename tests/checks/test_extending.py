@@ -17,8 +17,8 @@ from spi.ensemble.protocol import hamiltonian
 from spi.exact import kolmogorov
 from spi.models import MODELS
 from spi.schemes import SCHEMES, has_theory, typical_ns
-from spi.schemes.rows import compositions
-from spi.schemes.splitting import has_reversed_twin
+from spi.schemes.splitting import has_antithetic_path
+from spi.schemes.stages import compositions
 
 NAME = "splitting_noise_amid"
 
@@ -77,7 +77,7 @@ def test_the_composition_is_what_its_row_says():
     for flows, same in ((acting, True), ([*drift, *noise, *drift], False)):
         expected = np.transpose([composed(RIGID_BODY, flows, h, tuple(y[:, n]), dW[:, n]) for n in range(LANES)])
         assert (np.abs(new - expected).max() < 1e-13) == same
-    assert has_theory(row, RIGID_BODY) and not has_reversed_twin(row.record)
+    assert has_theory(row, RIGID_BODY) and not has_antithetic_path(row.record)
     assert typical_ns(SCHEMES[NAME], RIGID_BODY) > typical_ns(SCHEMES["splitting"], RIGID_BODY)
 
 

@@ -10,7 +10,7 @@ from own_models import OSCILLATOR
 
 from spi.checks.model_checks import check_model, states_around
 from spi.compiler import modules
-from spi.compiler.dispatch import inlined
+from spi.compiler.dispatch import device
 from spi.compiler.inlining import uncompiled
 from spi.models import LotkaVolterra, RigidBodySharedNoise
 
@@ -40,9 +40,7 @@ def complaints(source, **parameters):
     return check_model(record, states_around(INITIAL[name], record))
 
 
-# --- what is right ---------------------------------------------------------------------------------------------------
-
-
+@pytest.mark.share
 @pytest.mark.parametrize("scale", [1.0, 1e5, 1e-5])
 @pytest.mark.parametrize(("name", "model", "sampler"), MODELS_UNDER_TEST, ids=[row[0] for row in MODELS_UNDER_TEST])
 def test_built_in_models_pass_at_states_of_any_size(name, model, sampler, scale):
@@ -58,7 +56,7 @@ def test_of_a_model_without_exact_flows_only_the_rest_is_asked():
     assert check_model(model, states_around(y, model)) == []
     exact = type("Exact", (RigidBodySharedNoise,), {"exact_flows": True, "__module__": RigidBodySharedNoise.__module__})
     (first, *_) = check_model(exact(*model), states_around(y, model))
-    assert first == "noise_flow, k = 0, is no flow: after times t and s it is not where it is after t + s"
+    assert first == "noise_flow, k = 0, is not a flow: flows by t and then s differ from the flow by t + s"
 
 
 @pytest.mark.parametrize("rate", [3.0, 1e4, 1e-4])
@@ -72,8 +70,6 @@ def test_the_heavy_top_passes(inertia):
     record = modules.stored("checked", TOP).HeavyTop(inertia, weight=10.0)
     assert check_model(record, states_around(INITIAL["HeavyTop"], record)) == []
 
-
-# --- what is wrong ---------------------------------------------------------------------------------------------------
 
 _DERIVATIVES = "its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
 
@@ -91,7 +87,7 @@ OF_THE_OSCILLATOR = [
     ("return 1.0, 0.0", "return y[0], 0.0", "noise_hessian, k = 0, is not the derivative of noise_gradient along v"),
     ("q + t * p", "q + 2.0 * t * p", f"drift_flow: {_DERIVATIVES}"),
     ("y[1] - t", "y[1] + t", "noise_flow, k = 0, does not solve its equation"),
-    ("y[1] - t", "y[1] - t - t * t", "noise_flow, k = 0, is no flow: after times t and s"),
+    ("y[1] - t", "y[1] - t - t * t", "noise_flow, k = 0, is not a flow: flows by t and then s"),
     ("y[1] - t", "y[1] - t + 1e-3", "noise_flow, k = 0, at t = 0 does not leave the state as it is"),
     ("q, p = y", "q, p = y[0] + 0.0 / 0.0, y[1]", "drift_flow, line 19, raises ZeroDivisionError at y = ("),
 ]
@@ -101,7 +97,7 @@ OF_THE_TOP = [
     ("abs(t) if k == 1 else 0.0", "0.0", "noise_angle, k = 1, is 0 where noise_flow takes the sine of 0.0156"),
     ("abs(t) if k == 1 else 0.0", "t if k == 1 else 0.0", "noise_angle, k = 1, is -0.0156 where noise_flow takes"),
     ("a[0] + b[0], a[1] + b[1], a[2] + b[2]", "a[0], a[1], a[2]", "structure is not skew"),
-    ("y[0] * y[3] +", "2.0 * y[0] * y[3] +", "casimirs, number 1, is no Casimir function: structure(its gradient)"),
+    ("y[0] * y[3] +", "2.0 * y[0] * y[3] +", "casimirs, number 1, is not a Casimir function: structure(its gradient)"),
     ("(y[3], y[4], y[5]), angles)\n        return P[0], P[1], P[2], G[0], G[1], G[2]\n\n    def structure",
      "(y[3], y[4], y[5]), angles)\n        return P[0], P[1], P[2], y[3], y[4], y[5]\n\n    def structure",
      "noise_flow, k = 1, does not solve its equation"),
@@ -151,9 +147,6 @@ def test_angles_that_are_made_to_add_up_are_noted():
     assert first.startswith("noise_angle, k = 1, is ")
 
 
-# --- their surroundings ----------------------------------------------------------------------------------------------
-
-
 def test_states_have_no_zeros_and_populations_stay_positive():
     top = modules.stored("checked", TOP).HeavyTop(**PARAMETERS["HeavyTop"])
     states = list(states_around((0.0,) * 6, top))
@@ -165,7 +158,7 @@ def test_states_have_no_zeros_and_populations_stay_positive():
 def test_inlined_functions_run_as_plain_python_within_a_block():
     seen = []
 
-    @inlined
+    @device
     def noted(x):
         seen.append(x)
         return x

@@ -2,7 +2,6 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +12,9 @@ from strong_results import strong, strong_group
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.running.runs import load
-from spi.specs import SpecError, shipped
+from spi.running import shipped
+from spi.running.run import load
+from spi.specs import SpecError
 
 NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments").glob("*.yaml"))
 
@@ -22,10 +22,6 @@ NAMES = sorted(path.stem for path in (Path(__file__).parents[2] / "experiments")
 @pytest.fixture(autouse=True)
 def _empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def refusal(*arguments):
@@ -47,9 +43,11 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
     assert refusal("check", "rigid_body_strong", "--as=weak", "--seed=x").startswith("spi: rigid_body_strong_as_weak: ")
     assert refusal("merge", "rigid_body_strong") == (
-        f"spi: {Path('results/sums')}: no parts of rigid_body_strong here; "
-        "`spi run rigid_body_strong --part 1/4` computes the first of four\n"
+        f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
+        "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
     )
+    renamed = refusal("run", "rigid_body_strong", "--part", "3/8")
+    assert renamed == "spi: --part is now called --shard; write --shard 3/8\n"
     path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
     assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
     assert refusal("check", str(path), "--as=weak", "--seed=x").startswith(f"spi: {path.parent}")
@@ -190,7 +188,7 @@ def test_a_new_experiment_is_valid_and_so_is_each_key_that_it_has_switched_off(o
     assert load("mine.yaml").name == "mine"
     wrong = [line.replace("# ", "# x", 1) if n == blocks[0][0] else line for n, line in enumerate(lines)]
     Path("mine.yaml").write_text(switched_on(wrong, blocks[:1]).replace("# x", "x", 1))
-    with pytest.raises(SpecError, match="no known key"):  # so the keys are really switched on
+    with pytest.raises(SpecError, match="not a known key"):  # so the keys are really switched on
         load("mine.yaml")
 
 
@@ -200,10 +198,10 @@ def test_a_new_experiment_from_another_has_its_comments_and_its_files():
     assert Path("sub/top.yaml").read_bytes() == shipped.path_of("heavy_top_strong").read_bytes()
     copied = load("sub/top.yaml")
     assert copied.hash == load("heavy_top_strong").hash
-    assert call("new", "sub/weak", "--from", "heavy_top_weak")[0] == 0  # the same system is there already
+    assert call("new", "sub/weak", "--from", "heavy_top_weak")[0] == 0  # the same system exists already
     Path("sub/systems/heavy_top.yaml").write_text("algebra: so(3)\n")
     before = sorted(Path().rglob("*"))
-    assert "sub/systems/heavy_top.yaml: is there already" in refusal("new", "sub/other", "--from", "heavy_top_weak")
+    assert "sub/systems/heavy_top.yaml: already exists" in refusal("new", "sub/other", "--from", "heavy_top_weak")
     assert sorted(Path().rglob("*")) == before
 
 
@@ -211,18 +209,18 @@ def test_a_new_experiment_may_be_one_of_another_kind():
     assert call("new", "mine", "--from", "rigid_body_qualitative", "--as", "strong")[0] == 0
     assert load("mine.yaml").kind == "strong" != load("rigid_body_qualitative").kind
     assert "did you mean 'strong'" in refusal("new", "other", "--from", "rigid_body_qualitative", "--as", "srong")
-    assert "give --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
+    assert "add --from EXPERIMENT" in refusal("new", "other", "--as", "strong")
     assert [path.name for path in Path().iterdir()] == ["mine.yaml"]
 
 
 def test_nothing_is_overwritten_and_odd_names_are_refused():
     Path("mine.yaml").write_text("precious")
     for options in ((), ("--system",), ("--from", "rigid_body_strong")):
-        assert "mine.yaml: is there already" in refusal("new", "mine", *options)
+        assert "mine.yaml: already exists" in refusal("new", "mine", *options)
     Path("gone.yaml").symlink_to("nowhere")
-    assert "gone.yaml: is there already" in refusal("new", "gone")
+    assert "gone.yaml: already exists" in refusal("new", "gone")
     for name in ("", "a/", "a\nb", "/"):
-        assert "is no name of a file" in refusal("new", name)
+        assert "is not a file name" in refusal("new", name)
     assert "exclude one another" in refusal("new", "other", "--system", "--from", "rigid_body_strong")
     assert "did you mean rigid_body_strong" in refusal("new", "other", "--from", "rigid_body_stron")
     assert "'NAME'" in refusal("new")

@@ -9,28 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import compiled_only
 from own_models import OSCILLATOR
 
 import spi
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
-
-
-# --- the disk cache --------------------------------------------------------------------------------------------------
-
-
-#: A small kernel of the package: the Hamiltonian of states of a model.
-ENERGIES = """
-import numpy as np
-import spi.models
-from spi.kinds.trajectory.study import invariants as kernel
-from spi.ensemble.protocol import conserved, dimension
-model = {}
-states = np.empty(2)
-kernel(model, 1.0 + np.arange(2.0 * dimension(model)).reshape(2, -1), states, np.empty((2, conserved(model))))
-"""
-#: A smaller one, for what depends on the model and not on the kernel.
+#: A small kernel that asks a model.
 ENERGY_KERNEL = """
 from spi.compiler.dispatch import kernel
 from spi.ensemble.protocol import hamiltonian
@@ -82,28 +66,40 @@ def run(folder, program):
     return found
 
 
+#: Edits of the package: (file, text, what takes its place, whether kernels are compiled again).
+EDITS = {
+    "a label": ("schemes/table.py", 'label="splitting"', 'label="Lie-Trotter"', False),
+    "a docstring": ("kinds/strong/table.py", '"""Tables of strong errors."""', '"""Strong errors as tables."""', False),
+    "an estimator": ("statistics/estimators.py", "\nGROUPS = 64", "\nGROUPS = 32", False),
+    "a definition in YAML": ("systems/definition.py", '"""', '"""Edited: ', False),
+    "a flow": ("models/rigid_body.py", "return 0.5 * (y[0] * y[0] / i[0]", "return 1.5 * (y[0] * y[0] / i[0]", True),
+}
+
+
 @compiled_only
 def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
-    """One story, since every first run costs a compilation: cold, warm, and after an edit of another file."""
+    """One story, since every first run costs a compilation: cold, warm, and after edits of other files."""
     shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
-    program = ENERGIES.format("spi.models.RigidBody((2.0, 1.0, 0.5), (1.0, 2.0, 3.0))")
+    (tmp_path / "energies.py").write_text(ENERGY_KERNEL)
+    program = ENERGY.format("spi.models.RigidBody((2.0, 1.0, 0.5), (1.0, 2.0, 3.0))")
     cold = run(tmp_path, program)
     assert (cold["hits"], cold["misses"]) == (0, 1)
     warm = run(tmp_path, program)
     assert (warm["hits"], warm["misses"]) == (1, 0)
     assert warm["states"] == cold["states"]
-
-    # Numba itself would not notice this: the kernel `invariants` lies in another file.
-    edited = tmp_path / "spi" / "models" / "rigid_body.py"
-    source, old, new = edited.read_text(), "return 0.5 * (y[0] * y[0] / i[0]", "return 1.5 * (y[0] * y[0] / i[0]"
-    assert source.count(old) == 1, "the model has changed: choose another constant to edit in this test"
-    edited.write_text(source.replace(old, new))
-    after = run(tmp_path, program)
-    assert (after["hits"], after["misses"]) == (0, 1)
-    assert np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1
+    for name, (file, old, new, compiles) in EDITS.items():
+        edited = tmp_path / "spi" / file
+        source = edited.read_text(encoding="utf-8")
+        assert old in source, f"{file} has changed: choose another edit for this test"
+        edited.write_text(source.replace(old, new, 1), encoding="utf-8")
+        after = run(tmp_path, program)
+        assert (after["hits"], after["misses"]) == ((0, 1) if compiles else (1, 0)), name
+        # Numba itself would not notice the edit of the model: the kernel lies in another file.
+        assert (np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1) == compiles
     assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
 
 
+@pytest.mark.slow
 @compiled_only
 def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_need(tmp_path):
     """An edit of their file is noticed, and a built-in model runs after the file is gone."""
@@ -136,7 +132,7 @@ def test_models_from_elsewhere_are_never_stale_and_leave_nothing_that_others_nee
 
 
 def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
-    """Its name changes with a byte of any module that computes, with the name of a module, and with nothing else."""
+    """Its name changes with a byte of any module that is compiled, with the name of a module, and with nothing else."""
     shutil.copytree(Path(spi.__file__).parent, tmp_path / "spi", ignore=shutil.ignore_patterns("__pycache__"))
     program = "import os, spi; print(os.environ['NUMBA_CACHE_DIR'])"
 
@@ -148,13 +144,13 @@ def test_the_folder_of_the_cache_follows_the_sources(tmp_path):
 
     first = folder()
     assert first.parent == tmp_path / "cache"
-    os.utime(tmp_path / "spi" / "rng.py", (0, 0))
+    os.utime(tmp_path / "spi" / "numerics" / "rng.py", (0, 0))
     (tmp_path / "spi" / "notes.txt").write_text("no source")
     assert folder() == first
     with open(tmp_path / "spi" / "schemes" / "midpoint.py", "a") as file:
         file.write("\n")
     second = folder()
-    (tmp_path / "spi" / "rng.py").rename(tmp_path / "spi" / "rng2.py")
+    (tmp_path / "spi" / "numerics" / "rng.py").rename(tmp_path / "spi" / "numerics" / "rng2.py")
     assert len({first, second, folder()}) == 3
 
 
@@ -178,6 +174,7 @@ print(*(ask(stored("twin", {TWIN!r}.format(sign)).Twin(1.0)) for sign in sys.arg
 """
 
 
+@pytest.mark.slow
 @compiled_only
 def test_records_of_one_name_from_two_modules_are_not_taken_for_each_other(tmp_path):
     """Neither if one process compiles for both, nor if it finds in the cache what two others have compiled."""

@@ -3,23 +3,11 @@
 from typing import NamedTuple
 
 import pytest
-from helpers import COMPILED, INITIAL, ONE_NOISE, RIGID_BODY
+from helpers import INITIAL, ONE_NOISE, RIGID_BODY, compiled_only
 from numba import TypingError, njit
 
-from spi.compiler.dispatch import (
-    INDICES,
-    OPTIONS,
-    answers,
-    capability,
-    class_of,
-    constant,
-    fact,
-    number,
-    tuplewise,
-    unrolled,
-    word,
-    word_with_default,
-)
+from spi.compiler.dispatch import INDICES, OPTIONS, answers, method, number, trait, unrolled
+from spi.compiler.records import class_of
 from spi.ensemble import fields
 from spi.ensemble.protocol import (
     component_indices,
@@ -33,28 +21,26 @@ from spi.ensemble.protocol import (
     strengths,
 )
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="about compiled code")
-
 compiled = njit(**OPTIONS)
 
 
-@word
+@method
 def area(shape, scale):
     """The area, scaled."""
 
 
-@word_with_default
+@method(default=True)
 def corners(shape):
     """The number of corners; most shapes have none."""
     return 0
 
 
-@capability
+@method(optional=True)
 def diagonal(shape):
     """The diagonal of a shape that has one."""
 
 
-@fact(bool, default=False)
+@trait(bool, default=False)
 def straight(shape):
     """Whether no side is curved."""
 
@@ -173,7 +159,7 @@ def test_words_keep_their_documentation():
 # --- constants -------------------------------------------------------------------------------------------------------
 
 
-@constant
+@trait
 def fields_of(record):
     """How many fields a record has."""
     return len(class_of(record)._fields)
@@ -209,7 +195,7 @@ def test_strengths_of_noises_on_and_off(sigma):
     assert noise_indices(model) == tuple(k for k in range(3) if sigma[k] is not None)
 
 
-# --- unrolled and tuplewise ------------------------------------------------------------------------------------------
+# --- unrolled -------------------------------------------------------------------------------------------------------
 
 
 @unrolled(noise_indices)
@@ -237,12 +223,12 @@ def test_unrolled_is_a_fold_in_order(model, expected):
     assert digits_compiled(model, 7.0, 10.0, 0.0) == expected
 
 
-@tuplewise("a[i] - c * b[i]")
+@unrolled(each="a[i] - c * b[i]")
 def difference(a, c, b):
     """a - c b."""
 
 
-@tuplewise("c - a[i] * a[i]", total=True)
+@unrolled(total="c - a[i] * a[i]")
 def total(c, a):
     """sum_i (c - a_i^2); the tuple is not the first argument."""
 

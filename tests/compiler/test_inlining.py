@@ -4,23 +4,20 @@ import numba
 import numpy as np
 import pytest
 
-from spi.compiler.dispatch import inlined, kernel, linked, parallel_kernel
-from spi.compiler.inlining import InlinedLibrary, LinkedLibrary, has_loop
+from spi.compiler.dispatch import device, kernel
+from spi.compiler.libraries import InlinedLibrary, LinkedLibrary, has_loop
 
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
 
 
-# --- functions that are only inlined ---------------------------------------------------------------------------------
-
-
-@inlined
+@device
 def _square(x):
     if x < 0.0:
         raise ValueError("negative")
     return x * x
 
 
-@inlined
+@device
 def _sum_of_squares(x):
     total = 0.0
     for i in range(x.size):
@@ -50,18 +47,18 @@ def test_only_kernels_become_machine_code(monkeypatch):
         codegen._engine, "add_module", lambda module: made["machine code"].append(module.name) or add_module(module)
     )
 
-    @inlined
+    @device
     def cube(x):
         return x * x * x
 
-    @inlined
+    @device
     def sum_of_cubes(x):
         total = 0.0
         for i in range(x.size):
             total += cube(x[i])
         return total
 
-    @linked
+    @device(inline=False)
     def add_up(x, total, row):
         total[row] = sum_of_cubes(x[row])
 
@@ -69,7 +66,7 @@ def test_only_kernels_become_machine_code(monkeypatch):
     def one_row(x, total):
         add_up(x, total, 0)
 
-    @parallel_kernel
+    @kernel(parallel=True)
     def all_rows(x, total):
         for row in numba.prange(len(x)):
             add_up(x, total, row)

@@ -15,7 +15,7 @@ from numba import types
 from own_models import OSCILLATOR
 
 import spi
-from spi.compiler import inlining, modules
+from spi.compiler import modules, records
 from spi.models import RigidBody
 
 PLAIN = "from typing import NamedTuple\n\nclass Point(NamedTuple):\n    x: float\n"
@@ -100,9 +100,6 @@ print(json.dumps([spi.CACHE_PROBLEM, module.__file__, subprocess.run(command, st
         assert child_said.split() == ["2.5"]
 
 
-# --- what identifies code --------------------------------------------------------------------------------------------
-
-
 def test_digests(tmp_path, monkeypatch):
     own = modules.stored("plain", PLAIN)
     assert modules.digest(RigidBody) is None and not modules.is_foreign(RigidBody)
@@ -140,10 +137,10 @@ def test_record_classes_of_nested_types():
         types.Optional(record),
         types.NamedTuple((types.Tuple((record,)), types.none), RigidBody),
     ]
-    assert [point in inlining.record_classes(holder) for holder in holders] == [True] * len(holders)
-    assert inlining.record_classes(holders[-1]) == {point, RigidBody}
-    assert inlining.record_classes(types.Array(types.float64, 1, "C")) == set()
-    assert inlining.record_classes(types.none) == set()
+    assert [point in records.record_classes(holder) for holder in holders] == [True] * len(holders)
+    assert records.record_classes(holders[-1]) == {point, RigidBody}
+    assert records.record_classes(types.Array(types.float64, 1, "C")) == set()
+    assert records.record_classes(types.none) == set()
 
 
 @pytest.mark.skipif(not helpers.COMPILED, reason="about the disk cache")

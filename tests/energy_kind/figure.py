@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from spi.drawing import style
 from spi.drawing.axes import INTERVAL, PANEL, error_axes, legend_under
 
-from .reading import Energies
+from .results import Energies
 
 
 def draw(title: str, cases: Sequence[Sequence[Energies]]) -> Figure:

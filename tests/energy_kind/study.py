@@ -12,10 +12,12 @@ from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import stderr_of_mean
-from spi.storage.records import Group, Part, Variables
+from spi.storage.records import Part
+
+from .results import Energies
 
 
-class Energies(NamedTuple):
+class Sums(NamedTuple):
     """H at the end of some paths."""
 
     paths: int
@@ -23,9 +25,9 @@ class Energies(NamedTuple):
     cpu_seconds: float
     energy: np.ndarray  #: (levels, paths)
 
-    def plus(self, later: "Energies") -> "Energies":
+    def plus(self, later: "Sums") -> "Sums":
         joined = np.concatenate((self.energy, later.energy), axis=1)
-        return Energies(
+        return Sums(
             self.paths + later.paths, self.seconds + later.seconds, self.cpu_seconds + later.cpu_seconds, joined
         )
 
@@ -45,8 +47,8 @@ class EnergyPlan(BlocksPlan):
         steps = int(self.steps.sum()) * self.samples
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), 8 * self.samples)
 
-    def empty(self, number: int) -> Energies:
-        return Energies(0, 0.0, 0.0, np.zeros((len(self.steps), 0)))
+    def empty(self, number: int) -> Sums:
+        return Sums(0, 0.0, 0.0, np.zeros((len(self.steps), 0)))
 
     def most_blocks(self, number: int) -> int:
         return 64
@@ -55,7 +57,7 @@ class EnergyPlan(BlocksPlan):
         states, _ = integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end)
         return states.reshape(blocks, len(self.steps), len(self.initial), LANES)
 
-    def added(self, sums: Energies, rows: np.ndarray, at: slice, first: int, end: int) -> Energies:
+    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
         y = np.moveaxis(rows[at], 0, -2).reshape(len(self.steps), len(self.initial), -1)
         energy = np.array([hamiltonian(self.model, tuple(states)) for states in y])[:, : end - first * LANES]
         return sums._replace(energy=np.concatenate((sums.energy, energy), axis=1))
@@ -63,9 +65,12 @@ class EnergyPlan(BlocksPlan):
     def progress(self, state: State) -> Done:
         return Done(state.tally().paths, self.samples, float("nan"))
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> Energies:
         energy = state.total().energy[:0:-1]
-        mean, stderr = energy.mean(axis=1), stderr_of_mean(energy)
-        variables: Variables = {"energy": (("h",), mean), "energy_stderr": (("h",), stderr)}
-        attributes = {**self.description(), "samples": self.samples}
-        return Group(self.case.name, self.part.variant, {"h": np.array(self.case.steps)}, variables, attributes)
+        return Energies(
+            about=self.description(),
+            h=np.array(self.case.steps),
+            energy=energy.mean(axis=1),
+            energy_stderr=stderr_of_mean(energy),
+            samples=self.samples,
+        )

@@ -3,9 +3,10 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.rows import rows_of
 from spi.printing.text import INTERVAL, new_table, power_of_two, print_whole, with_interval
 
-from .reading import Energies
+from .results import Energies
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -13,9 +14,7 @@ if TYPE_CHECKING:
 
 def rows(readings: Iterable[Energies]) -> Iterator[dict[str, Any]]:
     for reading in readings:
-        for h, energy, stderr in zip(*(values.tolist() for values in reading[1:]), strict=True):
-            case, scheme = reading.about.case, reading.about.scheme
-            yield {"case": case, "scheme": scheme, "h": h, "energy": energy, "energy_stderr": stderr}
+        yield from rows_of(reading, ["h"])
 
 
 def show(console: "Console", heading: str, readings: Sequence[Energies]) -> None:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from ensemble_cases import areas_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, simulate, take_step, turned
+from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, compiled_only, simulate, take_step, turned
 from scheme_cases import relative
 from weak_cases import case_of, results_of
 
@@ -15,10 +15,9 @@ from spi.ensemble.areas import TOLERANCE, fourier_terms
 from spi.ensemble.protocol import REPORT, advance, area_pairs, noise_indices
 from spi.models import MODELS, RigidBody
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions, flows, sweeps
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_AREAS, splitting
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+from spi.schemes.stages import compositions, flows
+from spi.schemes.sweeps import sweeps
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 
@@ -270,7 +269,7 @@ def test_casimir_is_unbiased_over_many_steps():
 
 
 def test_loops_are_flows_of_pairs_and_no_shares_of_the_step():
-    rows = LIE_TROTTER_AREAS.rows
+    rows = LIE_TROTTER_AREAS.stages
     kinds = [(part, k) for _, part, k, *_ in sweeps(rows, RIGID_BODY)]
     loops = [("noise", k) for pair in PAIRS for k in (*pair, *pair)]
     assert kinds == [("noise", k) for k in range(3)] + loops + [("drift", k) for k in range(3)]
@@ -283,13 +282,16 @@ def test_loops_are_flows_of_pairs_and_no_shares_of_the_step():
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ((flows("noise", fraction=1 / 2), flows("loops"), flows("noise", fraction=1 / 2)), "need the noise in one row"),
-        ((flows("noise", coin=True), flows("loops")), "need the noise in one row"),
-        ((flows("noise", "symmetric"), flows("loops")), "need the noise in one row"),
+        (
+            (flows("noise", fraction=1 / 2), flows("loops"), flows("noise", fraction=1 / 2)),
+            "the noise in one stage",
+        ),
+        ((flows("noise", coin=True), flows("loops")), "the noise in one stage"),
+        ((flows("noise", "symmetric"), flows("loops")), "the noise in one stage"),
         ((flows("noise"), flows("loops"), flows("loops")), "stand there twice"),
     ],
 )
-def test_loops_go_with_one_row_of_noise(rows, message):
+def test_loops_go_with_one_stage_of_noise(rows, message):
     with pytest.raises(ValueError, match=message):
         splitting(flows("drift"), *rows)
 
@@ -313,7 +315,7 @@ def test_built_in_noises_do_not_commute_by_name():
 
 @compiled_only
 def test_variances_of_multilevel_differences_fall_like_the_square_of_the_step():
-    """Without reversed twins, and with areas drawn for each level by itself."""
+    """Without antithetic paths, and with areas drawn for each level by itself."""
     case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "schemes=[splitting, splitting_areas]", "seconds=0.5")
     variables, _ = results_of(case, "splitting_areas", "multilevel")
     coarse, variance = 2.0 ** np.arange(-6, -1), variables["level_variance"][0]

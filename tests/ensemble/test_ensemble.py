@@ -13,6 +13,7 @@ from helpers import (
     RIGID_BODY,
     Coins,
     Increments,
+    compiled_only,
     simulate,
     take_steps,
     without_the_compiler,
@@ -24,10 +25,6 @@ from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import REPORT, needs_areas
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- what results do not depend on -----------------------------------------------------------------------------------
 
 
 SMALL = {"h": 2.0**-6, "steps": 64 if COMPILED else 8, "truncate": True}
@@ -113,9 +110,6 @@ def test_distances_of_idle_lanes_do_not_count():
     assert np.all(observer.rows[..., :3] > 0) and not observer.rows[..., 3:].any()
 
 
-# --- the slow twin ---------------------------------------------------------------------------------------------------
-
-
 TWIN = {"h": 2.0**-5, "steps": 8, "doublings": (0, 2), "truncate": True, "first_block": 2}
 TWIN |= {"initial": (1.2, -0.6, 1.5)}  # so that angles at h = 1/8 exceed pi/4
 WATCHED_TWIN = TWIN | {
@@ -158,9 +152,6 @@ def test_compiled_equals_uncompiled():
     assert np.array_equal(simulate(Coins(), **WATCHED_TWIN)[0][:, :, 0], np.array(slow["coins"][0])[:, :, 0])
     fast, _ = simulate(SCHEMES["splitting_order2"].record, **REVERSED_TWIN)
     np.testing.assert_allclose(fast, slow["reversed"][0], rtol=0, atol=1e-13)
-
-
-# --- memory ----------------------------------------------------------------------------------------------------------
 
 
 @compiled_only

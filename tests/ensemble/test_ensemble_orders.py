@@ -4,14 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, RIGID_BODY, SCHEMES, WithoutCorrection, simulate
+from helpers import LANES, RIGID_BODY, SCHEMES, WithoutCorrection, compiled_only, simulate
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 #: Strengths 0 rather than None, so that one compiled kernel serves it and three noises.
 ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))
-
-
-# --- the right limit -------------------------------------------------------------------------------------------------
 
 
 PATHS = 512
@@ -94,26 +90,3 @@ def test_a_scheme_for_another_equation_is_caught(at_time_one, name):
     assert abs(order) < 0.03
     itself, _ = root_mean_square(np.diff(at_time_one["wrong"], axis=0))
     assert np.all(np.diff(itself) > 0) and itself[0] < 0.01
-
-
-@compiled_only
-@pytest.mark.parametrize(
-    ("name", "model", "expected"),
-    [
-        ("splitting", ONE_NOISE, 1.0),
-        ("splitting", RIGID_BODY, 0.5),
-        ("euler_maruyama_renormalised", RIGID_BODY, 0.5),
-    ],
-)
-def test_strong_orders(name, model, expected):
-    """Against its own reference 16 times finer than the finest step: splitting has order 1 with one noise."""
-    row = SCHEMES[name]
-    assert expected == (row.strong_order_commuting if model is ONE_NOISE else row.strong_order)
-    states, _ = simulate(
-        row.record, model, h=2.0**-13, steps=2**13, doublings=(0, 4, 5, 6, 7, 8), blocks=PATHS // LANES
-    )
-    differences = states[1:, 0] - states[0, 0]
-    order, error = slope(differences, 2.0 ** (np.arange(4.0, 9.0) - 13))
-    assert error < 0.03
-    # The reference has an error of its own, which lifts the slope by less than 0.03.
-    assert abs(order - expected) < 4 * error + 0.03

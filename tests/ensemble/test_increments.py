@@ -5,15 +5,10 @@ import itertools
 import numpy as np
 import pytest
 from ensemble_cases import TWO_NOISES, coins_of, increments_of
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, final_states, order_2, simulate
+from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only, final_states, order_2, simulate
 
 from spi.compiler.dispatch import kernel
 from spi.numerics.rng import BROWNIAN, COINS, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_normals, read_coins, toss
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- increments ------------------------------------------------------------------------------------------------------
 
 
 @kernel
@@ -24,7 +19,7 @@ def draw(seed, channel, draws, block, words, normals):
 
 @pytest.mark.parametrize("h", [2.0**-10, 0.3])
 def test_fine_increments_are_the_normals_of_the_generator(h):
-    """Whatever the number of steps, also if it is no multiple of what one draw gives."""
+    """Whatever the number of steps, also if it is not a multiple of what one draw gives."""
     steps, blocks, seed = 11, 2, 2**63 + 12345
     draws = -(-steps // STEPS_PER_DRAW)
     (fine,) = increments_of(h=h, steps=steps, blocks=blocks, first_block=3, seed=seed)
@@ -85,9 +80,6 @@ def test_noises_paths_and_seeds_are_different():
     columns = np.concatenate([one, other], axis=1).reshape(one.shape[0], -1)
     correlations = np.corrcoef(columns.T)[np.triu_indices(columns.shape[1], 1)]
     assert np.abs(correlations).max() < 6 / np.sqrt(one.shape[0])  # of 73536 pairs
-
-
-# --- coins -----------------------------------------------------------------------------------------------------------
 
 
 @kernel

@@ -2,7 +2,6 @@
 
 import itertools
 
-import numba
 import numpy as np
 import pytest
 from helpers import (
@@ -16,7 +15,6 @@ from helpers import (
     random_states,
     simulate,
     take_step,
-    without_the_compiler,
 )
 
 from spi.compiler.dispatch import kernel
@@ -24,10 +22,9 @@ from spi.ensemble.protocol import substeps
 from spi.models import MaxwellBloch
 from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW, draw_normals
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions, flows
-from spi.schemes.splitting import has_reversed_twin, splitting
+from spi.schemes.splitting import has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 FINEST = 8
 DRIFT, NOISE = flows("drift"), flows("noise")
 HALVES = splitting(flows("noise", fraction=1 / 2), DRIFT, flows("noise", "backwards", 1 / 2))
@@ -43,8 +40,6 @@ def whole(model=RIGID_BODY, **options):
     """The increments over whole steps as schemes without sub-steps get them."""
     return simulate(Increments(), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
 
-
-# --- the path --------------------------------------------------------------------------------------------------------
 
 OPTIONS = {"h": 2.0**-7, "steps": 32 if COMPILED else 8, "doublings": (0, 1, 2, 3), "first_block": 2}
 
@@ -127,9 +122,6 @@ def test_a_reversed_path_has_its_sub_steps_in_reversed_order(n):
     assert np.array_equal(plain, turned) == (n == 1)
 
 
-# --- schemes ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("rows", "expected"),
     [
@@ -153,7 +145,7 @@ def test_schemes_of_the_paper_need_no_sub_steps():
 MODEL = MaxwellBloch((0.8, 1.3))
 MIXED = splitting(
     flows("noise", "backwards", 3 / 8, coin=True),
-    flows("drift", fraction=1.5),
+    flows("drift", fraction=1.5, coin=True),
     flows("noise", "symmetric", 1 / 4),
     flows("drift", "backwards", -0.5),
     flows("noise", fraction=3 / 8, coin=True),
@@ -185,7 +177,7 @@ def test_the_kernel_uses_up_each_process_in_the_order_of_its_flows():
     y, parts = random_states(generator), 0.3 * generator.standard_normal((FINEST, 2, LANES))
     coins = generator.choice([-1.0, 1.0], LANES)
     new, _ = take_step(MIXED, MODEL, h, row_of(parts), y, coins)
-    heads, tails = (acting for _, acting in compositions(MIXED.rows, MODEL))
+    heads, tails = (acting for _, acting in compositions(MIXED.stages, MODEL))
 
     def expected(parts):
         lanes = (
@@ -201,12 +193,12 @@ def test_the_kernel_uses_up_each_process_in_the_order_of_its_flows():
 @pytest.mark.parametrize("truncate", [False, True])
 @pytest.mark.parametrize("scheme", [HALVES, PALINDROME], ids=["halves", "palindrome"])
 def test_paths_follow_from_the_increments(scheme, truncate):
-    """Also those of reversed twins; truncated at h = 1/4 some increments are."""
+    """Also those of antithetic paths; truncated at h = 1/4 some increments are."""
     h, steps, reversals = 2.0**-4, 8, (0, 2, 0, 1)
     options = {"h": h, "steps": steps, "doublings": (0, 1), "truncate": truncate}
     found = simulate(scheme, h=h, steps=steps, doublings=(0, 0, 1, 1), reversals=reversals, truncate=truncate)[0][:, 0]
     halves = [over(2, part, **options) for part in (0, 1)]
-    ((_, acting),) = compositions(scheme.rows, RIGID_BODY)
+    ((_, acting),) = compositions(scheme.stages, RIGID_BODY)
     wrong = 0.0
     for level, reversal in enumerate(reversals):
         s = level // 2
@@ -239,41 +231,7 @@ def test_a_palindrome_is_reversed_by_reversing_its_increments():
         new, _ = take_step(scheme, RIGID_BODY, h, row, y)
         return np.abs(take_step(scheme, RIGID_BODY, -h, back, new)[0] - y).max()
 
-    assert has_reversed_twin(PALINDROME) and turned_back(PALINDROME) < 1e-12
+    assert has_antithetic_path(PALINDROME) and turned_back(PALINDROME) < 1e-12
     crooked = splitting(DRIFT, flows("noise", "symmetric"))
-    assert not has_reversed_twin(crooked) and turned_back(crooked) > 0.01
-    assert not has_reversed_twin(HALVES)  # its drift is not symmetric
-
-
-SMALL = {"h": 2.0**-6, "steps": 64 if COMPILED else 8, "truncate": True, "doublings": (0, 1, 3)}
-
-
-@compiled_only
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
-def test_threads_and_blocks_do_not_matter():
-    before, found = numba.get_num_threads(), []
-    try:
-        for threads in (1, 2):
-            numba.set_num_threads(threads)
-            found.append(simulate(PALINDROME, blocks=5, **SMALL)[0])
-    finally:
-        numba.set_num_threads(before)
-    assert np.array_equal(*found)
-    assert np.array_equal(simulate(PALINDROME, blocks=2, first_block=3, **SMALL)[0], found[0][..., 3 * LANES :])
-
-
-TWIN = {"h": 2.0**-5, "steps": 12, "doublings": (0, 0, 1, 1), "reversals": (0, 2, 0, 1), "snapshots": 3}
-TWIN |= {"truncate": True, "first_block": 2, "initial": (1.2, -0.6, 1.5)}
-PROGRAM = """
-import json, sys
-import helpers
-import test_substeps as t
-assert not helpers.COMPILED
-json.dump([helpers.simulate(scheme, **t.TWIN)[0].tolist() for scheme in (t.HALVES, t.PALINDROME)], sys.stdout)
-"""
-
-
-@compiled_only
-def test_compiled_equals_uncompiled():
-    for scheme, slow in zip((HALVES, PALINDROME), without_the_compiler(PROGRAM), strict=True):
-        np.testing.assert_allclose(simulate(scheme, **TWIN)[0], slow, rtol=0, atol=1e-13)
+    assert not has_antithetic_path(crooked) and turned_back(crooked) > 0.01
+    assert not has_antithetic_path(HALVES)  # its drift is not symmetric

@@ -14,7 +14,7 @@ from spi.models import MODELS, LotkaVolterra, MaxwellBloch, RigidBody, RigidBody
 from spi.models.rigid_body import rotate
 from spi.numerics.angles import sin_versine
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 
 class Spin(NamedTuple):
@@ -151,9 +151,6 @@ def test_what_models_say_of_themselves():
     spheres = {name for name, cls in MODELS.items() if squared_length_is_casimir(cls)}
     assert able == {"rigid_body", "maxwell_bloch"}
     assert spheres == {"rigid_body", "rigid_body_shared_noise", "sine_euler"}
-
-
-# --- registration ----------------------------------------------------------------------------------------------------
 
 
 def altered(cls, **members):

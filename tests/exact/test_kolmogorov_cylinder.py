@@ -86,6 +86,7 @@ def test_without_noise_it_is_an_ordinary_differential_equation(name):
         )
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("sigma", [(0.8, 0.6), (0.5, None), (None, 0.7)])
 @pytest.mark.parametrize("name", SCHEMES)
 def test_one_step(name, sigma):
@@ -144,6 +145,7 @@ def test_orders():
         assert found[name].limit == pytest.approx(found["order_2"].limit, rel=0, abs=1e-12 + found[name].limit_bound[0])
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("name", ["lie_trotter", "order_2"])
 def test_errors_are_honest(name):
     """A finer computation stays within the errors stated by a coarser one."""

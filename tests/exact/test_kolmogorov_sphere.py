@@ -74,6 +74,7 @@ def by_quadrature(model, compositions, initial, h, n, phi, points):
 # --- against independent roads ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("length", [1.0, 1.3])
 def test_without_noise(scheme, length):
@@ -97,6 +98,7 @@ def test_without_noise(scheme, length):
             assert abs(found.weak_error[i, j] - (expected - phi(end))) < found.weak_error_bound[i, j] + 1e-12
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize(("n", "points", "h"), [(1, 24, 0.25), (2, 24, 0.25)])
 @pytest.mark.parametrize("initial", [INITIAL, 1.3 * GENERAL])
@@ -223,6 +225,7 @@ def test_tiny_weak_errors_survive_cancellation():
     assert np.all(found.value_bound[0] < 1e-10)
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("model", [STRONG, UNEQUAL._replace(sigma=(1.0, 1.0, 1.0))], ids=["equal", "unequal"])
 def test_refining_moves_results_by_less_than_the_stated_error(model, monkeypatch):
     found = {}

@@ -12,24 +12,22 @@ from weak_cases import SPEC, case_of, has_order
 
 from spi import printing
 from spi.exact.kolmogorov import expectations
-from spi.kinds.weak import claims, reading
+from spi.kinds.weak import claims
 from spi.kinds.weak import study as weak
+from spi.kinds.weak.results import WeakErrors
 from spi.models import RigidBodySharedNoise
 from spi.report import views
-from spi.running.runs import load
+from spi.running.run import load
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import composed, weak_exponents
-from spi.schemes.rows import compositions, flows, is_own_reverse
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2, SYMMETRIC
+from spi.schemes.stages import compositions, flows, is_own_reverse
 from spi.specs import SpecError
-from spi.statistics.claims import KEPT, judge
+from spi.statistics.claims import PASSED, judge
 from spi.statistics.richardson import Extrapolation, places, weights
 from spi.storage.records import Results
 
-CROOKED = (*SYMMETRIC.rows[:2], flows("drift", fraction=1 / 2))
-
-
-# --- weights and steps -----------------------------------------------------------------------------------------------
+CROOKED = (*SYMMETRIC.stages[:2], flows("drift", fraction=1 / 2))
 
 
 @pytest.mark.parametrize("exponents", [(), (2,), (2, 4), (2, 4, 6), (1, 2, 3), (2, 3, 4), (0.5,)])
@@ -59,24 +57,21 @@ def test_steps_that_can_be_extrapolated():
     assert np.array_equal(Extrapolation.of(steps, ()).combined(values), values)
 
 
-# --- exponents -------------------------------------------------------------------------------------------------------
-
-
 def test_exponents_follow_from_the_rows():
     def exponents(row, model=RIGID_BODY):
         return weak_exponents(row, model, 3)
 
-    assert exponents(SCHEMES["splitting_symmetric"]) == exponents(composed("own", SYMMETRIC.rows, 2.0)) == (2, 4, 6)
+    assert exponents(SCHEMES["splitting_symmetric"]) == exponents(composed("own", SYMMETRIC.stages, 2.0)) == (2, 4, 6)
     assert exponents(SCHEMES["splitting_order2"]) == (2, 3, 4)
     assert exponents(SCHEMES["splitting_order2"], ONE_NOISE) == (2, 4, 6)  # one noise is in the same order reversed
     assert exponents(SCHEMES["splitting"]) == exponents(SCHEMES["euler_maruyama"]) == (1, 2, 3)
     assert exponents(composed("crooked", CROOKED, 1.0)) == (1, 2, 3)
     shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
     assert exponents(SCHEMES["splitting_symmetric"], shared) is None  # its flows are not exact
-    assert exponents(ALL_SCHEMES["ap_splitting"]) is exponents(composed("own", SYMMETRIC.rows, float("nan"))) is None
+    assert exponents(ALL_SCHEMES["ap_splitting"]) is exponents(composed("own", SYMMETRIC.stages, float("nan"))) is None
 
 
-@pytest.mark.parametrize("rows", [SYMMETRIC.rows, ORDER_2.rows, LIE_TROTTER.rows, CROOKED])
+@pytest.mark.parametrize("rows", [SYMMETRIC.stages, ORDER_2.stages, LIE_TROTTER.stages, CROOKED])
 @pytest.mark.parametrize("model", [RIGID_BODY, ONE_NOISE], ids=["three noises", "one noise"])
 def test_what_equals_itself_reversed_is_undone_by_the_step_backwards(rows, model):
     """P(-h) P(h) = 1 with matrices in place of the generators of the flows, and only then."""
@@ -131,8 +126,6 @@ def test_halves_with_the_same_increment_would_not_do():
     assert orders(common, (2,))[-1] == pytest.approx(1, abs=0.1)
 
 
-# --- without sampling ------------------------------------------------------------------------------------------------
-
 #: The errors that the issue of this key gives, from a program of its own: levels -> step size -> error.
 TABLE = {
     0: {2**-1: 2.3e-2, 2**-2: 6.1e-3, 2**-3: 1.6e-3, 2**-4: 3.9e-4, 2**-5: 9.8e-5},
@@ -162,7 +155,7 @@ def test_orders_4_6_and_8_without_sampling():
             assert found["error"][0, h.index(step)] == pytest.approx(error, rel=0.05)
         largest = np.abs(weights((2, 4, 6)[:levels])).sum() * plain.arrays["error_bound"].max()
         assert np.all(found["error_bound"] <= largest * 1.000001)
-    tell = [reading.read(group) for group in groups]
+    tell = [WeakErrors.of(group) for group in groups]
     assert [one.about.label.partition(", ext")[2] for one in tell] == [
         "",
         "rapolated",
@@ -175,15 +168,15 @@ def test_orders_4_6_and_8_without_sampling():
     expect = "expect={splitting_symmetric: {extrapolate 0: {order: 2 +- 0.05}, extrapolate 1: {order: 4 +- 0.05}}}"
     claimed = symmetric("functions=sin(2*pi*y1)", *COARSE, "extrapolate=[0, 1]", "estimators=[kolmogorov]", expect)
     verdicts = judge(claimed.claims, claims.quantities(tell))
-    assert [one.verdict for one in verdicts] == [KEPT, KEPT] and verdicts[1].found.about.extrapolate == 1
+    assert [one.verdict for one in verdicts] == [PASSED, PASSED] and verdicts[1].found.about.extrapolate == 1
     swapped = [one._replace(scopes=other.scopes) for one, other in pairwise([*claimed.claims, claimed.claims[0]])]
-    assert KEPT not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
+    assert PASSED not in [one.verdict for one in judge(swapped, claims.quantities(tell))]
 
 
 def test_a_scheme_that_is_not_symmetric_gains_one_order_at_a_time():
     """The scheme of order 2 feels its coins where the noise is strong; weights of even powers do not help it."""
     model, steps = RIGID_BODY._replace(noise_inertia=(2.0, 4.0, 6.0)), [2.0**-k for k in range(2, 7)]
-    word = compositions(ORDER_2.rows, model)
+    word = compositions(ORDER_2.stages, model)
     found = expectations(model, word, INITIAL, 1.0, steps, [lambda y: y[0] ** 2], accuracy=1e-9)
 
     def order(exponents):
@@ -200,9 +193,6 @@ def test_means_of_casimirs_stay_exact():
     case = symmetric("functions=y1^2 + y2^2 + y3^2", "steps=2^0 .. 2^-3", "extrapolate=3", "estimators=[kolmogorov]")
     found = group_of(case, "kolmogorov", 3).arrays
     np.testing.assert_allclose(found["expectation"], sum(x * x for x in case.initial), rtol=1e-13)
-
-
-# --- keys ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -246,5 +236,5 @@ def test_a_layer_with_fewer_levels_drops_the_claims_about_the_others():
     expect = "expect={splitting_order2: {extrapolate 0: {order: 2}, extrapolate 1: {order: 3}}}"
     assert [claim.scopes for claim in case_of(*keys, expect).claims] == [("extrapolate 0",), ("extrapolate 1",)]
     assert [claim.scopes for claim in case_of(*keys, expect, "extrapolate=1").claims] == [("extrapolate 1",)]
-    with pytest.raises(SpecError, match="extrapolate 2: is nothing that can be expected here"):
+    with pytest.raises(SpecError, match="extrapolate 2: is not a known quantity"):
         case_of(*keys, "expect={splitting_order2: {extrapolate 2: {order: 4}}}")

@@ -5,25 +5,20 @@ import re
 import numpy as np
 import pytest
 from extrapolation_cases import COARSE, SYMMETRIC_CASE, group_of, symmetric
-from helpers import COMPILED, INITIAL, final_states
+from helpers import COMPILED, INITIAL, compiled_only, final_states
 from weak_cases import SPEC
 
 from spi.exact.kolmogorov import expectations
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.extrapolated import errors_at_steps, shares, shares_above
+from spi.kinds.weak.estimators.multilevel.extrapolated import errors_at_steps, shares, shares_above
 from spi.kinds.work_precision import study as work_precision
-from spi.running.runs import load
-from spi.schemes.rows import compositions
+from spi.running.run import load
 from spi.schemes.splitting import SYMMETRIC
+from spi.schemes.stages import compositions
 from spi.specs import SpecError
 from spi.statistics.richardson import Extrapolation, weights
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- sampled ---------------------------------------------------------------------------------------------------------
 
 
 def test_plain_combines_the_values_of_each_path():
@@ -73,7 +68,7 @@ def test_sampling_agrees_with_expectations_without_sampling():
     """Order 4 against values found without sampling, all measured against the reference, which is extrapolated, too."""
     case = symmetric(*COARSE, "model.noise_inertia=[2, 4, 6]", "extrapolate=[0, 1]", "samples=131072", "seconds=0.5")
     every = [*case.steps, 2**-4, 2**-5]
-    exact = expectations(case.model, compositions(SYMMETRIC.rows, case.model), INITIAL, 1.0, every,
+    exact = expectations(case.model, compositions(SYMMETRIC.stages, case.model), INITIAL, 1.0, every,
                          [lambda y: y[0] ** 2], accuracy=1e-8)  # fmt: skip
     right, wrong = (Extrapolation.of(every, exponents).combined(exact.value)[0] for exponents in ((2,), (3,)))
     lacks = 1 - (case.reference_step / np.array(case.steps[1:])) ** 4
@@ -88,9 +83,6 @@ def test_sampling_agrees_with_expectations_without_sampling():
         of_expectation = np.abs(found["expectation"][0] - right[:3]) / found["expectation_stderr"][0]
         assert of_expectation.max() < 4
         assert abs(found["reference"][0] - right[-1]) < 4 * found["expectation_stderr"][0].max()
-
-
-# --- work and precision ----------------------------------------------------------------------------------------------
 
 
 def test_an_extrapolated_path_is_timed_at_all_its_steps():
@@ -110,7 +102,7 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
         times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
         assert state.more.times.shape == times.shape
         state.more = state.more._replace(times=times)
-        found = p.group(state)
+        found = p.results(state).group()
         assert found.coordinates["h"].tolist() == list(steps)
         np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])
         counts = [sum(1 / h / 2**i for i in range(levels + 1)) for h in steps]

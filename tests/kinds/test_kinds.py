@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from spi import storage
-from spi.kinds import KINDS, ClaimsModule, FigureModule, Kind, ReadingModule, StudyModule, TableModule
+from spi.kinds import KINDS, ClaimsModule, FigureModule, Kind, StudyModule, TableModule
 from spi.report import views
-from spi.running import runs
-from spi.storage.records import Description
+from spi.running import run as runs
+from spi.storage.stored import Stored
 
 SPEC = """\
 kind: energy
@@ -43,7 +43,7 @@ def test_every_kind_has_all_of_its_modules(name):
     kind = KINDS[name]
     assert kind.keys.Case.__doc__
     assert callable(kind.study.parts) and callable(kind.study.plan)
-    assert callable(kind.reading.read)
+    assert issubclass(kind.results.Record, Stored)
     assert kind.keys.Case.quantities and callable(kind.claims.quantities)
     assert callable(kind.table.rows) and callable(kind.table.show)
     assert callable(kind.figure.draw)
@@ -51,7 +51,7 @@ def test_every_kind_has_all_of_its_modules(name):
         _ = kind.plots
 
 
-CONTRACT = {"study": StudyModule, "reading": ReadingModule, "table": TableModule, "figure": FigureModule}
+CONTRACT = {"study": StudyModule, "table": TableModule, "figure": FigureModule}
 
 
 CLAIMED = CONTRACT | {"claims": ClaimsModule}  #: of a kind whose keys name quantities
@@ -67,9 +67,7 @@ def breaches(kind):
                 _, *expected = inspect.signature(promised).parameters
                 if list(inspect.signature(getattr(module, name)).parameters) != expected:
                     found.append(f"{role}.{name} must take {', '.join(expected)}")
-    record = inspect.signature(kind.reading.read).return_annotation
-    if record.__annotations__.get("about") is not Description:
-        found.append("readings have no field about")
+    record = kind.results.Record
     taken = {
         "table.rows": get_args(kind.table.rows.__annotations__.get("readings")),
         "table.show": get_args(kind.table.show.__annotations__.get("readings")),
@@ -91,7 +89,7 @@ def test_a_breach_of_the_contract_is_noticed():
     def rows(results: Iterable[int]): ...
 
     table = SimpleNamespace(rows=rows, show=weak.table.show)
-    modules = {name: getattr(strong, name) for name in ("keys", "study", "reading", "claims", "figure")}
+    modules = {name: getattr(strong, name) for name in ("keys", "study", "results", "claims", "figure")}
     other = SimpleNamespace(**modules, table=table)
     foreign = [f"{name} does not take the kind's readings" for name in ("table.rows", "table.show")]
     assert breaches(other) == ["table.rows must take readings", *foreign]

@@ -1,41 +1,28 @@
 """The long-time study: integration in pieces, and the growth and bias of errors."""
 
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import long_time_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, RIGID_BODY, printed
-from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
+from helpers import INITIAL, RIGID_BODY, compiled_only, without_the_compiler
+from long_time_cases import initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
-from spi import storage
-from spi.ensemble import loop
 from spi.ensemble.protocol import memory_size
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study import paths
 from spi.kinds.state import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
-from spi.running import runs as runner
-from spi.schemes import scheme_row
+from spi.schemes import scheme_entry
 from spi.storage.records import Part
 
 # fixtures
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
 
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- in pieces -------------------------------------------------------------------------------------------------------
-
-
 def check_pieces(name, eps=None):
-    scheme, model = scheme_row(name, eps).record, RIGID_BODY._replace(sigma=(1.0, 0.7, None))
+    scheme, model = scheme_entry(name, eps).record, RIGID_BODY._replace(sigma=(1.0, 0.7, None))
     start, n, more = initial_rows(scheme, model, INITIAL, 1), STEPS_PER_TOSS, 2 * STEPS_PER_DRAW
     whole = rows_after(scheme, model, start, 0.1, 0, n + more)
     first = rows_after(scheme, model, start, 0.1, 0, n)
@@ -52,11 +39,7 @@ def check_pieces(name, eps=None):
 def test_pieces_with_coins_and_with_memory_give_the_same_bits():
     """Without the compiler, which would take longer than the few steps."""
     program = "from test_long_time import *; check_pieces('splitting_order2'); check_pieces('ap_splitting', 0.5)"
-    tests = Path(__file__).parents[1]
-    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    assert without_the_compiler(f"{program}; print(1)")
 
 
 @compiled_only
@@ -67,7 +50,7 @@ def test_records_are_those_of_integration_in_one_go(case_of, scheme):
     records = [128, 256, 512, 640]
     assert group.coordinates["n"].tolist() == records
     assert group.coordinates["h"].tolist() == list(case.steps) == [1 / 32, 1 / 64]
-    record, c0 = scheme_row(scheme).record, sum(v * v for v in INITIAL)
+    record, c0 = scheme_entry(scheme).record, sum(v * v for v in INITIAL)
     for i, h in enumerate(case.steps):
         for k, n in enumerate(records):
             rows = rows_after(record, case.model, initial_rows(record, case.model, case.initial, 2), h, 0, n)
@@ -117,41 +100,6 @@ def test_stops_are_records_and_then_snapshots(case_of):
     assert set(plan.records) <= set(stops)
     assert np.diff(stops[4:-1]).tolist() == [2**11] * (2**13 - 1) and stops[-1] == plan.case.step_count
     assert all(n % STEPS_PER_TOSS == 0 for n in stops)
-
-
-@compiled_only
-def test_an_interrupted_run_goes_on_where_it_stopped(load_text, tmp_path, monkeypatch):
-    monkeypatch.setattr(long_time, "BATCH_SECONDS", 0.0)
-    wanted = load_text(RIGID, "schemes=[splitting, euler_maruyama]")
-
-    def numbers(path):
-        groups = storage.read(path).groups
-        return repr([{k: (axes, v.tolist()) for k, (axes, v) in g.variables.items()} for g in groups])
-
-    def stop(progress):
-        if progress.part == "euler_maruyama" and progress.done > 20:
-            raise KeyboardInterrupt
-
-    whole = runner.run(wanted, tmp_path / "whole")
-    with pytest.raises(runner.Stopped):
-        runner.run(wanted, tmp_path / "stopped", watch=runner.Watch(stop))
-    reports = []
-    path = runner.run(wanted, tmp_path / "stopped", watch=runner.Watch(reports.append))
-    first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
-    assert first["splitting"] == 70 and 20 < first["euler_maruyama"] < 70  # nothing is computed twice
-    assert numbers(path) == numbers(whole)
-    assert "stationary law" in printed(storage.read(path))
-
-
-@compiled_only
-def test_threads_do_not_matter(case_of):
-    plan = long_time.plan(case_of("samples=200"), Part("splitting"))
-    with loop.limited_threads(1):
-        one = finished(plan)
-    assert same_numbers(finished(plan), one)
-
-
-# --- growth and bias, of errors made by hand -------------------------------------------------------------------------
 
 
 RECORDS = 128 << np.arange(15)

@@ -5,7 +5,7 @@ import math
 import long_time_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, RIGID_BODY, final_states
+from helpers import RIGID_BODY, compiled_only, final_states
 from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
 
 from spi.ensemble.protocol import hamiltonian
@@ -15,17 +15,11 @@ from spi.kinds.long_time.study import paths
 from spi.kinds.state import State
 from spi.models import RigidBodySharedNoise, SineEuler
 from spi.numerics.rng import LANES
-from spi.schemes import scheme_row
+from spi.schemes import scheme_entry
 from spi.storage.records import Part
 
 # fixtures
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- the law on the sphere -------------------------------------------------------------------------------------------
 
 
 def fibonacci(n):
@@ -100,9 +94,6 @@ def test_bins_have_everything_inside_and_nothing_outside():
     assert not counts.any()
 
 
-# --- the law of long paths -------------------------------------------------------------------------------------------
-
-
 LONG = ("steps=[1/4]", "step_count=2^14", "samples=256")
 
 
@@ -133,7 +124,7 @@ def test_law_of_splitting_is_uniform_and_that_of_a_scheme_that_is_not_symplectic
 def test_paths_that_are_lost_are_counted(case_of):
     case = case_of("steps=[1/2]", "step_count=2^12")
     found, _ = study(case, "euler_maruyama")
-    scheme = scheme_row("euler_maruyama").record
+    scheme = scheme_entry("euler_maruyama").record
     rows = rows_after(scheme, case.model, initial_rows(scheme, case.model, case.initial, 2), 0.5, 0, 2**12)
     y = rows.reshape(2, 3, LANES).transpose(0, 2, 1).reshape(-1, 3)[: case.samples]
     lost = np.count_nonzero(~np.isfinite(y).all(axis=1))
@@ -184,7 +175,7 @@ def test_what_the_law_needs_is_said(model, initial, reason):
 def test_one_noise_about_an_axis_of_symmetry_keeps_the_component_along_it():
     """Why one noise is not enough: the law of y_3 stays where it was, far from the uniform one."""
     model = RIGID_BODY._replace(inertia=(1.0, 1.0, 0.5), sigma=(0.0, 0.0, 1.0))
-    y = final_states(scheme_row("midpoint").record, model, h=0.1, steps=16, blocks=1, initial=(0.6, 0.0, 0.8))[0]
+    y = final_states(scheme_entry("midpoint").record, model, h=0.1, steps=16, blocks=1, initial=(0.6, 0.0, 0.8))[0]
     assert np.abs(y[2] - 0.8).max() < 1e-14
     assert np.ptp(y[0]) > 0.3
 

@@ -3,16 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from helpers import COMPILED
 
 from spi import storage
-from spi.running.runs import load, run
+from spi.running.run import load, run
 from spi.storage.records import Description
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
-
-
-# --- from a spec to results ------------------------------------------------------------------------------------------
 
 
 def groups_of(experiment, folder):
@@ -54,6 +52,7 @@ def test_weak_errors_from_spec_to_results(tmp_path):
         assert np.all(difference < 4 * stderr)
 
 
+@pytest.mark.slow
 def test_weak_errors_of_the_comparators_against_the_ap_scheme(tmp_path):
     schemes = ["ap_splitting", "multiscale_euler", "multiscale_euler_semi_implicit"]
     experiment = load(

@@ -1,21 +1,19 @@
 """Figures of strong errors, and what all figures share: what is drawn, not how it looks."""
 
 import copy
-import warnings
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
-from strong_results import LABELS, H, strong
+from strong_results import LABELS, H, strong, unresolved
 from strong_results import strong_group as group_of
-from view_helpers import rendered
+from view_helpers import legend_texts, rendered, save
 
 from spi.drawing import style
 from spi.drawing.axes import PANEL
 from spi.report import views
 from spi.schemes import SCHEMES
-from spi.storage.records import Results
+from spi.storage.records import Order, Results
 
 
 def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0, 1.0), h=H):
@@ -27,8 +25,7 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
     if scheme == "euler_maruyama":
         error[0], stderr[0], resolved[0] = np.inf, np.inf, False
     attributes = {
-        "order": order + 0.01,
-        "order_ci": (order - 0.01, order + 0.03),
+        "order": Order(order + 0.01, order - 0.01, order + 0.03, h.size),
         "case_title": f"case {case}, $5",
         "model_sigma": sigma,
         "truncate_noise": True,
@@ -36,24 +33,9 @@ def strong_group(scheme, case="three", constant=1.0, order=0.5, sigma=(1.0, 1.0,
     return group_of(scheme, case, error, stderr, resolved, h, **attributes)
 
 
-def save(results, folder, stem):
-    return views.save(views.figure(results), folder, stem)
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
-
-
 @pytest.fixture
 def results():
     return strong(*(strong_group(scheme, constant=c) for scheme, c in zip(LABELS, (1.6, 0.9, 0.7), strict=True)))
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def scheme_line(ax, label):
@@ -68,20 +50,6 @@ def test_files_and_their_bytes(results, tmp_path):
     assert first[0].read_bytes().startswith(b"%PDF") and first[1].read_bytes().startswith(b"\x89PNG")
     assert [p.read_bytes() for p in first] == [p.read_bytes() for p in second]
     assert {p.name for p in first[0].parent.iterdir()} == {"strong.pdf", "strong.png"}
-
-
-def test_interrupted_save_leaves_the_old_files(results, tmp_path, monkeypatch):
-    paths = save(results, tmp_path, "strong")
-    before = [p.read_bytes() for p in paths]
-
-    def interrupted(self, path, **_):
-        path.write(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Figure, "savefig", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        save(results, tmp_path, "strong")
-    assert [p.read_bytes() for p in paths] == before and len(list(tmp_path.iterdir())) == 2
 
 
 def test_strong_panel(results):
@@ -99,7 +67,7 @@ def test_strong_panel(results):
     assert legend_texts(ax) == [
         *(f"{label}: order 0.51 [0.49, 0.53]" for label in LABELS.values()),
         *("slope 1/2", "slope 1", "pale: not resolved, left out of the fit"),
-        "paths left the finite numbers or nearly so",
+        "paths diverged (NaN or infinity) or nearly so",
     ]
 
 
@@ -168,7 +136,7 @@ def test_cases_side_by_side(results):
 @pytest.mark.parametrize("count", [1, 2, 20])
 def test_any_number_of_steps(count):
     group = strong_group("splitting", h=2.0 ** -np.arange(3, 3 + count))
-    group.attributes.update(order=np.nan, order_ci=(np.nan, np.nan))
+    group = unresolved(group)
     (ax,) = rendered(views.figure(strong(group))).axes
     assert legend_texts(ax)[0].endswith("order not resolved")
     assert 1 <= len(ax.get_xticks()) <= 6

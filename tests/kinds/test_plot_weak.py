@@ -1,13 +1,11 @@
 """Figures of weak errors: what is drawn, not how it looks."""
 
-import copy
 import math
-import warnings
 
 import numpy as np
 import pytest
-from view_helpers import rendered
-from weak_results import H, save, weak, weak_group
+from view_helpers import legend_texts, rendered, save
+from weak_results import H, weak, weak_group
 
 from spi.drawing import style
 from spi.kinds.weak.figure import series
@@ -15,13 +13,6 @@ from spi.report import views
 from spi.schemes import SCHEMES
 
 THREE = ("plain", "multilevel", "kolmogorov")
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
@@ -32,10 +23,6 @@ def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
         given = {"stderr": stderrs[name]} if name in stderrs else {}
         groups.append(weak_group(scheme, name, functions=1, prefixes=name == "plain", panels=panels, **given))
     return groups
-
-
-def legend_texts(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def sampled(ax, label):
@@ -49,9 +36,8 @@ def curve(ax, label):
     return line
 
 
-def test_errors_of_three_estimators(tmp_path):
+def test_errors_of_three_estimators():
     results = weak(*one_scheme())
-    before = copy.deepcopy(results)
     fig = views.figure(results)
     (ax,) = fig.axes
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log") and ax.get_xlabel() == "step size $h$"
@@ -76,12 +62,6 @@ def test_errors_of_three_estimators(tmp_path):
     assert exact.get_color() == SCHEMES["splitting"].look[1]
     text = fig.texts[1].get_text()
     assert r"\varphi(y)=\mathrm{sin}(2\pi\,y_{1}) + y_{2}" in text and "2^{-10}" in text and "samples" not in text
-    for group, other in zip(results.groups, before.groups, strict=True):
-        assert group.attributes == other.attributes
-        for name, (_, values) in group.variables.items():
-            np.testing.assert_array_equal(values, other.variables[name][1])
-    pair = save(results, tmp_path, "a"), save(results, tmp_path, "b")
-    assert [p.read_bytes() for p in pair[0]] == [p.read_bytes() for p in pair[1]]
 
 
 def test_negative_errors_and_the_sampling_floor():
@@ -194,6 +174,7 @@ def test_places_of_panels(cases, functions, shape):
         assert fig.axes[1].get_title().startswith("case c1, \\$5\n$\\sigma=(0.5,\\,1,\\,\\mathrm{off})$")
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0, 1e300])
 @pytest.mark.parametrize("which", ["all", "some"])
 def test_what_is_not_finite(value, which):
@@ -213,7 +194,7 @@ def test_paths_that_blow_up():
     group.variables["error_stderr"][1][0, :2] = 1e30, np.nan
     group.variables["resolved"][1][0, :2] = False
     (ax,) = views.figure(weak(group)).axes
-    assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths left the finite numbers or nearly so"
+    assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths diverged (NaN or infinity) or nearly so"
     (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0, 1.0])
     assert edge.get_xdata().tolist() == [2**-3, 2**-4]
 
@@ -239,7 +220,7 @@ def test_only_schemes_with_prefixes_have_panels_of_seconds():
 
 
 def test_panels_that_cannot_be_drawn():
-    with pytest.raises(ValueError, match="no panel 'sphere'; known panels: errors, samples, seconds"):
+    with pytest.raises(ValueError, match="'sphere' is not a known panel; known panels: errors, samples, seconds"):
         views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
         views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))

@@ -1,35 +1,22 @@
 """The stability study against a plain NumPy computation from the same increments; all seeds are fixed."""
 
 import math
-import os
-import subprocess
-import sys
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 import stability_cases
-from helpers import COMPILED, INITIAL, printed
-from stability_cases import EPS, PHI, PREDATORS, RIGID, paths_by_hand, study, summary_by_hand
-from states import check_going_on, finished, same_numbers, taken
+from helpers import COMPILED, INITIAL, compiled_only, without_the_compiler
+from stability_cases import EPS, PHI, RIGID, paths_by_hand, study, summary_by_hand
+from states import check_going_on, taken
 
-from spi import storage
-from spi.ensemble import loop
 from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES
-from spi.running import runs as runner
-from spi.running.runs import load
+from spi.running.run import load
 from spi.storage.records import Part
 
 # fixtures
 case_of = stability_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- the oracle ------------------------------------------------------------------------------------------------------
 
 
 def check_against_numpy(case, scheme, eps=lambda point: None):
@@ -59,9 +46,6 @@ def check_against_numpy(case, scheme, eps=lambda point: None):
         doubt = np.hypot(stderr, found["truth_bound"][i][farthest[:, 0]])
         np.testing.assert_allclose(found["law_distance_stderr"][i], doubt, rtol=1e-9)
     return found, group
-
-
-# --- everything that is stored, against the oracle -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", pytest.param("midpoint", marks=compiled_only)])
@@ -106,12 +90,7 @@ def check_eps(folder):
 
 def test_swept_eps_is_what_plain_numpy_finds(tmp_path):
     """Without the compiler, which would take longer than the few steps."""
-    program = f"import test_stability; test_stability.check_eps({str(tmp_path)!r})"
-    tests = Path(__file__).parents[1]
-    path = os.pathsep.join([str(tests), str(tests.parent), os.environ.get("PYTHONPATH", "")])
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
-    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    assert without_the_compiler(f"import test_stability; test_stability.check_eps({str(tmp_path)!r}); print(1)")
 
 
 def test_one_path_has_no_standard_errors(case_of):
@@ -119,33 +98,6 @@ def test_one_path_has_no_standard_errors(case_of):
     assert (found["error"] > 0).all() and np.isfinite(found["law_distance"]).all()
     for name in ("error_stderr", "expectation_stderr", "law_distance_stderr"):
         assert np.isnan(found[name]).all()
-
-
-# --- on what the results may not depend ------------------------------------------------------------------------------
-
-
-@compiled_only
-@pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama"])
-def test_batches_do_not_matter(case_of, scheme):
-    plan = stability.plan(case_of(RIGID, "samples=330"), Part(scheme))
-    whole = finished(plan, plan.first.blocks)
-    assert same_numbers(whole, whole)
-    for blocks in (1, 2, None):
-        assert same_numbers(finished(plan, blocks), whole)
-    other = stability.plan(case_of(RIGID, "samples=330", "seed=6"), Part(scheme))
-    assert not same_numbers(finished(other), whole)
-
-
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
-@compiled_only
-@pytest.mark.parametrize("scheme", ["splitting", "euler_maruyama", "midpoint"])
-def test_threads_do_not_matter(case_of, scheme):
-    plan = stability.plan(case_of(RIGID, "samples=330"), Part(scheme))
-    states = []
-    for threads in (1, 2):
-        with loop.limited_threads(threads):
-            states.append(finished(plan))
-    assert same_numbers(*states)
 
 
 def test_going_on_from_the_middle_gives_the_same_bits(case_of):
@@ -163,49 +115,3 @@ def test_values_and_step_sizes_do_not_influence_one_another(case_of):
     part, _ = study(case_of(RIGID, "sweep={s: [2]}", "steps=[2^-1, 2^-3]"), "splitting")
     for name in set(part) - {"truth", "truth_bound"}:
         assert np.array_equal(part[name][0], whole[name][1][[0, 2]])
-
-
-class Reports(list):
-    """Keeps what is reported, and interrupts after so many reports of a part that has begun."""
-
-    def __init__(self, case=None, scheme=None, after=None):
-        self.place, self.left = (case, scheme), after
-
-    def __call__(self, progress):
-        self.append(progress)
-        if (progress.case, progress.part) == self.place and progress.done:
-            self.left -= 1
-            if self.left == 0:
-                raise KeyboardInterrupt
-
-
-def numbers(path):
-    """Everything in a results file that must repeat."""
-    groups = {}
-    for group in storage.read(path).groups:
-        attributes = {k: v for k, v in group.attributes.items() if k not in ("wall_seconds", "threads")}
-        arrays = {k: (axes, v.shape, v.tolist()) for k, (axes, v) in group.variables.items()}
-        groups[group.case, group.variant] = repr((arrays, attributes))
-    return groups
-
-
-@compiled_only
-def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
-    """Also where a model has no Casimir functions, so that some arrays are empty."""
-    monkeypatch.setattr(loop, "BATCH_SECONDS", 0.0)  # as few blocks to a batch as there are threads
-    spec = tmp_path / "s.yaml"
-    spec.write_text(PREDATORS, encoding="utf-8")
-    wanted = load(spec, overrides=["samples=130"])
-    whole = numbers(runner.run(wanted, tmp_path / "whole"))
-    assert list(whole) == [("main", "splitting"), ("main", "euler_maruyama")]
-    out = tmp_path / "stopped"
-    for scheme in wanted.cases[0].schemes:
-        with pytest.raises(runner.Stopped):
-            runner.run(wanted, out, watch=runner.Watch(Reports("main", scheme, 1)))
-    reports = Reports()
-    path = runner.run(wanted, out, watch=runner.Watch(reports))
-    first = {scheme: next(p.done for p in reports if p.part == scheme) for scheme in wanted.cases[0].schemes}
-    assert first["splitting"] == 260 and 0 < first["euler_maruyama"] < 260  # nothing is computed twice
-    assert numbers(path) == whole
-    text = printed(storage.read(path))
-    assert "positive" in text and "Casimir" not in text

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import stability_cases
-from helpers import COMPILED, INITIAL, RIGID_BODY
+from helpers import INITIAL, RIGID_BODY, compiled_only
 from stability_cases import PHI, PREDATORS, RIGID, paths_by_hand, rigid_euler_step, study, summary_by_hand
 from states import ignore
 
@@ -11,19 +11,13 @@ from spi.exact import kolmogorov
 from spi.kinds.stability import study as stability
 from spi.kinds.state import State
 from spi.models import MaxwellBloch
-from spi.running import engine
-from spi.schemes import scheme_row
-from spi.schemes.rows import compositions
+from spi.running import workers
+from spi.schemes import scheme_entry
+from spi.schemes.stages import compositions
 from spi.storage.records import Part
 
 # fixtures
 case_of = stability_cases.case_of
-
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- paths that leave the finite numbers, or zero --------------------------------------------------------------------
 
 
 @compiled_only
@@ -79,9 +73,6 @@ def test_populations_stay_positive_only_by_splitting(case_of):
             assert (found["positive"][0] == 1).all()
 
 
-# --- the law ---------------------------------------------------------------------------------------------------------
-
-
 @compiled_only
 def test_law_distance_is_nothing_for_small_steps_and_clear_for_large_ones(case_of):
     case = case_of(RIGID, "sweep={s: [1]}", "steps=[2^-1, 2^-8]", "reference_step=2^-9", "samples=8192")
@@ -99,16 +90,16 @@ def test_law_distance_is_nothing_for_small_steps_and_clear_for_large_ones(case_o
 def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     case = case_of(RIGID, f"sweep={{s: [{sigma}]}}")
     model = case.sweep.cases[0].model
-    flows = compositions(scheme_row("splitting").composition, model)
+    flows = compositions(scheme_entry("splitting").composition, model)
     wanted = kolmogorov.expectations(model, flows, INITIAL, 1.0, [0.5, 0.25, 0.125], PHI, 1e-6)
     limit, error = kolmogorov.exact_expectations(model, INITIAL, 1.0, PHI, 1e-6)
     assert error.max() < 1e-6
     assert (np.abs(limit - wanted.limit) <= error + wanted.limit_bound).all()
     plan = stability.plan(case, Part("splitting"))
     state = State(plan)
-    engine.advance_here([state], ignore)
+    workers.advance_here([state], ignore)
     assert np.isnan(study(case, "splitting", state)[0]["truth"]).all()
-    engine.finish([state], ignore)
+    workers.finish([state], ignore)
     found, _ = study(case, "splitting", state)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3

@@ -10,8 +10,6 @@ from spi.kinds.stability import study as stability
 from spi.specs import SpecError
 from spi.storage.records import Part
 
-# --- what describes the results --------------------------------------------------------------------------------------
-
 
 def test_what_differs_from_value_to_value_is_not_described(spec):
     """A swept eps is no eps of the scheme; one that is the same for all values is."""
@@ -24,9 +22,6 @@ def test_what_differs_from_value_to_value_is_not_described(spec):
     assert [one["scheme_label"] for one in told] == ["AP splitting", "splitting"]
 
 
-# --- the swept word --------------------------------------------------------------------------------------------------
-
-
 WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
 
 
@@ -36,9 +31,9 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
         (["sweep: " + WORD + "\n", ""], r"1: sweep: missing key 'sweep'; add sweep: .*"),
         (
             [SIGMA, "[1, 1, 1]"],
-            r"11: sweep: the word 's' stands nowhere; use it in .* model, damping, initial, eps",
+            r"11: sweep: the parameter 's' is not used; use it in .* model, damping, initial, eps",
         ),
-        ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 words; must have one word .*"),
+        ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 parameters; must have one and its values.*"),
         ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
         ([WORD, "{pi: [0.5]}", SIGMA, "[pi, 1, 1]"], r"11: sweep: 'pi' cannot be swept; must be .*"),
         ([WORD, "{'a b': [0.5]}", SIGMA, "['a b', 1, 1]"], r"11: sweep: 'a b' cannot be swept; must be .*"),
@@ -66,7 +61,7 @@ def test_each_mistake_gets_one_line(spec, replaced, message):
 @pytest.mark.parametrize(
     ("replaced", "message"),
     [
-        (["eps: s", "eps: [s, 3]"], r"9: eps: has 2 values; must be one number, or the swept word"),
+        (["eps: s", "eps: [s, 3]"], r"9: eps: has 2 values; must be one number, or the swept parameter"),
         (["eps: s", "eps: s-1"], r"9: eps: is '\(0\)-1'; must be at least 0"),
         (["[ap_splitting]", "[multiscale_euler]"], r"9: eps: has 0, which 'multiscale_euler' cannot have; .*"),
     ],
@@ -83,7 +78,7 @@ def test_overrides_and_profiles_replace_the_word_or_its_values(spec):
     assert (case.sweep.word, case.sweep.cases[0].model.sigma) == ("t", (3.0, 1.0, 6.0))
     quick = spec(RIGID + "profiles:\n  quick: {sweep: {s: [7]}}\n", profile="quick").cases[0]
     assert [c.model.sigma[0] for c in quick.sweep.cases] == [7.0]
-    with pytest.raises(SpecError, match=r"^s\.yaml: --set sweep: the word 't' stands nowhere; .*"):
+    with pytest.raises(SpecError, match=r"^s\.yaml: --set sweep: the parameter 't' is not used; .*"):
         spec(RIGID, overrides=["sweep={t: [3]}", "model.sigma=[1, 1, 1]"])
 
 
@@ -123,5 +118,5 @@ def test_the_hash_is_that_of_what_decides_results(spec):
 
 
 def test_an_empty_sweep_gets_one_line(spec):
-    with pytest.raises(SpecError, match=r"^s\.yaml:11: sweep: has 0 words; must .*"):
+    with pytest.raises(SpecError, match=r"^s\.yaml:11: sweep: has 0 parameters; must .*"):
         spec(RIGID, WORD, "{}")

@@ -11,13 +11,8 @@ from view_helpers import GREEN, ROWS, SCHEMES, edge, inches_of_panels, legends, 
 
 from spi.kinds.stability.figure import WORDS, maps
 from spi.kinds.stability.keys import PANELS
-from spi.kinds.stability.reading import REGIMES, read
+from spi.kinds.stability.results import REGIMES, Stability
 from spi.report import views
-
-pytestmark = pytest.mark.filterwarnings("error")
-
-
-# --- figures of stability --------------------------------------------------------------------------------------------
 
 
 def colour_at(ax, x, y):
@@ -37,13 +32,13 @@ def test_maps_of_regimes():
     assert [ax.get_title() for ax in fig.axes[:3]] == ["Euler-Maruyama", "midpoint", "splitting"]
     for ax, group in zip([*fig.axes[:3], fig.axes[5]], groups, strict=True):
         assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
-        for (i, j), number in np.ndenumerate(read(group).regimes):
+        for (i, j), number in np.ndenumerate(Stability.of(group).regimes):
             assert colour_at(ax, H[j], VALUES[i]) == to_hex(maps.LOOKS[number][0])
     assert fig.axes[0].get_ylabel() == r"$\sigma$" and not fig.axes[1].get_ylabel()
     (legend,) = legends(fig)
     assert [text.partition(":")[0] for text in legend] == [
         *("accurate", "Casimir lost", "solver fails in more than 0.1 % of steps"),  # column by column
-        *("bounded, not accurate", "not bounded", "paths lost"),
+        *("bounded, not accurate", "not bounded", "paths diverged"),
     ]
     assert len({colour for colour, _ in maps.LOOKS}) == len(REGIMES)
 
@@ -52,7 +47,7 @@ def test_map_of_values_that_are_not_positive():
     group = predators("splitting", values=np.array([0.0, 0.5, 4.0]))
     (ax,) = views.figure(stability(group)).axes
     assert ax.get_yscale() == "linear" and [t.get_text() for t in ax.get_yticklabels()] == ["$0$", "$0.5$", "$4$"]
-    assert colour_at(ax, 1.0, 2.0) == to_hex(maps.LOOKS[read(group).regimes[2, 0]][0])
+    assert colour_at(ax, 1.0, 2.0) == to_hex(maps.LOOKS[Stability.of(group).regimes[2, 0]][0])
 
 
 @pytest.mark.parametrize(("values", "scale"), [((0.1, 1.0, 10.0), "log"), ((1.0, 1.001, 10.0), "linear")])

@@ -3,11 +3,10 @@
 import io
 import math
 import sys
-import warnings
 
 import numpy as np
 import pytest
-from matplotlib.animation import FFMpegWriter, PillowWriter
+from matplotlib.animation import PillowWriter
 from PIL import Image
 from states import finished
 from trajectory_results import trajectories, trajectory_group
@@ -32,13 +31,6 @@ step: 2^-4
 schemes: [splitting]
 panels: [vorticity, spectrum, enstrophy]
 """
-
-
-@pytest.fixture(autouse=True)
-def no_warnings():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 def states(n, *shape):
@@ -159,7 +151,7 @@ NUMBER = "must be a number such as 0.2 or 0.1+0.3i"
     ("initial", "message"),
     [
         ("{}", "initial: has no field; must have one of modes, vorticity, random"),
-        ("{mode: 1}", "initial.mode: is no known key; did you mean 'modes'?"),
+        ("{mode: 1}", "initial.mode: is not a known key; did you mean 'modes'?"),
         (
             '{modes: {"1,0": 1}, vorticity: cos(x1)}',
             "initial: has modes and vorticity; must have one of modes, vorticity, random",
@@ -169,13 +161,13 @@ NUMBER = "must be a number such as 0.2 or 0.1+0.3i"
             "initial.subtract_mean: stands beside modes; leave it out, it is for vorticity",
         ),
         ("{modes: {}}", "initial.modes: is an empty mapping; must have at least 1 item"),
-        ("{modes: {x: 1}}", 'initial.modes.x: is no mode; must be two whole numbers, as in "2,-1"'),
+        ("{modes: {x: 1}}", 'initial.modes.x: is not a mode; must be two whole numbers, as in "2,-1"'),
         ('{modes: {"1,0": a}}', f"initial.modes.1,0: is 'a' (unknown word 'a'); {NUMBER}"),
         ('{modes: {"1,0": yes}}', f"initial.modes.1,0: is true; {NUMBER}"),
         ('{modes: {"0,0": 1}}', "initial.modes.0,0: is the mean, which is 0; leave it out"),
         (
             '{modes: {"2,0": 1}}',
-            "initial.modes.2,0: is no mode of the lattice modulo 3; both numbers must be between -1 and 1",
+            "initial.modes.2,0: is not a mode of the lattice modulo 3; both numbers must be between -1 and 1",
         ),
         (
             '{modes: {"1,0": 1, "-1,0": 1}}',
@@ -234,7 +226,7 @@ def test_other_models_have_no_fields(spec, error):
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        ("every: 3", "every: is 3, of which the number of steps, 16, is no multiple; take 1, which divides both"),
+        ("every: 3", "every: is 3, of which the number of steps, 16, is not a multiple; take 1, which divides both"),
         ("every: 0", "every: is '0'; must be at least 1"),
         (
             "every: 4\ntimes: [0, 0.3]",
@@ -257,7 +249,7 @@ def test_every_fourth_state(spec):
     for overrides in ([], ["every=4", "times=[1, 0.25]"]):
         (case,) = spec(SPEC, overrides=overrides).cases
         plan = study.plan(case, study.parts(case)[0])
-        (reading,) = views.readings(trajectories(plan.group(finished(plan))))
+        (reading,) = views.readings(trajectories(plan.results(finished(plan)).group()))
         readings.append(reading)
         assert plan.cost().path_steps == 16 * 64
     whole, some = readings
@@ -280,7 +272,7 @@ def moving(scheme, factor=1.0, panels=("vorticity",), n=N, **attributes):
     turned = (states(n)[::2] + 1j * states(n)[1::2]) * np.exp(1j * np.outer(T, np.arange(n * n // 2)))
     y = np.stack([turned.real, turned.imag], axis=-1).reshape(len(T), -1)
     y *= np.linspace(1.0, factor, len(T))[:, None]
-    return trajectory_group(scheme, T, y, np.ones((len(T), 1)), panels=panels, lattice="torus", **attributes)
+    return trajectory_group(scheme, T, y, np.ones((len(T), 1)), panels=panels, surface="torus", **attributes)
 
 
 def test_fields_side_by_side():
@@ -343,7 +335,7 @@ def test_a_film(tmp_path):
     film = views.film(results)
     assert film.frames == len(T)
     told = []
-    path = views.save_film(film, tmp_path, "a", "gif", lambda *frame: told.append(frame))
+    path = views.save_film(film, tmp_path, "a", lambda *frame: told.append(frame))
     assert path == tmp_path / "a.gif" and told == [(i, 11) for i in range(11)]
     with Image.open(io.BytesIO(path.read_bytes())) as written:
         assert written.n_frames == 11
@@ -361,7 +353,7 @@ def test_a_long_film_has_200_frames():
     t = np.arange(1001) * 0.25
     y = np.outer(np.cos(t), states(3))
     long, short = (
-        trajectory_group("splitting", t[:n], y[:n], np.ones((n, 1)), case=case, lattice="torus")
+        trajectory_group("splitting", t[:n], y[:n], np.ones((n, 1)), case=case, surface="torus")
         for case, n in (("long", 1001), ("short", 3))
     )
     film = views.film(trajectories(long, short))
@@ -381,20 +373,16 @@ def test_a_film_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
 
     monkeypatch.setattr(PillowWriter, "grab_frame", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        views.save_film(film, tmp_path, "a", "gif", lambda *_: None)
+        views.save_film(film, tmp_path, "a", lambda *_: None)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.gif": b"before"}
 
 
-def test_films_that_cannot_be_made(tmp_path, monkeypatch):
+def test_films_that_cannot_be_made():
     still = trajectory_group("splitting", T, np.ones((11, 3)), np.ones((11, 1)))
     with pytest.raises(ValueError, match="hold no vorticity, so there is no film; leave out --film"):
         views.film(trajectories(still))
     with pytest.raises(ValueError, match="no film of results of kind 'strong', only of trajectories"):
         views.film(trajectories()._replace(attributes={"kind": "strong"}))
-    monkeypatch.setattr(FFMpegWriter, "isAvailable", lambda: False)
-    with pytest.raises(ValueError, match="needs the program ffmpeg, which is not installed; install it or make a GIF"):
-        views.save_film(views.film(trajectories(moving("splitting"))), tmp_path, "a", "mp4", lambda *_: None)
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_option_film(tmp_path, monkeypatch, capfd):

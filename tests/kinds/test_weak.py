@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from helpers import BY_HAND, COMPILED, LANES
+from helpers import BY_HAND, COMPILED, LANES, compiled_only
 from states import begun, finished
 from weak_cases import (
     FUNCTIONS,
-    SPEC,
     SPLITTINGS,
     after_blocks,
     case_of,
@@ -19,21 +18,12 @@ from weak_cases import (
     values_by_hand,
 )
 
-from spi import storage
-from spi.ensemble import loop
 from spi.expressions import parse_expression
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.study.sums import ROUND
-from spi.running import runs as runner
-from spi.running.runs import load
 from spi.schemes import SCHEMES
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- no noise --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
@@ -47,7 +37,7 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
         levels, _ = results_of(case, scheme, "multilevel", levels_plan_of)
     else:
         p = levels_plan_of(case, scheme)
-        levels = p.group(after_blocks(p, ROUND)).arrays
+        levels = p.results(after_blocks(p, ROUND)).group().arrays
     in_plain, _ = results_of(case, scheme, "plain")
     assert levels["level_variance"].max() < 1e-17
 
@@ -68,9 +58,6 @@ def test_without_noise_nothing_is_left_to_chance(scheme):
             assert np.all(np.abs(found["order"] - SCHEMES[scheme].weak_order) < 0.15)
 
 
-# --- paths that leave the finite numbers -----------------------------------------------------------------------------
-
-
 BLOW_UP = [
     "schemes=[euler_maruyama]",
     "model.sigma=[0.05, 0.05, 0.05]",
@@ -83,7 +70,6 @@ BLOW_UP = [
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_plain_counts_paths_that_blow_up():
     case = case_of(*BLOW_UP)
     found, attributes = results_of(case, "euler_maruyama", "plain")
@@ -96,22 +82,20 @@ def test_plain_counts_paths_that_blow_up():
     assert not np.isfinite(found["error"][:, 0]).any()
     assert not np.isfinite(found["error_stderr"][:, 0]).any()
     assert np.isfinite(found["error"][:, 1:]).all() and np.isfinite(found["error_stderr"][:, 1:]).all()
-    assert np.all(found["order_points"] <= 3)
+    assert np.all(found["points_in_fit"] <= 3)
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_plain_reports_a_reference_that_blows_up():
     case = case_of(*BLOW_UP, "model.sigma=[60, 60, 60]", "final_time=1", "steps=[2^-5, 2^-6]", "samples=100")
     found, attributes = results_of(case, "euler_maruyama", "plain")
     values = values_by_hand(case, "euler_maruyama")[case.reference_step]
     assert attributes["reference_nonfinite"] == (~np.isfinite(values)).any(axis=0).sum() > 0
     assert not found["resolved"].any()
-    assert np.isnan(found["order"]).all() and (found["order_points"] == 0).all()
+    assert np.isnan(found["order"]).all() and (found["points_in_fit"] == 0).all()
 
 
 @compiled_only
-@pytest.mark.filterwarnings("error")
 def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     case = case_of(*BLOW_UP, "seconds=0.5")
     found, _ = results_of(case, "euler_maruyama", "multilevel", levels_plan_of)
@@ -130,70 +114,6 @@ def test_multilevel_counts_paths_that_blow_up_and_gives_their_level_no_more():
     assert found["difference_samples"][0] == 2 * ROUND * LANES < found["difference_samples"][1:].max()
 
 
-# --- through the one path from a spec to a file ----------------------------------------------------------------------
-
-
-PARTS = [
-    Part(scheme, estimator) for scheme in ("splitting", "splitting_order2") for estimator in ("plain", "multilevel")
-]
-TIMES = ("cpu_seconds", "seconds", "ns_per_step", "level_cost_rate", "threads")
-
-
-def experiment():
-    keys = ["estimators=[plain, multilevel]", "samples=1000", "prefixes=[100, 1000]", "seconds=0.01"]
-    return load(SPEC, overrides=["schemes=[splitting, splitting_order2]", *keys])
-
-
-def numbers(path):
-    """Everything in a results file that must repeat."""
-    groups = {}
-    for group in storage.read(path).groups:
-        attributes = {k: v for k, v in group.attributes.items() if not k.endswith(TIMES)}
-        arrays = {k: v.tolist() for k, (_, v) in group.variables.items() if not k.endswith(TIMES)}
-        groups[Part(group.variant, group.estimator)] = repr((arrays, attributes))
-    return groups
-
-
-class Reports(list):
-    """Keeps what is reported; interrupts at a report, given by its number, of a part, given by its number."""
-
-    def __init__(self, number=None, after=None):
-        self.number, self.after = number, after
-
-    def __call__(self, progress):
-        self.append(progress)
-        if progress.number == self.number and len(self.of(self.number)) == self.after:
-            raise KeyboardInterrupt
-
-    def of(self, number):
-        return [progress for progress in self if progress.number == number]
-
-
-@compiled_only
-def test_a_run_writes_all_parts_and_goes_on_from_wherever_it_is_stopped(tmp_path, monkeypatch):
-    reports = Reports()
-    path = runner.run(experiment(), tmp_path / "whole", watch=runner.Watch(reports))
-    whole = numbers(path)
-    assert list(whole) == PARTS
-    for number, part in enumerate(PARTS):
-        own = reports.of(number)
-        assert {(r.part, r.parts) for r in own} == {(part.name, 4)}
-        assert own[0].done == 0 and np.isnan(own[0].stderr)
-        assert own[-1].done == own[-1].total and own[-1].stderr > 0
-    monkeypatch.setattr(loop, "BATCH_SECONDS", 0.0)
-    reached = {}
-    for stop in [(0, 2), (0, 3), (1, 2), (1, 9), (1, 20), (2, 1), (3, 15)]:
-        reports = Reports(*stop)
-        with pytest.raises(runner.Stopped):
-            runner.run(experiment(), tmp_path / "often", watch=runner.Watch(reports))
-        for number in range(stop[0] + 1):
-            own = reports.of(number)
-            assert own[0].done == reached.get(number, 0)  # nothing is lost and nothing done again
-            reached[number] = own[-1].done
-    path = runner.run(experiment(), tmp_path / "often")
-    assert numbers(path) == whole
-
-
 def test_cost_is_known_before_and_progress_on_the_way():
     case = case_of("samples=150")
     steps, seconds, _ = plan_of(case, "splitting", "plain").cost()
@@ -201,7 +121,9 @@ def test_cost_is_known_before_and_progress_on_the_way():
     assert steps == 3 * LANES * per_path  # blocks are computed whole
     assert 1e-9 < seconds / steps < 1e-7
     assert weak.parts(case) == [Part(scheme, "multilevel") for scheme in SPLITTINGS]
-    assert math.isnan(weak.plan(case_of("seconds=null", "standard_error=1"), PARTS[1]).cost().seconds)
+    assert math.isnan(
+        weak.plan(case_of("seconds=null", "standard_error=1"), Part("splitting", "multilevel")).cost().seconds
+    )
     steps, seconds, _ = plan_of(case_of("seconds=3"), "splitting_order2", "multilevel").cost()
     assert 3 <= seconds < 3.1 and 1e-9 < seconds / steps < 1e-7
     p = plan_of(case, "splitting", "plain")
@@ -209,7 +131,7 @@ def test_cost_is_known_before_and_progress_on_the_way():
     assert p.progress(begun(p, 2))[:2] == (128, 150)
     done = finished(p)
     assert p.progress(done)[:2] == (150, 150)
-    stderr = p.group(done).variables["error_stderr"][1][0, 0]
+    stderr = p.results(done).group().variables["error_stderr"][1][0, 0]
     assert math.isclose(p.progress(done)[2], stderr, rel_tol=1e-12)
 
 
@@ -221,5 +143,5 @@ def test_solutions_that_are_kept_are_told_apart_by_their_functions():
         plan = weak.plan(
             case_of("estimators=[kolmogorov]", f"functions={{phi: {function}}}"), Part("splitting", "kolmogorov")
         )
-        found.append(plan.group(finished(plan)).arrays["limit"][0])
+        found.append(plan.results(finished(plan)).group().arrays["limit"][0])
     assert found[0] != found[1]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import COMPILED
+from helpers import compiled_only
 from weak_cases import (
     FUNCTIONS,
     SPLITTINGS,
@@ -21,13 +21,7 @@ from weak_cases import (
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- what the twins are for ------------------------------------------------------------------------------------------
-
+from spi.schemes.stages import compositions
 
 RATES = {
     "rigid_body": ["steps=2^-3 .. 2^-9", "reference_step=2^-10"],
@@ -49,12 +43,13 @@ def variance_rates(system, scheme, reversals=None):
     if reversals is not None:
         differences = [level._replace(grid=level.grid._replace(reversals=np.array(reversals))) for level in p.levels]
         p = replace(p, levels=(*differences[:-1], p.levels[-1]))
-    found = p.group(after_blocks(p, 64)).arrays
+    found = p.results(after_blocks(p, 64)).group().arrays
     rates = [found[name] for name in ("level_variance_rate", "level_variance_rate_low", "level_variance_rate_high")]
     logarithms = np.log2(found["level_variance"][:, :4])
     return (*rates, np.polyfit(np.arange(4), logarithms.T, 1)[0])
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("system", RATES)
 @pytest.mark.parametrize(
@@ -62,11 +57,11 @@ def variance_rates(system, scheme, reversals=None):
     [
         ("splitting", None, 1),
         ("splitting_order2", None, 2),
-        # Negative controls: no twins; and twins with their coins turned but the increments left in their order.
+        # Negative controls: no antithetic paths; then antithetic ones with coins turned but increments in their order.
         ("splitting_order2", (AS_TOSSED,) * 4, 1),
         ("splitting_order2", (AS_TOSSED, COINS_TURNED) * 2, 1),
     ],
-    ids=["splitting", "twins", "no twins", "coins turned only"],
+    ids=["splitting", "antithetic", "not antithetic", "coins turned only"],
 )
 def test_the_variance_of_a_level_falls_with_the_square_of_the_step_with_twins_and_else_linearly(
     system, scheme, reversals, expected
@@ -77,9 +72,6 @@ def test_the_variance_of_a_level_falls_with_the_square_of_the_step_with_twins_an
     assert np.all((low - bend < expected) & (expected < high + bend))
     assert np.all(np.abs(rate - expected) < 2 * bend)
     assert np.all(low > 1.5) if expected == 2 else np.all(high < 1.5)
-
-
-# --- the estimators agree --------------------------------------------------------------------------------------------
 
 
 COARSE = ["steps=2^-2 .. 2^-4", "reference_step=2^-5"]
@@ -103,6 +95,7 @@ def deviations(found, stderr, value, error):
     return (np.abs(found - value) / np.hypot(stderr, error)).max()
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("scheme", SPLITTINGS)
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -141,6 +134,7 @@ def test_the_three_estimators_agree(system, scheme):
     assert np.all(off < 4 * np.hypot(levels["error_stderr"][:, -1], 1e-4) + 0.5 * lacking)
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_drift_first"])
 @pytest.mark.parametrize("system", SYSTEMS)
@@ -164,10 +158,8 @@ def test_errors_by_differences_agree_with_those_without_sampling(system, scheme)
     assert deviations(found["expectation"], found["expectation_stderr"], value[:, :-1], bound[:, :-1]) < 4
 
 
-# --- orders ----------------------------------------------------------------------------------------------------------
-
-
 @compiled_only
+@pytest.mark.share(1)
 @pytest.mark.parametrize(
     ("scheme", "order", "other", "seconds"), [("splitting", 1, 2, 0.5), ("splitting_order2", 2, 1, 4)]
 )
@@ -177,7 +169,7 @@ def test_orders_by_multilevel(scheme, order, other, seconds):
         ["steps=2^-4 .. 2^-7", "reference_step=2^-9"] if order == 1 else ["steps=2^-1 .. 2^-4", "reference_step=2^-6"]
     )
     found, attributes = results_of(case_of(*steps, f"seconds={seconds}"), scheme, "multilevel")
-    assert found["resolved"].all() and (found["order_points"] == 4).all()
+    assert found["resolved"].all() and (found["points_in_fit"] == 4).all()
     assert has_order(found, order)
     assert not np.any((found["order_low"] <= other) & (other <= found["order_high"]))
     assert np.all(found["order_high"] - found["order_low"] < 0.6)

@@ -5,24 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, final_states
+from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.study.differences import DifferencesPlan
+from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import BRIDGES, DIFFERENCES, LEVELS
 from spi.schemes import SCHEMES
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 COARSE = ("steps=[2^-1, 2^-2]", "reference_step=2^-3")
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 SIDES = AS_TOSSED, COINS_TURNED
 SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1]}"
-
-
-# --- what is computed ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -33,7 +28,7 @@ SHARED = "model={name: rigid_body_shared_noise, inertia: [2, 1, 2/3], noise_iner
         ("euler_maruyama", (), True),
         ("midpoint", ("truncate_noise=true", "steps=[2^-3]"), True),
         ("own", ("compositions={own: [drift 1, noise 1 coin]}",), True),
-        ("splitting_order2", (), False),  # these have reversed twins
+        ("splitting_order2", (), False),  # these have antithetic paths
         ("own", ("compositions={own: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]}",), False),
         ("own", ("compositions={own: [drift 1, noise 1]}", "model.sigma=[0, 0, 0]"), False),  # no theory
         ("ap_splitting", ("eps=0.1",), False),  # another limit
@@ -78,10 +73,11 @@ def test_differences_are_what_plain_numpy_finds():
     case = case_of("seed=7", *COARSE)
     p = plan_of(case, "splitting", "multilevel")
     blocks = [ROUND * n for n in ((3, 1, 2, 1, 2) if COMPILED else (1,) * 5)]
-    group = p.group(after_blocks(p, blocks))
+    group = p.results(after_blocks(p, blocks)).group()
     found, attributes = group.arrays, group.attributes
     levels, base, differences = samples_by_hand(case, "splitting", blocks)
-    assert attributes["compared_with"] == "splitting_order2" and not attributes["twins"]
+    # the levels, and so whether they have antithetic paths, are those of the other scheme
+    assert attributes["compared_with"] == "splitting_order2" and attributes["twins"]
     assert attributes["samples"] == sum(blocks) * LANES
     assert found["difference_samples"].tolist() == [LANES * n for n in blocks[3:]]
     assert found["level_samples"].tolist() == [LANES * n for n in blocks[:2]]
@@ -148,7 +144,7 @@ def test_the_variance_falls_linearly_and_doubles_with_one_side_of_the_coins(weig
     if weights:  # negative control
         levels = [level._replace(weights=np.array([weights, level.weights[1]])) for level in p.levels[p.base + 1 :]]
         p = replace(p, levels=(*p.levels[: p.base + 1], *levels))
-    found = p.group(after_blocks(p, [ROUND] * (p.base + 1) + [4 * ROUND] * len(case.steps))).arrays
+    found = p.results(after_blocks(p, [ROUND] * (p.base + 1) + [4 * ROUND] * len(case.steps))).group().arrays
     of_step = found["difference_variance"][0] / np.array(case.steps)
     assert np.all(np.abs(of_step / (2.67 * factor) - 1) < 0.25)
     assert abs(found["difference_variance_rate"][0] - 1) < 0.15

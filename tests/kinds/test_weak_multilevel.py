@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, final_states
+from helpers import COMPILED, LANES, compiled_only, final_states
 from states import finished, resumed, same_numbers, snapshots, taken
 from weak_cases import (
     FUNCTIONS,
@@ -18,17 +18,12 @@ from weak_cases import (
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.study import estimates, multilevel
+from spi.kinds.weak.estimators.multilevel import estimates
+from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- multilevel ------------------------------------------------------------------------------------------------------
-
 
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 
@@ -36,7 +31,7 @@ TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 def levels_by_hand(case, scheme, blocks):
     """[(coarse - fine, fine) for each level]; at the largest step the value, and that of ordinary paths alone.
 
-    Arrays [function, path]; with twins.
+    Arrays [function, path]; with antithetic paths for the scheme of order 2.
     """
     record, twins, levels = SCHEMES[scheme].record, scheme == "splitting_order2", []
     count = round(math.log2(max(case.steps) / case.reference_step))
@@ -72,7 +67,7 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
     blocks = [ROUND * n for n in ((3, 1, 2, 1) if COMPILED else (1, 1, 1))]
     p = levels_plan_of(case, scheme)
     state = after_blocks(p, blocks)
-    group = p.group(state)
+    group = p.results(state).group()
     coordinates, found, attributes = group.coordinates, group.arrays, group.attributes
     levels, base, alone = levels_by_hand(case, scheme, blocks)
     differences = [d for d, _ in levels]
@@ -118,7 +113,7 @@ def test_standard_errors_of_multilevel_leave_out_groups():
     p = levels_plan_of(case, "splitting")
     blocks = [ROUND] * len(p.levels)
     error, without, counts = estimates.errors(p, levels_after(p, blocks))
-    found = p.group(after_blocks(p, blocks)).arrays["error_stderr"]
+    found = p.results(after_blocks(p, blocks)).group().arrays["error_stderr"]
     assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
     levels, *_ = levels_by_hand(case, "splitting", blocks)
     for i, h in enumerate(case.steps):
@@ -127,18 +122,6 @@ def test_standard_errors_of_multilevel_leave_out_groups():
             sums = sum(d[f] for d, _ in levels[:below]) / extended(case, "splitting", h)
             assert math.isclose(error[f, i], sums.mean(), rel_tol=1e-9)
             assert math.isclose(found[f, i], stderr_by_hand(sums), rel_tol=1e-8)
-
-
-@pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
-def test_multilevel_does_not_depend_on_batches(scheme):
-    case = case_of(*([] if COMPILED else ["steps=[2^-1]", "reference_step=2^-2"]))
-    p = plan_of(case, scheme, "multilevel")
-    blocks = 12 if COMPILED else 3
-    whole = after_blocks(p, blocks)
-    for calls in (2, 3, blocks):
-        assert same_numbers(after_blocks(p, blocks, calls), whole)
-    sums = multilevel.snapshot(p, whole).sums
-    assert len(np.unique(np.round(sums[:, 0, 0, 0], 12))) > len(p.levels)  # random numbers of their own
 
 
 @compiled_only
@@ -158,6 +141,7 @@ def test_multilevel_goes_on_from_every_state(scheme):
     assert same_numbers(finished(p), whole)
 
 
+@pytest.mark.share
 @compiled_only
 @pytest.mark.parametrize("wish", ["seconds=0.5", "standard_error=0.0005"])
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
@@ -183,7 +167,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
             hoped = math.sqrt((variance / (blocks[:-1] * LANES)).sum())
             assert 0.8 * 0.0005 < hoped * math.sqrt(share) <= 0.0005 * 1.001
     state = finished(p)
-    levels, found = multilevel.snapshot(p, state), p.group(state).arrays
+    levels, found = multilevel.snapshot(p, state), p.results(state).group().arrays
     assert np.all(levels.blocks >= 2 * ROUND)
     stderr = found["error_stderr"][:, 0].max()
     if "seconds" in wish:

@@ -4,14 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from helpers import COMPILED
-from states import check_going_on, finished, same_numbers
+from helpers import COMPILED, compiled_only
 from weak_cases import (
     FUNCTIONS,
     case_of,
     extended,
     has_order,
-    plan_of,
     results_of,
     stderr_by_hand,
     values_by_hand,
@@ -19,11 +17,6 @@ from weak_cases import (
 
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import is_resolved
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- plain -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("samples", [200, 511] if COMPILED else [70])
@@ -49,17 +42,6 @@ def test_plain_is_what_plain_numpy_finds(scheme, samples):
     assert attributes["samples"] == samples
     assert attributes["functions"][1] == "y1^2"
     assert attributes["expected_order"] == SCHEMES[scheme].weak_order
-
-
-@pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
-def test_plain_does_not_depend_on_batches_or_interruptions(scheme):
-    """Prefixes within, at the beginning and at the end of blocks and of calls."""
-    samples, prefixes = (600, "[1, 64, 100, 128, 300, 600]") if COMPILED else (130, "[1, 64, 100, 128]")
-    p = plan_of(case_of(f"samples={samples}", f"prefixes={prefixes}"), scheme, "plain")
-    whole = finished(p, p.blocks)
-    for blocks in (1, 2, 4, None):
-        assert same_numbers(finished(p, blocks), whole)
-    assert len(check_going_on(p)) == 1 + p.blocks
 
 
 def test_results_for_the_first_samples_are_those_of_a_shorter_run():

@@ -1,16 +1,18 @@
 """What is read from stored weak errors, and what the readings of a case tell together."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from weak_results import LIMIT, TEXTS, H, at_eps, by_differences, weak, weak_group
 
 from spi import storage
-from spi.kinds.weak.reading import Order, read
-from spi.kinds.weak.reading.comparisons import agreement, comparable_sweeps, largest_over_eps, sweeps
+from spi.kinds.weak.comparisons import agreement, comparable_sweeps, largest_over_eps, sweeps
+from spi.kinds.weak.results import WeakErrors
 from spi.report import views
 from spi.statistics.estimators import GROUPS
+from spi.storage.records import Order
 
 EPS = (1e-2, 1e-3, 1e-4)
 
@@ -18,7 +20,8 @@ EPS = (1e-2, 1e-3, 1e-4)
 @pytest.fixture
 def three():
     return [
-        read(weak_group("splitting", name, prefixes=name == "plain")) for name in ("plain", "multilevel", "kolmogorov")
+        WeakErrors.of(weak_group("splitting", name, prefixes=name == "plain"))
+        for name in ("plain", "multilevel", "kolmogorov")
     ]
 
 
@@ -35,7 +38,7 @@ def test_shapes_and_what_each_estimator_has(three):
     np.testing.assert_array_equal(plain.half, 1.96 * plain.sampled.error_stderr)
     np.testing.assert_array_equal(exact.half, exact.unsampled.error_bound)
     np.testing.assert_array_equal(exact.unsampled.limit, LIMIT)
-    assert exact.unsampled.notes["degree"] == 40
+    assert exact.unsampled.noted["degree"] == 40
 
 
 def test_stages_and_levels(three):
@@ -47,22 +50,22 @@ def test_stages_and_levels(three):
     assert plain.stages.resolved[:, 0].sum(axis=1).tolist() == [5, 6, 6]
     levels = multilevel.levels
     assert levels.mean.shape == levels.consistency.shape == (2, 7) and levels.seconds.shape == (7,)
-    np.testing.assert_allclose(levels.variance_rate, [[2.0, 1.9, 2.1]] * 2)
+    assert levels.variance_rate == (Order(2.0, 1.9, 2.1, 7),) * 2
     assert not levels.twins and levels.cost_rate == 0.95 and multilevel.differences is None
 
 
 def test_differences():
-    reading = read(by_differences())
+    reading = WeakErrors.of(by_differences())
     found = reading.differences
     assert found.scheme == "splitting_order2" and reading.levels.twins
     assert found.mean.shape == found.consistency.shape == (2, len(H)) and found.seconds.shape == (len(H),)
-    np.testing.assert_allclose(found.variance_rate, [[1.0, 0.9, 1.1]] * 2)
+    assert found.variance_rate == (Order(1.0, 0.9, 1.1, 6),) * 2
 
 
 @pytest.mark.parametrize(("eps", "limit"), [(None, False), (0.0, False), (0.03, True), (0.04, False), (1e-9, True)])
 def test_whether_the_reference_shows_a_limit(eps, limit):
     group = weak_group("splitting", "multilevel", **({} if eps is None else {"eps": eps}))  # h_ref = 0.031^2
-    assert read(group).reference_shows_limit is limit
+    assert WeakErrors.of(group).reference_shows_limit is limit
 
 
 def test_agreement(three):
@@ -71,20 +74,21 @@ def test_agreement(three):
     np.testing.assert_allclose(found.deviation, [[1, -1, 1, -1, 1, -1]] * 2, rtol=1e-4)
     np.testing.assert_allclose(found.share, 1e-4 / np.abs(exact.error))
     assert agreement(exact, three) is None and agreement(plain, [plain, multilevel]) is None
-    other = exact._replace(about=exact.about._replace(variant="splitting_order2"))
+    other = replace(exact, about=exact.about._replace(variant="splitting_order2"))
     assert agreement(plain, [plain, other]) is None
-    one = exact._replace(functions=("square",), error=exact.error[1:], h=exact.h * 2)
-    one = one._replace(unsampled=one.unsampled._replace(error_bound=one.unsampled.error_bound[1:]))
+    one = replace(exact, functions=("square",), error=exact.error[1:], h=exact.h * 2)
+    one = replace(one, unsampled=replace(one.unsampled, error_bound=one.unsampled.error_bound[1:]))
     found = agreement(plain, [plain, one])
     assert np.isnan(found.deviation[0]).all() and np.isnan(found.deviation[1]).tolist() == [False] * 5 + [True]
 
 
 def test_sweeps_over_eps():
     readings = [
-        read(at_eps("ap_splitting", eps, factor=factor)) for eps, factor in zip(EPS[::-1], (1, 2, 3), strict=True)
+        WeakErrors.of(at_eps("ap_splitting", eps, factor=factor))
+        for eps, factor in zip(EPS[::-1], (1, 2, 3), strict=True)
     ]
-    single = read(at_eps("multiscale_euler", 0.1))
-    found = sweeps([*readings, single, read(weak_group("splitting", "multilevel", functions=1))])
+    single = WeakErrors.of(at_eps("multiscale_euler", 0.1))
+    found = sweeps([*readings, single, WeakErrors.of(weak_group("splitting", "multilevel", functions=1))])
     assert {key: [one.about.eps for one in members] for key, members in found.items()} == {
         ("ap_splitting", "multilevel"): list(EPS),
         ("multiscale_euler", "multilevel"): [0.1],
@@ -94,7 +98,7 @@ def test_sweeps_over_eps():
     assert key == ("ap_splitting", "multilevel") and top.which.tolist() == [0] * len(H)
     np.testing.assert_allclose(top.value, 3 * 0.5 * H)
     assert members[0].sampled.error_without.shape == (GROUPS, 1, len(H))
-    shorter = [readings[0]._replace(h=H * 2), *readings[1:]]
+    shorter = [replace(readings[0], h=H * 2), *readings[1:]]
     assert comparable_sweeps(shorter) == {} and comparable_sweeps(readings[:1]) == {}
 
 
@@ -103,7 +107,7 @@ def test_a_file_gives_the_same_readings(tmp_path):
     storage.write(tmp_path / "w.h5", weak(*groups))
     back = views.readings(storage.read(tmp_path / "w.h5"))
     for reading, group in zip(back, groups, strict=True):
-        assert repr(reading) == repr(read(group))
+        assert repr(reading) == repr(WeakErrors.of(group))
     assert back[0].panels == ("errors", "eps") and back[1].panels == ("errors",)
     assert (back[0].about.scheme, back[0].about.eps, back[0].about.variant) == (
         "ap_splitting",
@@ -122,12 +126,12 @@ def test_what_is_missing_is_said():
     group = weak_group("splitting", "multilevel")
     group.variables.pop("sd")
     group.attributes.pop("expected_order")
-    reading = read(group)
+    reading = WeakErrors.of(group)
     assert reading.sampled.sd is None and reading.expected_order is None
     exact = weak_group("splitting", "kolmogorov")
     exact.attributes["notes"] = "{"
-    assert read(exact).unsampled.notes == {}
+    assert WeakErrors.of(exact).unsampled.noted == {}
     group.attributes.pop("scheme")
     with pytest.raises(KeyError):
-        read(group)
+        WeakErrors.of(group)
     assert math.isfinite(reading.cpu_seconds)

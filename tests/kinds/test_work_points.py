@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-import work_cases
 from work_results import H
 
-from spi.kinds.work_precision.reading.work_points import (
+from spi.kinds.work_precision.work_points import (
     WorkCurve,
     WorkPoint,
     cheapest,
@@ -15,9 +14,6 @@ from spi.kinds.work_precision.reading.work_points import (
     time_factor,
     work_for,
 )
-
-# fixtures
-no_warnings = work_cases.no_warnings
 
 
 def curve(error, h=H, half=None, resolved=None, seconds=None, spread=1.0):
@@ -27,9 +23,6 @@ def curve(error, h=H, half=None, resolved=None, seconds=None, spread=1.0):
     resolved = np.isfinite(error) if resolved is None else np.asarray(resolved)
     seconds = 1.0 / h if seconds is None else seconds
     return WorkCurve(h, error, half, resolved, seconds, seconds / spread, seconds * spread)
-
-
-# --- the time for an error -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
@@ -84,7 +77,7 @@ def test_points_that_are_not_resolved():
 
 
 @pytest.mark.parametrize("bad", [np.inf, np.nan])
-def test_lost_paths_are_no_neighbours(bad, no_warnings):
+def test_lost_paths_are_no_neighbours(bad):
     error = np.array([0.01, bad, 0.05, 0.02])
     point = work_for(0.06, curve(error, H[:4], resolved=[True, False, True, True]))
     assert point.h == H[2] and point.at_most
@@ -133,9 +126,6 @@ def test_interval_of_a_median():
         low, high = interval_of_median(middle, low, high, repeats)
         assert least < np.mean((low <= 1) & (high >= 1)) < most
     assert interval_of_median(2.0, 1.0, 3.0, 1000) == (1.0, 3.0)
-
-
-# --- the cheapest ----------------------------------------------------------------------------------------------------
 
 
 def point(seconds, spread=1.1, at_most=False):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,23 +11,23 @@ from work_cases import answers
 from work_results import H, work_group, work_results
 
 from spi import printing
-from spi.kinds.work_precision.reading import read, requested
-from spi.kinds.work_precision.reading.work_points import interval_of_median
-from spi.kinds.work_precision.table import COLUMNS
+from spi.kinds.work_precision.results import WorkPrecision, requested
+from spi.kinds.work_precision.work_points import interval_of_median
 from spi.printing.text import duration
 from spi.report import views
 from spi.storage.records import Results
 
-# --- tables ----------------------------------------------------------------------------------------------------------
+COLUMNS = """case scheme h error error_stderr resolved casimir_drift nonfinite ns_per_step seconds_per_path
+    seconds_per_path_low seconds_per_path_high order order_low order_high points_in_fit expected_order measure
+    samples"""
 
 
 def test_rows():
     records = views.rows(work_results())
     assert len(records) == 3 * 5 * 9
     first, weak = records[0], records[-1]
-    assert list(first) == [name for name in COLUMNS if name not in ("error_bound", "eps", "extrapolate")]
-    missing = {"eps", "extrapolate", "error_stderr", "casimir_drift", "samples"}
-    assert list(weak) == [name for name in COLUMNS if name not in missing]
+    assert list(first) == COLUMNS.split()
+    assert set(weak) == set(first) - {"error_stderr", "casimir_drift", "samples"} | {"error_bound", "estimator"}
     group = work_group("one", "euler_maruyama")
     values = {name: values for name, (_, values) in group.variables.items()}
     assert first["error"] == values["error"][0] and first["casimir_drift"] == values["casimir_drift"][0].max()
@@ -40,30 +41,15 @@ def test_rows():
     assert "nonfinite" not in views.rows(Results({"kind": "work_precision"}, (bare,)))[0]
 
 
-def test_a_scheme_at_several_eps_keeps_its_name():
-    group = work_group("one", "splitting")
-    groups = [
-        group._replace(variant=f"splitting_eps_{eps:g}", attributes=group.attributes | {"eps": eps})
-        for eps in (0.1, 0.01)
-    ]
-    results = Results({"kind": "work_precision"}, tuple(groups))
-    records = views.rows(results)
-    assert [(r["scheme"], r["eps"]) for r in records[::9]] == [("splitting", 0.1), ("splitting", 0.01)]
-    assert "splitting, eps = 0.1: order" in printed(results)
-
-
-# --- readings --------------------------------------------------------------------------------------------------------
-
-
 def test_reading_of_strong_errors():
     group = work_group("lost", "euler_maruyama")
-    found = read(group)
+    found = WorkPrecision.of(group)
     assert (found.measure, found.exact, found.estimator, found.functions) == ("strong", False, "", ())
     assert (found.samples, found.order.points, found.about.variant) == (500, 9, "euler_maruyama")
     v = group.arrays
     for name in ("error", "error_stderr", "resolved", "nonfinite", "seconds_per_path", "ns_per_step"):
         np.testing.assert_array_equal(getattr(found, name), v[name])
-    np.testing.assert_array_equal(found.casimir_drift, np.maximum(*v["casimir_drift"].T))
+    np.testing.assert_array_equal(found.largest_drift, np.maximum(*v["casimir_drift"].T))
     np.testing.assert_array_equal(found.half, 1.96 * v["error_stderr"])
     np.testing.assert_array_equal(found.curve.half, found.half)
     ends = interval_of_median(v["seconds_per_path"], v["seconds_per_path_low"], v["seconds_per_path_high"], 7)
@@ -74,19 +60,19 @@ def test_reading_of_weak_errors():
     """A bound takes the place of half an interval, and there are no Casimirs."""
     group = work_group("weak", "splitting", "weak")
     del group.variables["nonfinite"]
-    found = read(group)
+    found = WorkPrecision.of(group)
     assert (found.measure, found.exact, found.estimator, found.samples) == ("weak", True, "kolmogorov", None)
     assert found.functions == ("sin(6.283185307179586*y1)",)
-    assert found.casimir_drift is None and found.nonfinite is None
-    np.testing.assert_array_equal(found.half, group.arrays["error_stderr"])
+    assert found.largest_drift is None and found.nonfinite is None
+    np.testing.assert_array_equal(found.half, group.arrays["error_bound"])
     none = work_group("one", "splitting")
     none.variables["casimir_drift"] = ("h", "casimir"), np.empty((9, 0))
-    assert read(none).casimir_drift is None
+    assert WorkPrecision.of(none).largest_drift is None
 
 
 def test_requested_errors_of_all_schemes_are_asked_for():
-    readings = [read(work_group("one", scheme)) for scheme in ("splitting", "midpoint")]
-    readings[1] = readings[1]._replace(targets=(0.5, 0.01))
+    readings = [WorkPrecision.of(work_group("one", scheme)) for scheme in ("splitting", "midpoint")]
+    readings[1] = replace(readings[1], targets=(0.5, 0.01))
     assert requested(readings) == [1e-3, 0.01, 0.1, 0.5]
 
 
@@ -133,10 +119,11 @@ def test_bounds_are_not_widened(exact, told):
     """Errors of 5 % make one of 0.05 or of 1.96 * 0.05 in the logarithm of each time; the two are 1.1 apart."""
     groups = [work_group("weak", scheme, "weak", noisy=False) for scheme in ("splitting", "splitting_drift_first")]
     for group, factor in zip(groups, (1.0, 1.1), strict=True):
-        values = {"error": 0.1 * H, "error_stderr": 0.005 * H, "resolved": H > 0}
+        del group.variables["error_bound"]
+        values = {"error": 0.1 * H, "error_bound" if exact else "error_stderr": 0.005 * H, "resolved": H > 0}
         values |= dict.fromkeys([f"seconds_per_path{end}" for end in ("", "_low", "_high")], 1e-8 * factor / H)
         group.variables.update((name, (("h",), value)) for name, value in values.items())
-        group.attributes.update(exact=exact, targets=(1e-3,))
+        group.attributes.update(targets=(1e-3,))
     (found,) = answers(printed(Results({"kind": "work_precision"}, tuple(groups))))
     assert found["1e-3"].split("1  ")[-1].strip() == told
 

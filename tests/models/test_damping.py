@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from extending import Oscillator
 from helpers import (
-    COMPILED,
     INITIAL,
     LANES,
     RIGID_BODY,
     SCHEMES,
     LinearlyDamped,
+    compiled_only,
     final_states,
     take_step,
     take_steps,
@@ -42,11 +42,10 @@ from spi.ensemble.protocol import (
 from spi.models import RigidBody
 from spi.models.damped import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES
-from spi.running.runs import plans
-from spi.schemes.rows import compositions
+from spi.running.run import plans
+from spi.schemes.stages import compositions
 from spi.specs import SpecError
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 GAMMA = 0.7
 
 # --- the flow --------------------------------------------------------------------------------------------------------
@@ -56,7 +55,8 @@ GAMMA = 0.7
 def case(request):
     """(a damped model, a state)."""
     _, model, sampler = request.param
-    return damped(model, GAMMA), tuple(sampler(np.random.default_rng(4)).tolist())
+    with uncompiled():
+        yield damped(model, GAMMA), tuple(sampler(np.random.default_rng(4)).tolist())
 
 
 def test_there_is_one_piece_more_and_nothing_else(case):
@@ -117,6 +117,7 @@ def take_step_uncompiled(scheme, model, h, dW, y):
     return block.reshape(y.shape), report
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("name", ["splitting", "splitting_drift_first", "splitting_order2"])
 def test_casimirs_decay_to_rounding_and_with_no_other_factor(name):
     generator, h = np.random.default_rng(6), 0.25
@@ -195,6 +196,7 @@ def test_the_mean_is_that_of_the_damped_equation():
     assert (np.abs(y.mean(axis=1)) < 4.5 * y.std(axis=1) / np.sqrt(y.shape[1])).all()
 
 
+@pytest.mark.slow
 @compiled_only
 def test_schemes_have_one_limit_and_strong_order_one_with_one_noise():
     one_noise = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))  # of the same kernels as with three
@@ -240,6 +242,7 @@ ONE_NOISE = "model.sigma=[1, 0, 0]"
 load_text = long_time_cases.load_text
 
 
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize(
     ("text", "name", "asked"),
@@ -254,7 +257,7 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
     (plan,) = plans(load_text(text, "schemes=[splitting]", ONE_NOISE))
 
     def group_and_worst():
-        group = plan.group(finished(plan))
+        group = plan.results(finished(plan)).group()
         return group, np.abs(group.variables[name][1]).max()
 
     group, worst = group_and_worst()
@@ -268,9 +271,10 @@ def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text,
     assert worst > 1e-3
 
 
+@pytest.mark.slow
 @compiled_only
 def test_damping_is_swept(load_text):
-    group = next(plan.group(finished(plan)) for plan in plans(load_text(STABILITY)))
+    group = next(plan.results(finished(plan)).group() for plan in plans(load_text(STABILITY)))
     assert group.variables["casimir_worst"][1].shape[0] == 2
     assert group.variables["casimir_worst"][1].max() < 1e-13
     assert "model_damping" not in group.attributes  # which has no one value
@@ -282,7 +286,7 @@ def test_expectations_of_the_damped_equation(load_text):
     plan = plans(load_text(WEAK, "functions=y1^2 + y2^2 + y3^2", "schemes=[splitting]"))[0]
     states = final_states(plan.scheme, plan.model, h=2.0**-4, steps=16, blocks=1)[0]
     assert np.allclose((states**2).sum(axis=0), np.exp(-1.0), rtol=1e-14)
-    group = plan.group(finished(plan))
+    group = plan.results(finished(plan)).group()
     assert np.abs(group.variables["error"][1]).max() < 1e-14
 
 

@@ -16,7 +16,7 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.lattice import lines, modes, nearest, places
 from spi.numerics.angles import ANY_ANGLES
 from spi.schemes import SCHEMES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 SIZES = (3, 5, 7, 9)
 SIGMA = (0.5, 0.75, 1.0, 1.25)
@@ -77,7 +77,7 @@ def test_flows_of_sine_euler(moved):
 
 
 def composed(flows, h, y, dW):
-    """A step of the built-in model by the flows of ``schemes.rows.compositions``, with shares of the increments."""
+    """A step of the built-in model by the flows of ``schemes.stages.compositions``, with shares of the increments."""
     for part, k, share in flows:
         flow, t = (drift_flow, h) if part == "drift" else (noise_flow, SIGMA[k] * dW[k])
         y = flow(SINE_EULER, k, share * t, y, ANY_ANGLES)
@@ -93,7 +93,7 @@ def test_steps_of_sine_euler():
     }
     with uncompiled():
         for name, results in steps.items():
-            for ours, (_, flows) in zip(results, compositions(SCHEMES[name].record.rows, SINE_EULER), strict=True):
+            for ours, (_, flows) in zip(results, compositions(SCHEMES[name].record.stages, SINE_EULER), strict=True):
                 assert near(ours, composed(flows, h, tuple(y), dW))
     found = [step for results in steps.values() for step in results]
     assert all(not near(a, b, 1e-4) for a, b in itertools.combinations(found, 2))

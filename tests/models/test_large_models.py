@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-import numba
 import numpy as np
 import pytest
 from helpers import COMPILED, RIGID_BODY
@@ -15,13 +14,12 @@ from model_cases import MODELS_UNDER_TEST, close
 
 from spi import systems
 from spi.checks.differences import along, derivative
-from spi.compiler.dispatch import INDICES, MOST, inlined
-from spi.compiler.inlining import uncompiled
+from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.fields import drift_field, noise_field, unit
-from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, flow_ns, hamiltonian, noise_flow
+from spi.ensemble.protocol import NonNegative, area_pairs, drift_flow, drift_gradient, hamiltonian, noise_flow
 from spi.models import MODELS, register_model
 from spi.numerics.angles import SMALL_ANGLES
-from spi.schemes import SCHEMES, costs, typical_ns
+from spi.schemes import SCHEMES, typical_ns
 from spi.specs import SpecError
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -50,6 +48,7 @@ def test_the_ring_is_what_it_says(ring):
         assert slope == pytest.approx(drift_gradient(ring, y)[j], abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_more_than_sixteen_components_compile_and_keep_their_casimirs(tmp_path):
     """By itself, with a cache of its own: no other process could load what is cached for a model of a passing file."""
@@ -145,23 +144,19 @@ def test_more_pairs_of_noises_than_there_are_indices_are_refused_with_areas(spec
     assert len(area_pairs(without.cases[0].model)) == 66
 
 
-# --- costs -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     "model", [model for _, model, _ in MODELS_UNDER_TEST], ids=[n for n, _, _ in MODELS_UNDER_TEST]
 )
-def test_counted_flows_cost_what_the_models_state(model):
-    each = [costs.flow_cost("drift", k, model) for k in range(model.pieces)]
-    assert flow_ns(model) / 1.6 < np.mean(each) < 1.6 * flow_ns(model)
+def test_the_rule_says_about_what_the_models_state(model):
+    unstated = type("Unstated", (type(model),), {"flow_ns": 0.0})(*model)
+    assert 1 / 2 < typical_ns(SCHEMES["splitting"], unstated) / typical_ns(SCHEMES["splitting"], model) < 2
 
 
-def test_counting_tells_large_from_small(ring):
-    """A model that says nothing was taken for one with three components."""
+def test_the_rule_tells_large_from_small(ring):
+    """A model that says nothing was once taken for one with three components."""
     assert typical_ns(SCHEMES["splitting"], ring) > 5 * typical_ns(SCHEMES["splitting"], RIGID_BODY)
-    assert typical_ns(SCHEMES["euler_maruyama"], ring) > 5 * typical_ns(SCHEMES["euler_maruyama"], RIGID_BODY)
+    assert typical_ns(SCHEMES["euler_maruyama"], ring) > 3 * typical_ns(SCHEMES["euler_maruyama"], RIGID_BODY)
     assert typical_ns(SCHEMES["midpoint"], ring) > 20 * typical_ns(SCHEMES["midpoint"], RIGID_BODY)
-    assert costs.flow_cost("noise", 0, ring) < costs.flow_cost("drift", 0, ring)  # one spin turns, or all
 
 
 def test_what_is_stated_counts(ring):
@@ -170,16 +165,3 @@ def test_what_is_stated_counts(ring):
 
     draws = 0.85 * ring.noises
     assert typical_ns(SCHEMES["splitting"], Stated(*ring)) == pytest.approx(draws + 100.0 * (3 + ring.noises))
-
-
-@inlined
-def _twice(x):
-    return x + x
-
-
-def test_inlined_functions_run_as_written_where_asked():
-    with uncompiled():
-        assert _twice("ab") == "abab"
-    if COMPILED:
-        with pytest.raises(numba.TypingError):
-            _twice(object())

@@ -38,9 +38,6 @@ def gradient_of(f, y):
     return np.array([derivative(lambda s, e=e: f(along(y, e)(s))) for e in np.eye(len(y))])
 
 
-# --- gradients and structure -----------------------------------------------------------------------------------------
-
-
 def test_gradient_of_the_hamiltonian(case):
     model, y = case
     assert close(drift_gradient(model, y), gradient_of(lambda y: hamiltonian(model, y), y), 1e-11)
@@ -95,9 +92,6 @@ def test_casimirs_are_in_the_kernel_of_the_structure(case):
         gradient = gradient_of(lambda y, c=c: casimirs(model, y)[c], y)
         assert np.linalg.norm(gradient) > 0.1
         assert np.linalg.norm(structure(model, y, tuple(gradient))) <= 1e-11 * np.linalg.norm(gradient)
-
-
-# --- derived fields --------------------------------------------------------------------------------------------------
 
 
 def test_ito_correction(case):

@@ -60,9 +60,6 @@ def test_shared_noise_has_no_exact_flow():
     assert not close(there_and_back, y, 1e-2)
 
 
-# --- flows -----------------------------------------------------------------------------------------------------------
-
-
 def flow_by_solver(field, t, y):
     solution = solve_ivp(lambda _, y: field(tuple(y.tolist())), (0.0, t), y, method="DOP853", rtol=1e-12, atol=1e-13)
     return solution.y[:, -1]

@@ -1,24 +1,22 @@
-"""Models that are no part of the package: from a Python file, and from an installed package."""
+"""Models from a Python file."""
 
-import itertools
+import hashlib
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from damage import call as command
 from helpers import COMPILED
 from own_models import OSCILLATOR, check_other_processes
 
-import spi
 from spi import storage
-from spi.checks import model_checks
+from spi.checks import passed
 from spi.checks.compilable import CompilationError
-from spi.models import MODELS
-from spi.running import runs, slices, verification
-from spi.running.session import Watch
+from spi.running import run as runs
+from spi.running import shards, verify
+from spi.running.run import Watch
 from spi.specs import SpecError, models
 
 TOP = Path(__file__).parents[1].joinpath("heavy_top.py").read_text(encoding="utf-8")
@@ -131,8 +129,8 @@ WRONG_SPECS = [
     ("my_top.py", "[x]", "python: is a list; must be the path of a Python file"),
     (" name: HeavyTop,", "", "name: missing key 'name'; add name: the class in my_top.py, one of HeavyTop"),
     ("Top", "Tops", "name: is 'HeavyTops', for which there is no class in my_top.py; did you mean 'HeavyTop'?"),
-    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is no class derived from NamedTuple; correct my_top"),
-    ("inertia:", "inertai:", "inertai: is no known key; did you mean 'inertia'?"),
+    ("HeavyTop", "turned", "name: is 'turned': model 'turned' is not a class derived from NamedTuple; correct my_top"),
+    ("inertia:", "inertai:", "inertai: is not a known key; did you mean 'inertia'?"),
     ("2/3]}", "x]}", "inertia: entry 3 is 'x' (unknown word 'x'); must be a number"),
     ("2/3]}", "2/3], weight: [1]}", "weight: is a list; must be a number"),
 ]
@@ -198,9 +196,9 @@ def test_wrong_classes(top, old, new, message):
     ("old", "new", "message"),
     [
         (
-            "@inlined\ndef cross",
+            "@device\ndef cross",
             "def cross",
-            "structure, line 59, calls cross, which is not compiled into it; add @inlined",
+            "structure, line 59, calls cross, which is not compiled into it; add @device",
         ),
         ("return v[0] / i[0]", "return model.dimension * v[0]", "drift_hessian, line 76, has model.dimension, which"),
         ("return v[0] / i[0]", "return model._half(v[0])", "drift_hessian, line 76, has model._half, which compiled"),
@@ -257,12 +255,12 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
 
 def test_checks_are_made_once_for_each_text(top, monkeypatch):
     asked = []
-    monkeypatch.setattr(model_checks, "check_model", lambda model, states, written: asked.append(model) or [])
+    monkeypatch.setattr(passed, "check_model", lambda model, states, written: asked.append(model) or [])
     unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
     assert len(asked) == 1
-    model_checks._PASSED.clear()  # as in another process
+    passed._PASSED.clear()  # as in another process
     top(source=TOP + unique)
     assert len(asked) == (1 if COMPILED else 2)
     top(source=TOP + unique + "#\n")
@@ -283,7 +281,7 @@ def test_a_model_that_fails_is_checked_again(top):
 
 
 def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
-    """Its results hold the text, and are verified without the file; parts, other processes and an edit."""
+    """Its results hold the text, and are verified without the file; shards, other processes and an edit."""
     experiment = oscillator()
     path = runs.run(experiment, "out")
     attributes = storage.read(path).attributes
@@ -294,10 +292,10 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
 
     told = []
     runs.run(experiment, "out", watch=Watch(tell=told.append))
-    assert "very spec" in told[0]
+    assert "already has the results" in told[0]
     for number in (1, 2):
-        slices.run_slice(experiment, slices.Slice(number, 2), "parts")
-    merged = slices.merge(experiment, "parts")
+        shards.run_shard(experiment, shards.Shard(number, 2), "shards")
+    merged = shards.merge(experiment, "shards")
     whole, parts = (storage.read(file).groups[0].arrays for file in (path, merged))
     assert all(
         np.array_equal(whole[name], parts[name], equal_nan=True)
@@ -311,7 +309,7 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     with pytest.raises(storage.StorageError, match="results of another spec"):
         runs.results_of("s.yaml", "out")
     Path("my_model.py").unlink()
-    found = verification.verify(path, 1)
+    found = verify.verify(path, 1)
     assert found.checked and not found.different
 
 
@@ -324,16 +322,8 @@ def test_names_that_generated_modules_have_spare_a_file_no_check(oscillator):
     """What somebody wrote is looked at for what cannot be compiled, whatever it defines."""
     source = OSCILLATOR.replace("return v[1], -v[0]", "return turned(v)")
     helper = "VARIABLES = ('q', 'p')\n\n\ndef turned(v):\n    return v[1], -v[0]\n\n\nclass Oscillator"
-    with pytest.raises(SpecError, match="calls turned, which is not compiled into it; add @inlined"):
+    with pytest.raises(SpecError, match="calls turned, which is not compiled into it; add @device"):
         oscillator(source=source.replace("class Oscillator", helper))
-
-
-def command(*arguments):
-    """What `spi` with these arguments answers: (exit code, stdout, stderr)."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(spi.__file__).parent.parent), "."])}
-    program = [sys.executable, "-c", "from spi.cli import main; main()", *arguments]
-    answer = subprocess.run(program, env=environment, capture_output=True, text=True, check=False, timeout=300)
-    return answer.returncode, answer.stdout, answer.stderr
 
 
 def test_the_command_line(oscillator):
@@ -349,6 +339,7 @@ def test_the_command_line(oscillator):
     assert err.count("\n") == 1 and not Path("out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="about the compiler")
 def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
     """A strength that is off is None, with which nothing can be computed."""
@@ -362,70 +353,13 @@ def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
     assert "Traceback" not in err and list(Path("out").glob("*.h5")) == []
 
 
-# --- installed packages ----------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def installed(tmp_path, monkeypatch):
-    """installed(package, entry points, text) installs a package with one module and forgets what was known before."""
-    numbers = itertools.count()
-
-    def install(package, points, text):
-        monkeypatch.syspath_prepend(tmp_path)
-        (tmp_path / f"{package}.py").write_text(text)
-        about = tmp_path / f"{package}-1.{next(numbers)}.dist-info"
-        about.mkdir()
-        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        (about / "entry_points.txt").write_text("[spi.models]\n" + "".join(f"{line}\n" for line in points))
-        models.registered.cache_clear()
-
-    yield install
-    models.registered.cache_clear()
-    models._LOADED.clear()
-
-
-def test_a_registered_model_is_used_by_its_name(installed, spec):
-    installed("package_a", ["spring = package_a:Oscillator"], OSCILLATOR)
-    text = OSCILLATOR_SPEC.replace("python: my_model.py, name: Oscillator", "name: spring")
-    experiment = spec(text)
-    assert experiment.cases[0].model_name == "spring" and experiment.files == ()
-    assert len(experiment.effective["cases"]["main"]["model"]["code"]) == 16
-    with pytest.raises(SpecError, match=r"s.yaml:2: model.name: is 'sprin'; did you mean 'spring'\?"):
-        spec(text.replace("spring", "sprin"))
-    with pytest.raises(SpecError, match=r"s.yaml:2: model.sgima: is no known key; did you mean 'sigma'\?"):
-        spec(text.replace("sigma", "sgima"))
-    code, out, err = command("list")
-    assert (code, err) == (0, "") and "spring" in out and "rigid_body" in out
-    run = "run", "s.yaml", "--set", "schemes=[euler_maruyama]"
-    code, out, err = command(*run)
-    assert code == 2 and "model.sgima" in err  # as the file now says
-    Path("s.yaml").write_text(text)
-    assert command(*run)[0] == 0
-
-
-def test_a_broken_package_is_no_obstacle(installed, spec):
-    """A built-in model keeps its name, whatever packages register."""
-    points = ["gone = package_b:Gone", "bad = package_b:Bad", "rigid_body = package_b:Oscillator"]
-    installed("package_b", points, OSCILLATOR.replace("class Osc", "class Bad:\n    pass\n\n\nclass Osc"))
-    code, out, err = command("list")
-    assert code == 0 and "maxwell_bloch" in out
-    first, second = err.splitlines()
-    start = "which the package package_b registers as package_b:"
+def test_a_file_may_import_its_class_from_an_installed_package(oscillator, tmp_path, monkeypatch):
+    """The code of the package then belongs to the hash of the spec."""
+    monkeypatch.syspath_prepend(tmp_path)
+    Path(tmp_path, "package_a.py").write_text(OSCILLATOR)
+    experiment = oscillator(source="from package_a import Oscillator as Oscillator\n")
+    assert experiment.cases[0].model_name == "Oscillator"
     assert (
-        first == f"spi: the model 'bad', {start}Bad, fails: TypeError: model 'bad' is no class derived from NamedTuple"
+        experiment.effective["cases"]["main"]["model"]["code"]
+        == hashlib.sha256(b"package_a.py" + OSCILLATOR.encode()).hexdigest()[:16]
     )
-    assert second.startswith(f"spi: the model 'gone', {start}Gone, fails: AttributeError: ")
-    with pytest.raises(
-        SpecError, match=r"s.yaml:2: model.name: is 'gone', which the package package_b .* repair or remove what"
-    ):
-        spec(OSCILLATOR_SPEC.replace("python: my_model.py, name: Oscillator", "name: gone"))
-    assert models.catalogue()[0]["rigid_body"] is MODELS["rigid_body"]
-    installed("package_d", ["bad = package_d:Oscillator"], OSCILLATOR)
-    (said,) = [problem for problem in models.catalogue()[1] if "bad" in problem]
-    assert said.endswith("is ambiguous") and "package_d:Oscillator" in said and "package_b:Bad" in said
-
-
-def test_nothing_is_loaded_for_the_help(installed):
-    installed("package_c", ["heavy = package_c:Heavy"], "raise SystemExit('loaded')\n")
-    code, out, err = command("--help")
-    assert (code, err) == (0, "") and "loaded" not in out

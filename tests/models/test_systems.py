@@ -48,9 +48,6 @@ def states(generator, d):
     return [tuple(y) for y in generator.standard_normal((POINTS, d)).tolist()]
 
 
-# --- Maxwell-Bloch, Example expl-MB and section 4.1 ------------------------------------------------------------------
-
-
 def maxwell_bloch_matrix(y):
     _, y2, y3 = y
     return np.array([[0, -y3, y2], [y3, 0, 0], [-y2, 0, 0]])
@@ -80,9 +77,6 @@ def test_maxwell_bloch_flows_are_the_printed_matrices(t, generator):
             for flow in (drift_flow, noise_flow):
                 assert close(flow(MAXWELL_BLOCH, k, t, y, ANY_ANGLES), matrix @ y, 1e-14)
                 assert not close(flow(MAXWELL_BLOCH, k, -t, y, ANY_ANGLES), matrix @ y, 1e-4)  # negative control
-
-
-# --- sine-Euler, Example expl-SE -------------------------------------------------------------------------------------
 
 
 def printed_matrix(y):
@@ -160,9 +154,6 @@ def test_sine_euler_flows_are_matrix_exponentials(t, generator):
             for flow in (drift_flow, noise_flow):
                 assert close(flow(SINE_EULER, k, t, y, ANY_ANGLES), expected, 1e-13)
                 assert not close(flow(SINE_EULER, k, 0.5 * t, y, ANY_ANGLES), expected, 1e-4)  # with 2 |k|^2
-
-
-# --- Lotka-Volterra, the first Example -------------------------------------------------------------------------------
 
 
 def test_lotka_volterra_equations_are_the_printed_ones(generator):

@@ -23,7 +23,7 @@ from zeitlin_cases import (
 )
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import drift_flow, in_kernels, noise_flow
+from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
@@ -31,7 +31,7 @@ from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import lattice
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
-from spi.schemes.rows import compositions
+from spi.schemes.stages import compositions
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
 
@@ -48,9 +48,6 @@ BY_REFERENCE = {
     "half_noise": lambda model, h, halves, coin, y: fluids.strang(model, h, halves, y),
     "euler_maruyama": lambda model, h, halves, coin, y: fluids.euler_maruyama(model, h, sum(halves), y),
 }
-
-
-# --- N = 3: the built-in model ---------------------------------------------------------------------------------------
 
 
 def test_flows_of_sine_euler():
@@ -78,30 +75,13 @@ def test_steps_of_sine_euler(name):
     h, y, coins = 0.5, states(3, 11), coins_of(11)
     half = increments(ITS_TWIN, h, 1, 11).mean(axis=1)
     ours = take(name, ITS_TWIN, h, np.stack([half, half], axis=1), y, coins).states
-    sides = compositions(STEPPERS[name].rows, SINE_EULER)
+    sides = compositions(STEPPERS[name].stages, SINE_EULER)
     for path, coin in enumerate(coins):
         with uncompiled():
             found = [composed(flows, h, tuple(y[path]), 2 * half[0, :, path]) for _, flows in sides]
         side = 0 if coin == 1 else len(sides) - 1
         assert apart(ours[path], found[side]) < 1e-13
         assert len(sides) == 1 or apart(ours[path], found[1 - side]) > 1e-4
-
-
-def test_the_equations_of_sine_euler_are_left_to_its_flows():
-    """The record for kernels is a small model with its parameters; other equations of N = 3 take the general code."""
-    y = tuple(fluids.random_state(3))
-    ours = in_kernels(ITS_TWIN)
-    assert ours.sigma == SIGMA and not getattr(ours, "large", False)
-    with uncompiled():
-        assert drift_flow(ours, 1, 0.3, y, ANY_ANGLES) == drift_flow(SINE_EULER, 1, 0.3, y, ANY_ANGLES)
-    assert in_kernels(Zeitlin(3)).sigma == (None,) * 4
-    assert in_kernels(Zeitlin(3, (Noise(0.5, modes=((-1, -1),)),))).sigma == (None, 0.5, None, None)
-    linear = Zeitlin(3, (Noise(0.5, modes=((1, 0),), hamiltonian="linear"),))
-    for other in (ITS_TWIN._replace(normalisation="zeitlin"), linear):
-        assert in_kernels(other) is tables(other) and tables(other).large
-
-
-# --- flows -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
@@ -192,9 +172,6 @@ def test_paths_do_not_depend_on_how_many_there_are(n, name):
         part = take(name, model, h, dW[..., :paths], y[:paths], coins[:paths]).states
         assert np.array_equal(part, whole[:paths])
     assert len(np.unique(whole, axis=0)) == most
-
-
-# --- steps -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n", SIZES if COMPILED else (5, 9))

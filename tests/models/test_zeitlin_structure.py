@@ -30,9 +30,6 @@ pytestmark = pytest.mark.xdist_group("zeitlin")
 SPLITTINGS = [name for name in STEPPERS if name != "euler_maruyama"]
 
 
-# --- Poisson maps ----------------------------------------------------------------------------------------------------
-
-
 def jacobian(f, y, delta=0.005):
     """D f(y) for a function of LANES states, by central differences of eighth order."""
     d, shifts = len(y), delta * np.array([*STENCIL, *(-j for j in STENCIL)])
@@ -87,9 +84,6 @@ def test_flows_are_groups(n):
         assert apart(moved(model, what, k, -s, first)[0], y) < 1e-14 < 1e-4 < apart(first, y)
 
 
-# --- Casimirs and energy ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("n", (3, *SIZES))
 def test_invariants_by_the_kernel(n):
     """C_2, C_3, ... as powers of a matrix, and H as a sum; as many Casimirs as are asked for and there are."""
@@ -142,6 +136,7 @@ def energy_error(name, h, time, every=25.0):
     return max(errors[:half]), max(errors[half:])
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
 @pytest.mark.parametrize(("name", "order"), [("splitting", 1), ("splitting_symmetric", 2), ("half_noise", 2)])
 def test_energy_without_noise(name, order):
@@ -150,9 +145,6 @@ def test_energy_without_noise(name, order):
     assert np.log2(max(coarse) / max(fine)) / 2 == pytest.approx(order, abs=0.3)
     early, late = coarse
     assert late < 1.5 * early < 0.1  # an error that grows like time would be twice as large
-
-
-# --- strong order ----------------------------------------------------------------------------------------------------
 
 
 def ends(name, model, fine, count):

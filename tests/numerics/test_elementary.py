@@ -44,6 +44,12 @@ def versine(x):
     return 2 * mpmath.sin(x / 2) ** 2
 
 
+def assert_both_accurate(function, x):
+    s, v = call(function, x, 2)
+    assert_accurate(x, s, mpmath.sin)
+    assert_accurate(x, v, versine)
+
+
 def multiples_of_half_pi(numbers):
     """n pi/2, rounded, with the floating neighbours."""
     with mpmath.workdps(40):
@@ -51,9 +57,6 @@ def multiples_of_half_pi(numbers):
 
 
 SPECIAL_ANGLES = np.array([0.0, DENORMAL, -DENORMAL, 5 * DENORMAL, TINY, -TINY, 1e-300, 1e-160, 1e-20, 1e-8, -1e-8])
-
-
-# --- sine and versine ------------------------------------------------------------------------------------------------
 
 
 def test_small_angles():
@@ -64,9 +67,7 @@ def test_small_angles():
             [elementary.SMALL, -elementary.SMALL, np.nextafter(elementary.SMALL, 0.0)],
         ]
     )
-    s, v = call(sin_versine_small, x, 2)
-    assert_accurate(x, s, mpmath.sin)
-    assert_accurate(x, v, versine)
+    assert_both_accurate(sin_versine_small, x)
 
 
 @pytest.mark.parametrize("high", [10.0, 1e3, elementary.REDUCIBLE])
@@ -74,9 +75,7 @@ def test_reduced_angles(high):
     x = np.concatenate(
         [np.random.default_rng(3).uniform(-high, high, N // 2), spread(1e-150, high, N // 2, 4), [high, -high]]
     )
-    s, v = call(sin_versine, x, 2)
-    assert_accurate(x, s, mpmath.sin)
-    assert_accurate(x, v, versine)
+    assert_both_accurate(sin_versine, x)
 
 
 def test_reduced_angles_where_roundings_add_up():
@@ -86,18 +85,14 @@ def test_reduced_angles_where_roundings_add_up():
     x = np.concatenate(
         [random.integers(1, 250_000, N // 4) * (2.0 * math.pi) + angle, [1091195.3442515158, 1129973.6185690297]]
     )
-    s, v = call(sin_versine, x, 2)
-    assert_accurate(x, s, mpmath.sin)
-    assert_accurate(x, v, versine)
+    assert_both_accurate(sin_versine, x)
 
 
 def test_reduced_angles_at_multiples_of_half_pi():
     random = np.random.default_rng(5).integers(1, 1_018_000, N // 6)
     x = multiples_of_half_pi([*range(1, N // 12), *random, *NEAR_MULTIPLES, 636_618, 636_619, 636_620])
     x = np.concatenate([x, -x])
-    s, v = call(sin_versine, x, 2)
-    assert_accurate(x, s, mpmath.sin)
-    assert_accurate(x, v, versine)
+    assert_both_accurate(sin_versine, x)
 
 
 def test_reduced_angles_between_the_quadrants():
@@ -105,25 +100,19 @@ def test_reduced_angles_between_the_quadrants():
     random = np.random.default_rng(6).integers(0, 1_000_000, N // 6)
     with mpmath.workdps(40):
         x = with_neighbours([float((2 * int(n) + 1) * mpmath.pi / 4) for n in [*range(N // 12), *random]])
-    s, v = call(sin_versine, x, 2)
-    assert_accurate(x, s, mpmath.sin)
-    assert_accurate(x, v, versine)
+    assert_both_accurate(sin_versine, x)
 
 
 def test_any_angles():
     x = np.concatenate(
         [spread(1e-150, 1e300, N // 4, 7), multiples_of_half_pi(NEAR_MULTIPLES), [1e22, LARGEST, -LARGEST]]
     )
-    s, v = call(sin_versine_huge, x, 2)
-    assert_accurate(x, s, mpmath.sin)
-    assert_accurate(x, v, versine)
+    assert_both_accurate(sin_versine_huge, x)
 
 
 @pytest.mark.parametrize("function", [sin_versine_small, sin_versine, sin_versine_huge])
 def test_special_angles(function):
-    s, v = call(function, SPECIAL_ANGLES, 2)
-    assert_accurate(SPECIAL_ANGLES, s, mpmath.sin)
-    assert_accurate(SPECIAL_ANGLES, v, versine)
+    assert_both_accurate(function, SPECIAL_ANGLES)
     s, v = call(function, [0.0, -0.0], 2)
     assert np.all(s == 0.0) and np.all(v == 0.0)
 
@@ -159,9 +148,6 @@ def test_a_versine_from_a_rounded_cosine_is_noticed():
     assert error > 1e6
     assert_accurate(x, call(sin_versine_small, x, 2)[1], versine)
     assert_accurate(x, call(sin_versine, x, 2)[1], versine)
-
-
-# --- bits ------------------------------------------------------------------------------------------------------------
 
 
 def test_bits_are_those_of_the_number():

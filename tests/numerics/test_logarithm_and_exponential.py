@@ -47,9 +47,6 @@ def expm1(x, y):
         y[i] = elementary.expm1(x[i])
 
 
-# --- logarithm -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("function", [log_normal, log])
 def test_log(function):
     random = np.random.default_rng(11)
@@ -81,9 +78,6 @@ def test_log_outside_its_domain():
     y = call(log, [0.0, -0.0, INF, -DENORMAL, -TINY, -1.0, -LARGEST, -INF, NAN])
     assert y[0] == -INF and y[1] == -INF and y[2] == INF
     assert np.all(np.isnan(y[3:]))
-
-
-# --- exponential -----------------------------------------------------------------------------------------------------
 
 
 # exp overflows above the first, has denormal results below the second, and rounds to zero below the third

@@ -31,9 +31,6 @@ def sample():
     return normals()
 
 
-# --- an independent implementation, in plain integers and the library's functions ------------------------------------
-
-
 def plain_normal_pair(radius_word, angle_word):
     """The angle: 30 bits place it within pi/4 of the first axis, bit 30 exchanges the axes, bit 31 turns by pi."""
     radius = math.sqrt(-2 * math.log((radius_word + 0.5) / 2**32))
@@ -49,9 +46,6 @@ def plain_normal(seed, stream, channel, path, step):
     words = plain_philox(counter, (seed % 2**32, seed // 2**32))
     pair = plain_normal_pair(words[step % 2], words[2 + step % 2])
     return pair[step % 4 // 2]
-
-
-# --- known answers and the layout ------------------------------------------------------------------------------------
 
 
 KNOWN = [
@@ -113,9 +107,6 @@ def test_normal_pair_at_the_ends_of_the_words():
     assert np.all(np.hypot(first, second) > 0)
 
 
-# --- what a normal does not depend on --------------------------------------------------------------------------------
-
-
 def test_paths_do_not_depend_on_their_neighbours():
     blocks, draws = [5, 1, 2**26, 3], [9, 0, 4]
     together = normals(draws=draws, blocks=blocks)
@@ -139,9 +130,6 @@ def test_everything_that_names_a_normal_changes_it():
     ]
     values = np.concatenate([reference, *others]).ravel()
     assert np.unique(values).size == values.size
-
-
-# --- the law ---------------------------------------------------------------------------------------------------------
 
 
 def test_sample_is_large_enough(sample):

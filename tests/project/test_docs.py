@@ -1,11 +1,10 @@
 """The documentation: every command and every block of YAML or Python in it is what the program knows."""
 
 import shlex
-import signal
-import sys
 from pathlib import Path
 
 import pytest
+from damage import call
 from documents import (
     PAGES,
     ROOT,
@@ -21,8 +20,6 @@ from documents import (
     page_name,
 )
 from helpers import COMPILED
-
-from spi import cli
 
 TUTORIAL = ROOT / "docs" / "tutorial.md"  # whose commands need what those before them wrote
 OTHERS = [page for page in PAGES if page != TUTORIAL]
@@ -42,23 +39,14 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def spi(folder, monkeypatch, capfd):
+def spi(folder):
     """spi(argument, ...) -> (exit code, all that it prints)."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def call(*arguments):
-        capfd.readouterr()
-        monkeypatch.setattr(sys, "argv", ["spi", *arguments])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return end.value.code, "".join(capfd.readouterr())
+    def said(*arguments):
+        code, out, err = call(*arguments)
+        return code, out + err
 
-    yield call
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
-# --- blocks and commands ---------------------------------------------------------------------------------------------
+    return said
 
 
 @pytest.mark.parametrize("page", OTHERS, ids=page_name)
@@ -68,7 +56,7 @@ def test_blocks_and_commands(page, folder):
 
 SPEC = ROOT.joinpath("experiments", "lotka_volterra_positivity.yaml").read_text(encoding="utf-8")
 GOOD = f"""
-See `spi plot FILE` and `spi run --part`; `results.plot()` is no command, and neither is `import spi`.
+See `spi plot FILE` and `spi run --shard`; `results.plot()` is no command, and neither is `import spi`.
 
 ```yaml
 {SPEC}```
@@ -87,7 +75,7 @@ sizes: {{n: 3}}
 ```sh
 make demo
 spi run lotka_volterra_positivity --set seed=2 --max-time 3h    # the experiment
-seq 4 | parallel spi run SPEC --part {{}}/4
+seq 4 | parallel spi run SPEC --shard {{}}/4
 ```
 
 ```python
@@ -110,12 +98,12 @@ def test_a_page_without_mistakes(folder):
         ("<!-- within: rigid_body_strong -->", "", "is no whole spec"),
         ("--max-time", "--maxtime", "no such option: --maxtime"),
         ("--set seed=2", "--set sede=2", "sede"),
-        ("--part {{}}/4", "--prat {{}}/4", "--prat"),
+        ("--shard {{}}/4", "--prat {{}}/4", "--prat"),
         ("spi run lotka_volterra_positivity", "spi run lotka_volterra", "lotka_volterra: no such file"),
         ("spi run lotka", "spi ran lotka", "no such command"),
         ("make demo", "mkae demo", "calls none of spi, make"),
         ("`spi plot FILE`", "`spi plot FILE --flim`", "no such option: --flim"),
-        ("`spi run --part`", "`spi rnu --part`", "no such command"),
+        ("`spi run --shard`", "`spi rnu --shard`", "no such command"),
         ("`spi plot FILE`", "`spi plot results/rigid_bdoy_strong.h5`", "no experiment is called rigid_bdoy_strong"),
         ("1 + 1 == 2", "1 + 1 == 3", "page.md"),
         ("1 + 1 == 2", "1 + 1 === 2", "page.md"),
@@ -127,9 +115,6 @@ def test_a_mistake_in_a_page_is_noticed(folder, right, wrong, message):
     assert right in GOOD
     with pytest.raises(Wrong, match=message):
         check_page(Path("page.md"), GOOD.replace(right, wrong, 1))
-
-
-# --- what commands say -----------------------------------------------------------------------------------------------
 
 
 def outputs():
@@ -156,9 +141,6 @@ def test_other_output_is_noticed():
     assert missing_lines("heavy_top:\n... variables\n", said) == []
     assert missing_lines("heavy_top:\n  7 variables\n", said) == ["  7 variables"]
     assert missing_lines("  noise 1: …\nheavy_top:\n", said) == ["heavy_top:"]  # the order counts
-
-
-# --- the tutorial ----------------------------------------------------------------------------------------------------
 
 
 def follow(page, text, spi):

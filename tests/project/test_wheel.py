@@ -42,10 +42,11 @@ def test_the_wheel_holds_all_sources_and_experiments_and_nothing_else(wheel):
     wanted = {
         (path if path.parts[0] == "spi" else "spi" / path).as_posix(): (ROOT / path).read_bytes() for path in sources
     }
-    assert "spi/experiments/systems/toda.yaml" in wanted and "spi/specs/templates/experiment.yaml" in wanted
+    assert "spi/experiments/systems/toda.yaml" in wanted and "spi/running/templates/experiment.yaml" in wanted
     assert found == wanted, sorted(found.keys() ^ wanted.keys())
 
 
+@pytest.mark.slow
 def test_an_installed_wheel_works_in_an_empty_folder(wheel, tmp_path):
     """Without the compiler, which other tests need, and on a terminal of 80 columns without colour."""
     site, empty = tmp_path / "site", tmp_path / "empty"
@@ -57,7 +58,7 @@ def test_an_installed_wheel_works_in_an_empty_folder(wheel, tmp_path):
     def spi(*arguments):
         return run(site / "bin" / "spi", *arguments, cwd=empty, env=environment)
 
-    where = "import spi.specs.shipped; print(spi.specs.shipped.folder())"
+    where = "import spi.running.shipped; print(spi.running.shipped.folder())"
     assert Path(run(sys.executable, "-c", where, cwd=empty, env=environment).strip()) == site / "spi" / "experiments"
     listed = spi("list", "experiments")
     assert "rigid_body_strong" in listed and "toda_weak" in listed

@@ -15,7 +15,7 @@ from spi import storage
 from spi.cli import app
 from spi.report import pictures, sections
 from spi.report.page import files, views
-from spi.running.loading import load_as
+from spi.running.load import load_as
 from spi.statistics import claims
 from spi.storage.records import Results
 
@@ -151,13 +151,13 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
     assert not re.search(r"details[^{}]*{[^}]*display: *none", text)
 
 
-def test_broken_claims_are_shown(stored, tmp_path, undrawn):
+def test_failed_claims_are_shown(stored, tmp_path, undrawn):
     text = page_of(stored[:1], tmp_path / "report.html")
-    assert '<span class="kept">1 kept</span>, <span class="bad">1 broken</span>' in text
-    assert "three: splitting, noise first (slpI): nonfinite at least 1; what came out: 0" in text
+    assert '<span class="passed">1 passed</span>, <span class="bad">1 failed</span>' in text
+    assert "three: splitting, noise first (slpI): nonfinite at least 1; result: 0" in text
     storage.write(stored[0], strong_results(expect=claims.as_text([claim("casimir_drift", 1e-12)])))
     text = page_of(stored[:1], tmp_path / "report.html")
-    assert '<span class="kept">1 kept</span>.' in text and "broken" not in text.partition("</head>")[2]
+    assert '<span class="passed">1 passed</span>.' in text and "failed" not in text.partition("</head>")[2]
 
 
 def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):
@@ -165,7 +165,7 @@ def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):
     storage.write(tmp_path / "r.h5", strong(*groups))
     text = page_of([tmp_path / "r.h5"], tmp_path / "report.html")
     assert "<b>one (a):</b> The strong order" in text and "<b>one (b):</b> The strong order" in text
-    assert '<th class="left">case</th>' in text
+    assert "<th>case</th>" in text
 
 
 def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
@@ -183,7 +183,7 @@ def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
 
 
 def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, undrawn):
-    from spi.specs import shipped
+    from spi.running import shipped
 
     spec = shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")
     path = tmp_path / "rigid_body_strong.h5"
@@ -264,13 +264,12 @@ def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):
 
 
 def test_the_question_of_a_spec_is_stored_and_decides_nothing():
-    from spi.running import loading
-    from spi.specs import shipped
+    from spi.running import load, shipped
 
     path = shipped.path_of("rigid_body_strong")
     text = path.read_text(encoding="utf-8")
-    asks = loading.load(path)
-    silent = loading.load(path, text=re.sub("(?m)^asks: .*\n", "", text))
+    asks = load.load(path)
+    silent = load.load(path, text=re.sub("(?m)^asks: .*\n", "", text))
     assert asks.asks == "Which strong order do Euler-Maruyama, the midpoint rule and the splitting scheme have?"
     assert silent.asks is None and silent.hash == asks.hash and silent.effective == asks.effective
     for name in shipped.names():

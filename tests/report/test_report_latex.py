@@ -6,7 +6,7 @@ import pytest
 
 from spi.printing.text import new_table
 from spi.report import latex
-from spi.report.tables import Cell, Line, PlainTable, Recorder, Row
+from spi.report.tables import Recorder, Titled
 
 
 @pytest.mark.parametrize(
@@ -38,8 +38,7 @@ def test_text(plain, expected):
 
 
 def table(rows=2, title="a_b"):
-    cells = [(Cell("[0, 1]"), Cell(f"{i}e-3 ± 1e-3", "bad")) for i in range(rows)]
-    return PlainTable(title, ("x & y", "error"), (True, False), tuple(Row(one, i == 0) for i, one in enumerate(cells)))
+    return Titled.of(title, "lr", ("x & y", "error"), [("[0, 1]", f"{i}e-3 ± 1e-3") for i in range(rows)])
 
 
 def test_a_table_is_a_float_with_rules():
@@ -51,14 +50,14 @@ def test_a_table_is_a_float_with_rules():
             "",
             r"\begin{table}",
             r"\centering",
-            r"\caption{50 \% \textbackslash{}input\{x\}: a\_b}\label{tab:my-run-1}",
+            r"\caption{50 \% \textbackslash{}input\{x\}: a\_b}",
+            r"\label{tab:my-run-1}",
             r"\begin{tabular}{lr}",
             r"\toprule",
             r"x \& y & error \\",
             r"\midrule",
-            r"{[0, 1]} & \textbf{$(0 \pm 1)\cdot 10^{-3}$} \\",
-            r"\midrule",
-            r"{[0, 1]} & \textbf{$(1 \pm 1)\cdot 10^{-3}$} \\",
+            r"{[0, 1]} & $(0 \pm 1)\cdot 10^{-3}$ \\",
+            r"{[0, 1]} & $(1 \pm 1)\cdot 10^{-3}$ \\",
             r"\bottomrule",
             r"\end{tabular}",
             r"\end{table}",
@@ -74,7 +73,7 @@ def test_a_long_table_may_break_and_all_braces_are_closed():
     plain = re.sub(r"\\[{}]", "", text)
     assert plain.count("{") == plain.count("}") and len(re.findall(r"(?<!\\)\$", text)) % 2 == 0
     for line in text.splitlines():
-        if line.endswith(r"\\") and "caption" not in line:
+        if line.endswith(r"\\") and "caption" not in line and "multicolumn" not in line:
             assert len(re.findall(r"(?<!\\)&", line)) == 1
 
 
@@ -89,7 +88,7 @@ def test_a_recorder_keeps_tables_and_lines():
     recorder.print()
     recorder.print("bad [news]", style="bold red", markup=False)
     found, line = recorder.items
-    assert found.title == "title [x]" and found.headings == ("scheme", "nonfinite", "Euler-Maruyama")
-    assert found.left == (True, False, False)
-    assert found.rows == (Row((Cell("[b]"), Cell("0.5 [0.4, 0.6]"), Cell("3", "bad")), True),)
-    assert line == Line("bad [news]", "bad")
+    assert found.title == "title [x]" and found.justified == "lrr"
+    assert list(found.frame.columns) == ["scheme", "nonfinite", "Euler-Maruyama"]
+    assert found.frame.to_numpy().tolist() == [["[b]", "0.5 [0.4, 0.6]", "3"]]
+    assert "<td>[b]</td>" in found.html and line == "bad [news]"

@@ -10,7 +10,7 @@ from work_results import work_group, work_results
 
 from spi.kinds import KINDS
 from spi.report import views
-from spi.storage.records import by_case
+from spi.storage.records import Order, by_case
 
 NAN = float("nan")
 
@@ -24,7 +24,7 @@ def told(results):
 
 def test_strong():
     groups = [strong_group(scheme, scheme_label=scheme) for scheme in ("euler_maruyama", "splitting")]
-    unresolved = strong_group("midpoint", order=NAN, order_ci=(NAN, NAN))
+    unresolved = strong_group("midpoint", order=Order(NAN, NAN, NAN, 0))
     assert told(strong(*groups, unresolved)) == (
         "The strong order is 0.500 [0.480, 0.520] for euler_maruyama and 0.500 [0.480, 0.520] for splitting "
         "(all expected 1/2); it is not resolved everywhere for midpoint; "
@@ -47,8 +47,8 @@ def test_trajectory():
     moved = np.linspace([1.0], [1.5], 5)
     groups = path("euler_maruyama", y, moved), path("splitting", y + 1, whole), path("midpoint", lost, 0 * lost[:, :1])
     assert told(trajectories(*groups)) == (
-        "The Casimir functions stay as they were with splitting, drift by 0.5 with euler_maruyama and are lost with "
-        "midpoint; the path leaves the finite numbers with midpoint at t = 0.75; all populations stay positive with "
+        "The Casimir functions stay exactly constant with splitting, drift by 0.5 with euler_maruyama and diverged "
+        "with midpoint; the path diverged with midpoint at t = 0.75; all populations stay positive with "
         "splitting and midpoint; the smallest population is -0.5 with euler_maruyama."
     )
     assert told(trajectories(path("splitting", y, np.ones((5, 0)), ("hamiltonian",)))) == (
@@ -82,16 +82,16 @@ def test_work_precision_tells_of_an_error_that_most_schemes_reach():
 
 def test_stability():
     assert told(stability(stability_group("splitting"), stability_group("euler_maruyama"))) == (
-        "Of 48 pairs of sigma and h, accurate are splitting at 24 and Euler-Maruyama at 8; paths are lost with "
-        "Euler-Maruyama at 12; the Casimir functions stay within 1.2e-14 with splitting and are lost with "
+        "Of 48 pairs of sigma and h, accurate are splitting at 24 and Euler-Maruyama at 8; paths diverged with "
+        "Euler-Maruyama at 12; the Casimir functions stay within 1.2e-14 with splitting and diverged with "
         "Euler-Maruyama."
     )
-    assert "; no path is lost; " in told(stability(stability_group("splitting")))
+    assert "; no path diverged; " in told(stability(stability_group("splitting")))
 
 
 def test_long_time():
     assert told(long_time(long_time_group("splitting"), long_time_group("euler_maruyama"))) == (
         "After 2^26 = 6.7e+07 steps the root mean square error of the Casimir functions is 8.8e-13 with splitting "
-        "(growing as n^0.50) and lost with Euler-Maruyama (growing as n^1.00); the means of the stationary law are off "
-        "by at most so many standard errors: 2.1 with splitting."
+        "(growing as n^0.50) and diverged with Euler-Maruyama (growing as n^1.00); the means of the stationary law are "
+        "off by at most so many standard errors: 2.1 with splitting."
     )

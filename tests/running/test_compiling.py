@@ -13,7 +13,8 @@ from spi.compiler.inlining import types_of
 from spi.ensemble.invariants import invariants
 from spi.ensemble.loop import integrate
 from spi.kinds.state import State
-from spi.running import engine, runs
+from spi.running import run as runs
+from spi.running import workers
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 
@@ -36,7 +37,7 @@ START = """
 import itertools, json, sys
 import numpy as np
 from kernels import total, value
-from spi import compiling
+from spi.running import compiling
 from spi.kinds.plans import KernelCall
 
 compiling.processors = lambda: 3
@@ -135,7 +136,7 @@ except KeyboardInterrupt:
 
 
 RUN = """
-from spi import runs
+from spi.running import run as runs
 from spi.ensemble.loop import integrate
 only_workers()
 experiment = runs.load("SPEC", "quick", ["schemes=[euler_maruyama, splitting]"])
@@ -154,7 +155,7 @@ def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program
     assert (hits, misses, started) == (2, 0, 1)
 
     from spi import storage
-    from spi.running import runs
+    from spi.running import run as runs
 
     experiment = runs.load(spec, "quick", ["schemes=[euler_maruyama, splitting]"])
     groups = storage.read(runs.run(experiment, tmp_path / "here")).groups
@@ -164,7 +165,7 @@ def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program
 #: Loads what the calls of all plans need, then runs them; prints the kernels of which there were more then.
 CALLS_OF_PLANS = """
 import json, sys
-from spi import engine, runs
+from spi.running import workers, run as runs
 from spi.ensemble.loop import integrate
 from spi.kinds.state import State
 from spi.ensemble.invariants import invariants
@@ -177,9 +178,9 @@ for name, overrides in json.load(sys.stdin).items():
             call.kernel(*call.arguments)
         before = [len(kernel.overloads) for kernel in KERNELS]
         state = State(plan)
-        engine.advance_here([state], lambda number: None)
-        engine.finish([state], lambda number: None)
-        plan.group(state)
+        workers.advance_here([state], lambda number: None)
+        workers.finish([state], lambda number: None)
+        plan.results(state).group()
         after = [len(kernel.overloads) for kernel in KERNELS]
         missed.setdefault(name, []).append([b - a for a, b in zip(before, after)])
 json.dump(missed, sys.stdout)
@@ -251,5 +252,5 @@ def test_another_test_function_compiles_nothing(spec):
     for call in plan.kernel_calls():
         call.kernel(*call.arguments)
     before = [len(kernel.overloads) for kernel in (integrate, invariants)]
-    engine.advance_here([State(plan)], lambda number: None)
+    workers.advance_here([State(plan)], lambda number: None)
     assert [len(kernel.overloads) for kernel in (integrate, invariants)] == before

@@ -6,20 +6,18 @@ import pytest
 from helpers import COMPILED
 from kills import RUNS, experiment, forks, killed, numbers, run, stray
 
-from spi.running.runs import results_path
+from spi.running.run import results_path
 
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
 
 
+@pytest.mark.share(1)
 @pytest.mark.parametrize("kind", sorted(RUNS))
 def test_a_run_that_is_killed_again_and_again_comes_to_the_same_end(tmp_path, kind, monkeypatch):
-    for name in (
-        "spi.ensemble.loop.BATCH_SECONDS",
-        "spi.statistics.tallies.CHUNK_SECONDS",
-        "spi.running.checkpoint._SHARE",
-    ):
-        monkeypatch.setattr(name, 0.0)  # which `run` sets, and this restores
+    names = "ensemble.loop.BATCH_SECONDS", "statistics.tallies.CHUNK_WORK", "running.checkpoint._SHARE"
+    for name in names:
+        monkeypatch.setattr(f"spi.{name}", 0)  # which `run` sets, and this restores
     whole, out = tmp_path / "whole", tmp_path / "killed"
     out.mkdir()
     run(kind, whole)

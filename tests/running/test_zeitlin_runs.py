@@ -7,18 +7,15 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 from kills import numbers
-from repeats import Interruptions
 from strong_cases import draw
 from zeitlin_cases import take
 
 from spi import storage
-from spi.models import SineEuler
-from spi.models.zeitlin import Noise, Zeitlin, ZeitlinThree
+from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
-from spi.running import runs as runner
+from spi.running import run as runner
 from spi.running import workers
-from spi.running.loading import plans
-from spi.running.runs import Stopped, Watch
+from spi.running.run import Stopped, Watch
 from spi.specs import SpecError
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
@@ -39,9 +36,6 @@ samples: 200
 SAME = Zeitlin(5, (Noise(0.5, modes=((1, 0), (1, 1), (0, 1), (-1, 1))),))
 
 
-# --- specs -----------------------------------------------------------------------------------------------------------
-
-
 def model(text):
     return f"{{name: zeitlin, n: 5, noise: {text}}}"
 
@@ -54,13 +48,13 @@ def model(text):
         ("{name: zeitlin, n: 1}", "model.n: is '1'; must be at least 3"),
         ("{name: zeitlin, n: 257}", "model.n: is '257'; must be at most 255"),
         ("{name: zeitlin, n: 5.5}", "model.n: is '5.5' (not whole); must be a whole number"),
-        ("{name: zeitlin, n: 5, sigma: [1]}", "model.sigma: is no known key; known: name, n, noise, normalisation"),
+        ("{name: zeitlin, n: 5, sigma: [1]}", "model.sigma: is not a known key; known: name, n, noise, normalisation"),
         ("{name: zeitlin, n: 5, normalisation: other}", "model.normalisation: is 'other'; known: paper, zeitlin"),
         ("{name: zeitlin, n: 5, casimirs_watched: 0}", "model.casimirs_watched: is '0'; must be at least 1"),
         (model("3"), "model.noise: is '3'; must be a mapping, lines of key: value"),
         (model("{shell: 1}"), "model.noise.sigma: missing key 'sigma'; add sigma: strength of the noise"),
         (model("{shell: 1, sigma: -1}"), "model.noise.sigma: is '-1'; must be at least 0"),
-        (model("{shel: 1, sigma: 1}"), "model.noise.shel: is no known key; did you mean 'shell'?"),
+        (model("{shel: 1, sigma: 1}"), "model.noise.shel: is not a known key; did you mean 'shell'?"),
         (model("{shell: 1, sigma: 1, hamiltonian: cubic}"), "is 'cubic'; known: quadratic, linear"),
         (model("{shell: 4, sigma: 1}"), "model.noise: has the shell 4, which has no modes; must be from 1 to 3"),
         (model("{shell: 0, sigma: 1}"), "model.noise: has the shell 0, which has no modes; must be from 1 to 3"),
@@ -132,19 +126,6 @@ def test_good_specs(spec):
     assert runner.reports(experiment) == {} and runner.cost(experiment).seconds < 60
 
 
-def test_runs_of_three_modes_are_those_of_sine_euler(spec):
-    """The record that kernels get has the same flows, dimension and parameters, so that all bits are the same."""
-    three = "{name: zeitlin, n: 3, noise: {modes: [[1, 0], [0, 1]], sigma: 0.5}}"
-    plan, *_ = plans(spec(TEXT, MODEL, three, INITIAL, "0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8"))
-    assert plan.model == ZeitlinThree((0.5, None, 0.5, None))
-    assert isinstance(plan.initial, tuple)
-    for name in ("drift_flow", "noise_flow", "drift_angle", "noise_angle", "hamiltonian", "structure"):
-        assert getattr(ZeitlinThree, name) is getattr(SineEuler, name)
-
-
-# --- a study ---------------------------------------------------------------------------------------------------------
-
-
 def increments_of(count, m, seed=0):
     """Those of the first block of paths over `count` steps of size 1 / count, [step, noise, path]."""
     draws = -(-count // STEPS_PER_DRAW)
@@ -173,6 +154,21 @@ def test_a_strong_study(spec, tmp_path):
     assert np.all(np.diff(errors) < 0) and errors[-1] > 1e-4
 
 
+class Interruptions:
+    """Interrupts a run after every few reports of something new."""
+
+    def __init__(self, after):
+        self.after, self.known = after, set()
+
+    def __call__(self, progress):
+        place = progress.case, progress.part, progress.done
+        if place not in self.known:
+            self.known.add(place)
+            if len(self.known) % self.after == 0:
+                raise KeyboardInterrupt
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
 def test_interruptions_and_processes_change_nothing(spec, tmp_path):
     experiment = spec(TEXT)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, final_states, take_steps
+from helpers import INITIAL, LANES, RIGID_BODY, compiled_only, final_states, take_steps
 from scipy.integrate import solve_ivp
 from strong_cases import case_of as strong_case
 from strong_cases import study
@@ -12,16 +12,11 @@ from weak_cases import case_of as weak_case
 from spi.ensemble.protocol import structure
 from spi.exact.kolmogorov import expectations
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes.rows import compositions, flows
-from spi.schemes.splitting import has_reversed_twin, splitting
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+from spi.schemes.splitting import has_antithetic_path, splitting
+from spi.schemes.stages import compositions, flows
 
 PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
 CROOKED = "[drift 1/2, noise 1 symmetric, drift 1/2]"  # negative control: its drift is not symmetric
-
-
-# --- strong ----------------------------------------------------------------------------------------------------------
 
 
 @compiled_only
@@ -35,24 +30,22 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
     case = strong_case(*own, "steps=2^-4 .. 2^-9", "reference_step=2^-13", "truncate_noise=false", "samples=512")
     assert _expected_order(case.row("halves"), case) == order
     case = case.model_copy(update={"model": case.model._replace(sigma=sigma)})
-    found, attributes = study(case, "halves")
-    low, high = attributes["order_ci"]
+    found, _ = study(case, "halves")
+    low, high = found["order_low"], found["order_high"]
     assert low <= order <= high and high - low < 0.15
     assert not low <= other <= high
     assert found["casimir_drift"].max() < 1e-12
 
 
+@pytest.mark.slow
 @compiled_only
 def test_all_schemes_are_on_one_path():
     """With the splitting scheme as the reference errors still tend to 0, which they do not on another path."""
     own = ["compositions={halves: [noise 1/2, drift 1, noise 1/2]}", "schemes=[halves]", "model.sigma=[1, 0, 0]"]
     steps = ["steps=2^-4 .. 2^-9", "reference_step=2^-13", "truncate_noise=false", "samples=256"]
-    _, attributes = study(strong_case(*own, *steps, "reference_scheme=splitting"), "halves")
-    low, high = attributes["order_ci"]
+    found, _ = study(strong_case(*own, *steps, "reference_scheme=splitting"), "halves")
+    low, high = found["order_low"], found["order_high"]
     assert 0.8 < low <= high < 1.2
-
-
-# --- weak ------------------------------------------------------------------------------------------------------------
 
 
 def without_sampling(rows, **options):
@@ -62,6 +55,7 @@ def without_sampling(rows, **options):
     return expectations(case.model, words, case.initial, 1.0, case.steps, list(FUNCTIONS.values()), **options)
 
 
+@pytest.mark.slow
 def test_weak_orders_without_sampling():
     palindrome, crooked = (without_sampling(rows) for rows in (PALINDROME, CROOKED))
     for found, expected in ((palindrome, 4), (crooked, 2)):
@@ -95,13 +89,14 @@ def test_sampling_agrees_with_expectations_without_sampling():
     assert min(off(other).max() for other in others.values()) > 10  # negative controls
 
 
+@pytest.mark.slow
 @compiled_only
-def test_a_palindrome_has_reversed_twins():
+def test_a_palindrome_has_antithetic_paths():
     """The variance of a level falls like h^2, and its errors have order 2 and are those found without sampling."""
     own = [f"compositions={{own: {PALINDROME}, crooked: {CROOKED}}}", "schemes=[own, crooked]"]
     case = weak_case(*own, "steps=2^-1 .. 2^-4", "reference_step=2^-6", "seconds=2", "functions=y1^2")
     found, attributes = results_of(case, "own", "multilevel")
-    assert attributes["twins"] and not has_reversed_twin(case.row("crooked").record)
+    assert attributes["twins"] and not has_antithetic_path(case.row("crooked").record)
     assert np.all(np.abs(found["level_variance_rate"] - 2) < 0.4)
     assert has_order(found, 2) and not has_order(found, 1)
     exact = expectations(
@@ -113,6 +108,7 @@ def test_a_palindrome_has_reversed_twins():
     assert np.all(np.abs(found_differences - differences) < 4.5 * np.hypot(found["error_stderr"], 2e-5))
 
 
+@pytest.mark.share(3)
 @pytest.mark.parametrize(
     ("rows", "order"),
     [
@@ -141,8 +137,6 @@ def test_theory_is_silent_without_noise():
     assert np.isnan(weak_case(*own, "model.sigma=[0, 0, 0]").row("own").weak_order)
     assert weak_case(*own, "model.sigma=[0, 0, 1]").row("own").weak_order == 1
 
-
-# --- without noise ---------------------------------------------------------------------------------------------------
 
 FIRST = 1 / (2 - 2 ** (1 / 3))
 STRANG = splitting(flows("drift", "symmetric"), flows("noise"))

@@ -22,8 +22,8 @@ from spi.models import LotkaVolterra, MaxwellBloch, RigidBody, SineEuler
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.elementary import SMALL
 from spi.schemes import typical_ns
-from spi.schemes.rows import compositions
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
+from spi.schemes.stages import compositions
 
 # fixtures
 generator, model = scheme_cases.generator, scheme_cases.model
@@ -68,7 +68,11 @@ def acted(flows, model, h, dW, y):
     return y
 
 
-@pytest.fixture(params=SYSTEMS)
+#: Those of the other systems have kernels that nothing else needs.
+ONE_OF_A_SORT = "rigid_body", "rigid_body_two_noises", "maxwell_bloch", "lotka_volterra"
+
+
+@pytest.fixture(params=[pytest.param(s, marks=[] if s in ONE_OF_A_SORT else pytest.mark.slow) for s in SYSTEMS])
 def system(request, generator):
     """A model, states [component, lane] and increments [noise, lane]."""
     model = SYSTEMS[request.param]
@@ -80,7 +84,7 @@ def system(request, generator):
 
 def largest_angle(scheme, model, h, dW, y, coins):
     """The largest |angle| of all flows of one step of a block, by one lane and one flow after the other."""
-    found, as_data = [0.0], compositions(scheme.rows, model)
+    found, as_data = [0.0], compositions(scheme.stages, model)
     for lane in range(LANES):
         state = tuple(y[:, lane].tolist())
         _, flows = as_data[0 if coins[lane] > 0 else -1]
@@ -146,21 +150,21 @@ def test_order_2_is_the_printed_composition_and_so_are_the_compositions_as_data(
     new, _ = take_step(ORDER_2, model, h, dW, y, coins)
     printed = by_lanes(lambda y, dW, coin: order_2_printed(model, h, dW, coin, y), y, dW, coins)
     assert relative(new, printed) < 1e-13
-    as_data = compositions(ORDER_2.rows, model)
+    as_data = compositions(ORDER_2.stages, model)
     assert [probability for probability, _ in as_data] == [0.5, 0.5]
     of_coin = {1.0: as_data[0][1], -1.0: as_data[1][1]}
     assert relative(by_lanes(lambda y, dW, coin: acted(of_coin[coin], model, h, dW, y), y, dW, coins), printed) < 1e-14
     if len(noise_indices(model)) > 1:  # negative control: the coins on the other side
         other, _ = take_step(ORDER_2, model, h, dW, y, -coins)
         assert relative(other, printed) > 1e-2
-    lie_trotter = compositions(LIE_TROTTER.rows, model)[0][1]
+    lie_trotter = compositions(LIE_TROTTER.stages, model)[0][1]
     assert relative(by_lanes(lambda y, dW, coin: acted(lie_trotter, model, h, dW, y), y, dW, coins), printed) > 1e-2
 
 
 @pytest.mark.parametrize("scheme", [LIE_TROTTER, LIE_TROTTER_EXCHANGED], ids=["noise first", "drift first"])
 def test_compositions_of_lie_trotter_are_its_step(system, scheme):
     model, *_ = system
-    ((probability, flows),) = compositions(scheme.rows, model)
+    ((probability, flows),) = compositions(scheme.stages, model)
     drift, noise = [("drift", k, 1.0) for k in range(pieces(model))], [("noise", k, 1.0) for k in noise_indices(model)]
     assert probability == 1.0
     assert list(flows) == (noise + drift if scheme is LIE_TROTTER else drift + noise)
@@ -170,7 +174,7 @@ def test_compositions_as_data_for_two_pieces_and_two_noises():
     halves = [("drift", 0, 0.25), ("drift", 1, 0.5), ("drift", 0, 0.25)]
     noise = [("noise", 0, 1.0), ("noise", 1, 1.0)]
     expected = ((0.5, (*halves, *noise, *halves)), (0.5, (*halves, *noise[::-1], *halves)))
-    assert compositions(ORDER_2.rows, MaxwellBloch((1.0, 1.0))) == expected
+    assert compositions(ORDER_2.stages, MaxwellBloch((1.0, 1.0))) == expected
 
 
 def test_order_2_with_the_coin_turned_is_its_own_inverse(system, generator):
@@ -189,6 +193,7 @@ def test_only_order_2_tosses_coins():
     assert [name for name, row in SCHEMES.items() if protocol.tosses(row.record)] == ["splitting_order2"]
 
 
+@pytest.mark.share(1)
 def test_order_2_keeps_all_casimirs(system, generator):
     model, y, _ = system
     steps = 200 if COMPILED else 10

@@ -15,6 +15,7 @@ from spi.schemes.midpoint import Midpoint, eliminate
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [1e-3, 0.1, 0.5])
 def test_midpoint_satisfies_its_equation(model, h, generator):
     y, dW = on_the_sphere(generator), increments(generator, h)
@@ -63,7 +64,7 @@ def test_midpoint_adds_up_its_reports(generator):
     _, total = take_steps(Midpoint(), RIGID_BODY, 0.1, dW, y)
     parts = []
     for n in range(4):
-        y, report = take_step(Midpoint(), RIGID_BODY, 0.1, dW[n], y)
+        y, report = take_steps(Midpoint(), RIGID_BODY, 0.1, dW[n : n + 1], y)
         parts.append(report)
     assert np.array_equal(total[:RESIDUAL], np.sum(parts, axis=0)[:RESIDUAL])
     assert total[RESIDUAL] == np.max(parts, axis=0)[RESIDUAL]

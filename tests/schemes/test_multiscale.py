@@ -4,7 +4,7 @@ import mpmath
 import multiscale_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, RIGID_BODY, Increments, final_states, simulate
+from helpers import COMPILED, LANES, RIGID_BODY, Increments, compiled_only, final_states, simulate
 from mpmath import mpf
 from multiscale_cases import (
     EXPLICIT,
@@ -40,8 +40,6 @@ from spi.schemes.splitting import LIE_TROTTER
 # fixtures
 generator = multiscale_cases.generator
 
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
 MODELS = {
     "rigid_body": RIGID_BODY,
@@ -113,6 +111,7 @@ def relative(a, b):
     return (distance(a, b) / np.linalg.norm(b, axis=0)).max()
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("eps", [1.0, 0.1, 1e-3])
 @pytest.mark.parametrize(("kind", "rule"), PAIRS, ids=NAMES)
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
@@ -164,6 +163,7 @@ def test_every_path_and_every_step_size_has_its_own_processes_which_begin_at_zer
 # --- small eps -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [1e-3, 0.1, 1.0])
 @pytest.mark.parametrize("eps", [1e-1, 1e-3, 1e-6, 1e-10, 1e-160, 0.0])
 @asymptotic_preserving
@@ -242,6 +242,7 @@ def casimir_errors(scheme, model, h, steps):
     return np.abs((after - before) / np.abs(before[:, :1])).max(axis=1)
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("eps", [1.0, 0.1, 1e-3, 1e-6, 0.0])
 @asymptotic_preserving
 @pytest.mark.parametrize("name", ["rigid_body", "maxwell_bloch", "sine_euler"])

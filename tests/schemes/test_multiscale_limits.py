@@ -35,9 +35,6 @@ def summed(dW, times):
     return dW.reshape(-1, times, *dW.shape[1:]).sum(axis=1)
 
 
-# --- the processes alone ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
 def test_increments_add_up_to_the_wiener_process_less_the_change_of_z(rule, generator):
     """As eps xi_k/eps dt = dW_k - eps d xi_k says; nothing of the Wiener process is lost."""
@@ -66,6 +63,7 @@ STATIONARY = {
 }
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("u", [0.1, 1.0, 1.8, 10.0])
 @pytest.mark.parametrize("name", RULES)
 def test_law_of_the_processes(name, u, generator):
@@ -85,9 +83,6 @@ def test_law_of_the_processes(name, u, generator):
     assert abs((before * z).mean() / v - correlation) < 4 * np.sqrt((1 + correlation**2) / paths)
     if u >= 1 and name != "midpoint":  # negative control: the variance of the process in continuous time
         assert abs((z**2).mean() / (eps * eps / 2) - 1) > 8 * np.sqrt(2 / paths)
-
-
-# --- a fixed eps, h to 0 ---------------------------------------------------------------------------------------------
 
 
 def test_for_a_fixed_eps_all_schemes_have_one_limit_and_order_1(generator):
@@ -111,9 +106,6 @@ def test_for_a_fixed_eps_all_schemes_have_one_limit_and_order_1(generator):
             assert 0.85 < slope([*h, 1 / finest], apart) < 1.15
     without, _ = go(LIE_TROTTER, model, 1 / finest, dW, y)  # negative control: eps = 0 is another equation
     assert mean_square_distance(without, finals["AP", finest]) > 0.1
-
-
-# --- how the others fail ---------------------------------------------------------------------------------------------
 
 
 def test_the_explicit_scheme_explodes_for_h_above_2_eps_squared(generator):

@@ -13,9 +13,6 @@ from spi.schemes.splitting import LIE_TROTTER, ORDER_2
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
-# --- Poisson maps ----------------------------------------------------------------------------------------------------
-
-
 DELTA = 2e-4
 POINTS = 4  # a block holds 4 points with 1 + 2 * 6 states each
 
@@ -61,6 +58,7 @@ def poisson_defect(scheme, model, h, generator):
     return worst
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.01, 0.1, 0.5])
 @pytest.mark.parametrize("name", [name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves])
 def test_poisson_maps(name, model, h, generator):
@@ -75,6 +73,7 @@ def test_splittings_and_one_more_claim_to_be_poisson_maps_and_no_others():
     assert poisson == {*SPLITTINGS, "splitting_areas", "splitting_symmetric", "isospectral_midpoint"}
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("name", ["euler_maruyama", "midpoint", "munthe_kaas_euler", "munthe_kaas_midpoint"])
 def test_comparators_are_no_poisson_maps(name, model, generator):
     """Negative control.  The midpoint rule keeps quadratic Casimirs but, for a B that is not constant, not B.
@@ -82,9 +81,6 @@ def test_comparators_are_no_poisson_maps(name, model, generator):
     The exponentials of Munthe-Kaas keep the coadjoint orbits, but are those of a v that depends on the state.
     """
     assert poisson_defect(SCHEMES[name].record, model, 0.5, generator) > 1e-3
-
-
-# --- Casimirs --------------------------------------------------------------------------------------------------------
 
 
 def casimir_errors(scheme, h, steps, seed=5):
@@ -102,6 +98,7 @@ def casimir_errors(scheme, h, steps, seed=5):
 STEPS = 1000 if COMPILED else 20
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("name", [name for name, row in SCHEMES.items() if "Casimirs" in row.preserves])
 @pytest.mark.parametrize("h", [1e-2, 0.2])
 def test_casimirs_are_kept(name, h):
@@ -118,7 +115,7 @@ def test_euler_maruyama_does_not_keep_them_unless_renormalised():
         assert errors.max() < 1e-13
 
 
-@pytest.mark.parametrize("h", [1e-12, 1e-3, 1.0])  # angles of 1e-4, 1e5 and 1e8: all but one of the roads to a sine
+@pytest.mark.parametrize("h", [1e-12, 1e-3, 1.0])  # angles of 1e-4, 1e5 and 1e8: all but one range of the sine
 @pytest.mark.parametrize("scheme", [LIE_TROTTER, ORDER_2], ids=["lie_trotter", "order2"])
 def test_casimir_of_one_step_far_from_the_origin(scheme, h, generator):
     """It is kept to rounding whatever the angles: 6 rotations, or 13, each by a few roundings of 1e-16."""
@@ -129,6 +126,7 @@ def test_casimir_of_one_step_far_from_the_origin(scheme, h, generator):
     assert relative(new, y) > 1e-5
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="64 million steps")
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_casimir_of_splitting_walks_without_bias(name):

@@ -23,16 +23,10 @@ generator, model = scheme_cases.generator, scheme_cases.model
 IMPLICIT, SYMMETRIC = ("midpoint", "isospectral_midpoint"), "splitting_symmetric"
 
 
-# --- the equation, by hand -------------------------------------------------------------------------------------------
-
-
 def ito_correction(model, y):
     """For k = 1: f_1 = (0, y1 y3, -y1 y2) / Î_1, so f_1' f_1 = -(y1 / Î_1)^2 (0, y2, y3); the others alike."""
     s = [(strength * y[k] / model.noise_inertia[k]) ** 2 for k, strength in enumerate(strengths(model))]
     return -0.5 * np.array([(s[1] + s[2]) * y[0], (s[0] + s[2]) * y[1], (s[0] + s[1]) * y[2]])
-
-
-# --- the table -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -65,9 +59,7 @@ def test_questions_to_rows_follow_from_their_records():
     assert all(has_theory(row, RIGID_BODY) for row in ALL_SCHEMES.values())
 
 
-# --- Euler-Maruyama --------------------------------------------------------------------------------------------------
-
-
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.0, 1e-3, 0.3])
 def test_euler_maruyama_is_the_ito_formula(model, h, generator):
     y, dW = random_states(generator), increments(generator, h + 0.1)
@@ -77,6 +69,7 @@ def test_euler_maruyama_is_the_ito_formula(model, h, generator):
         assert relative(new, y + field(model, h, dW, y)) > 1e-2
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.0, 1e-3, 0.3])
 def test_renormalised_euler_maruyama_is_a_step_put_back_on_the_sphere(model, h, generator):
     y, dW = random_states(generator), increments(generator, h + 0.1)
@@ -88,14 +81,16 @@ def test_renormalised_euler_maruyama_is_a_step_put_back_on_the_sphere(model, h, 
     assert relative(new, explicit) > 1e-2  # negative control: there was something to be put right
 
 
-# --- lanes are independent -------------------------------------------------------------------------------------------
-
-
 def steps_of(name, model, h, dW, y, coins):
     """The same as take_steps for a scheme by its name; one with sub-steps gets unequal halves of the increments."""
     record = SCHEMES[name].record
     halves = [0.3 * dW, 0.7 * dW] if substeps(record) == 2 else []
-    return take_steps(record, model, h, np.concatenate([dW, *halves], axis=1), y, coins)
+    rows = np.concatenate([dW, *halves], axis=1)
+    return (
+        take_steps(record, model, h, rows, y, coins)
+        if len(dW) > 1
+        else take_step(record, model, h, rows[0], y, coins[0])
+    )
 
 
 @pytest.mark.parametrize("name", SCHEMES)

@@ -17,6 +17,7 @@ from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_EXCHANGED, ORDER_2
 generator, model = scheme_cases.generator, scheme_cases.model
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("h", [0.0, 1e-3, 0.2, 1.0])
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splitting_is_the_composition_of_flows(name, model, h, generator):
@@ -38,6 +39,7 @@ def test_splitting_is_the_composition_of_flows(name, model, h, generator):
             assert relative(new, by_hand(*other)) > 1e-2
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("name", SPLITTINGS)
 def test_splitting_without_time_is_the_noise_flows(name, model, generator):
     y, dW, coins = random_states(generator), increments(generator, 0.1), tosses(generator)
@@ -65,6 +67,7 @@ def turned_exactly(k, angle, y):
         return [float(c) for c in exact]
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("which", ["drift", "noise"])
 @pytest.mark.parametrize("angle", [0.0312, 0.0313, 0.785, 0.786, -4.0, 1e5, 1.59e6, 1.61e6, -1e8, 1e15])
@@ -97,7 +100,7 @@ def test_one_large_angle_in_a_block(angle, which, axis, generator):
         assert relative(new[others], expected[others]) < 1e-15
 
 
-ROADS = {
+RANGES = {
     "tiny": (TINY_ANGLES, [1e-9, 0.02, 2.0**-5]),
     "small": (SMALL_ANGLES, [2.0**-5, 0.3, SMALL]),
     "reduced": (REDUCED_ANGLES, [SMALL, 1.0, 22.0, 1e3, 355.0 / 113.0 * 1e5, 1e6, REDUCIBLE]),
@@ -105,10 +108,10 @@ ROADS = {
 }
 
 
-@pytest.mark.parametrize("road", ROADS)
-def test_flows_are_accurate_to_the_ends_of_each_road(road, generator):
+@pytest.mark.parametrize("case", RANGES)
+def test_flows_are_accurate_to_the_ends_of_each_range(case, generator):
     """No accuracy is lost, up to the very ends of the ranges and beyond: 2 units in the last place of the length."""
-    angles, sizes = ROADS[road]
+    angles, sizes = RANGES[case]
     for size in sizes:
         for angle in (np.nextafter(size, 0.0), size, -size):
             axis = int(generator.integers(3))

@@ -5,20 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, take_steps
+from helpers import LANES, compiled_only, take_steps
 from states import finished
 from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SYSTEMS, clipped, weighted
 
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.study.errors import _expected_order
-from spi.schemes import SCHEMES, scheme_row
+from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
-
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-
-
-# --- the limit on common paths ---------------------------------------------------------------------------------------
 
 
 def by_heun(system, h, dW):
@@ -47,6 +42,7 @@ def distance(a, b):
     return math.sqrt(squares[: LANES * 9 // 10].mean())
 
 
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize("name", LIE_POISSON)
 def test_schemes_have_the_same_limit(name):
@@ -64,9 +60,6 @@ def test_schemes_have_the_same_limit(name):
     with np.errstate(all="ignore"):  # negative control
         wrong = [distance(by_explicit_euler(system, h, dW), exact) for h, dW in coarse.items()]
     assert wrong[1] > 3 * near and wrong[1] > 0.6 * wrong[0]
-
-
-# --- strong orders ---------------------------------------------------------------------------------------------------
 
 
 # (system, sigma, scheme, final time, order).  With one noise, which commutes with itself, splitting and midpoint have
@@ -101,7 +94,7 @@ def strong_case(name, sigma, scheme, final_time):
         steps=tuple(2.0**-n for n in range(5, 14)),
         reference_step=2.0**-exponent,
         reference_scheme=None,
-        row=scheme_row,
+        row=scheme_entry,
         reference_record=lambda eps: None,
         schemes=(scheme,),
         truncate_noise=name == "maxwell_bloch",
@@ -110,13 +103,14 @@ def strong_case(name, sigma, scheme, final_time):
     )
 
 
+@pytest.mark.share(2)
 @compiled_only
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
 def test_strong_orders(name, sigma, scheme, final_time, order):
     case = strong_case(name, sigma, scheme, final_time)
     plan = strong.plan(case, Part(scheme))
-    group = plan.group(finished(plan))
-    low, high = group.attributes["order_ci"]
+    group = plan.results(finished(plan)).group()
+    low, high = group.arrays["order_low"], group.arrays["order_high"]
     assert low <= order <= high
     other = 1.5 - order  # negative control: 1/2 and 1 are told apart
     assert not low <= other <= high
@@ -127,10 +121,10 @@ def test_strong_orders(name, sigma, scheme, final_time, order):
 
 @compiled_only
 def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
-    """Until T = 1 some of 500 paths leave the finite numbers at large steps: no order is given, a note says why."""
+    """Until T = 1 some of 500 paths diverge (NaN or infinity) at large steps: no order is given, a note says why."""
     case = strong_case("maxwell_bloch", (1.0, 1.0), "euler_maruyama", 1.0)
     plan = strong.plan(case, Part("euler_maruyama"))
-    group = plan.group(finished(plan))
+    group = plan.results(finished(plan)).group()
     assert group.variables["nonfinite"][1].any() and "finite" in group.attributes["note"]
 
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import system_formulas
-from helpers import COMPILED, LANES, take_step, take_steps
+from helpers import COMPILED, LANES, compiled_only, take_step, take_steps
 from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SYSTEMS, clipped, weighted
 
 from spi.ensemble.protocol import strengths
@@ -17,11 +17,7 @@ from spi.ensemble.protocol import strengths
 generator = system_formulas.generator
 
 
-compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 FAILURES = 2  # column of a report
-
-
-# --- one step of each scheme -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture(params=SYSTEMS.values(), ids=SYSTEMS.keys())
@@ -82,9 +78,6 @@ def test_step_of_midpoint_satisfies_its_equation(lie_poisson, h, generator):
     assert report[FAILURES] == 0
 
 
-# --- Casimirs --------------------------------------------------------------------------------------------------------
-
-
 CHUNK = 5000
 
 
@@ -109,6 +102,7 @@ def unbiased(drift):
     return abs(drift.mean()) <= 4 * drift.std(ddof=1) / math.sqrt(LANES)
 
 
+@pytest.mark.share(1)
 @compiled_only
 def test_casimirs_of_splitting_stay_for_a_million_steps(lie_poisson):
     """Constants of the flows that are merely rounded would show as a bias of 3.6e-19 a step for Maxwell-Bloch."""

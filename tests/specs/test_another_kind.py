@@ -3,8 +3,8 @@
 import pytest
 
 from spi.kinds import KINDS
-from spi.running.loading import load, load_as
-from spi.running.runs import cost
+from spi.running.load import load, load_as
+from spi.running.run import cost
 from spi.specs import SpecError
 
 #: One experiment of each kind: with cases, compositions, sweeps, eps, fields or ranges.
@@ -21,10 +21,11 @@ SOURCES = [
 #: (source, kind) -> what is said where no experiment can be made.
 REFUSED = {
     ("rigid_body_ap_weak", "long_time"): "cases?.schemes: has a multiscale scheme; use schemes without eps",
-    ("zeitlin_strong", "stability"): "zeitlin_strong: --as stability: is zeitlin; give a word to sweep",
+    ("zeitlin_strong", "stability"): "zeitlin_strong: --as stability: is zeitlin; choose a parameter to sweep",
 }
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("source", SOURCES)
 def test_any_experiment_becomes_one_of_another_kind(source, kind):
@@ -67,12 +68,12 @@ def test_defaults_suit_the_steps_of_the_source():
 def test_options_apply_to_what_is_made():
     made = load_as("strong", "rigid_body_qualitative", "laptop", ["samples=7", "schemes=[splitting]"])
     assert (made.cases[0].samples, made.cases[0].schemes) == (7, ("splitting",))
-    with pytest.raises(SpecError, match="--set panels: is no known key"):
+    with pytest.raises(SpecError, match="--set panels: is not a known key"):
         load_as("strong", "rigid_body_qualitative", "laptop", ["panels=[casimirs]"])
 
 
 def test_an_unknown_kind_gets_one_line():
-    with pytest.raises(SpecError, match=r"^--as: 'strnog' is no kind of experiment; did you mean 'strong'\?$"):
+    with pytest.raises(SpecError, match=r"^--as: 'strnog' is not a kind of experiment; did you mean 'strong'\?$"):
         load_as("strnog", "rigid_body_qualitative")
 
 

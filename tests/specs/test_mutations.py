@@ -1,20 +1,12 @@
 """Changed experiments: ``spi check`` takes each or refuses it in a line for each mistake, and writes nothing."""
 
 import random
-import signal
 
 import mutations
 import pytest
 
 
-@pytest.fixture(autouse=True)
-def _signals():
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
-
-
+@pytest.mark.share(2)
 @pytest.mark.parametrize("seed", range(20))
 def test_a_changed_experiment_is_taken_or_refused_in_plain_lines(tmp_path, seed):
     draw = random.Random(f"mutations {seed}")

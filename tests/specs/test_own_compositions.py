@@ -10,11 +10,11 @@ from spi import storage
 from spi.printing.catalogue import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
-from spi.running.loading import Source, plans, plans_of
-from spi.running.runs import cost, headings, run
+from spi.running.load import Source, plans, plans_of
+from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
-from spi.schemes.rows import flows
 from spi.schemes.splitting import LIE_TROTTER
+from spi.schemes.stages import flows
 from spi.specs import SpecError
 
 TEXT = """\
@@ -33,14 +33,14 @@ MINE = "[noise 1/2, drift 1, noise 1/2]"
 SCHEMES_LINE = "schemes: [mine, splitting]"
 
 
-def rows_of(experiment, name="mine"):
+def stages_of(experiment, name="mine"):
     (case,) = experiment.cases
     return case.row(name).composition
 
 
-def same(rows, others):
-    """Whether rows are the same; == would take all records without fields for equal, drift and noise for instance."""
-    return repr(tuple(rows)) == repr(tuple(others))
+def same(stages, others):
+    """Whether stages are the same; == would take all records without fields for equal, drift and noise for instance."""
+    return repr(tuple(stages)) == repr(tuple(others))
 
 
 MIXED = [
@@ -52,7 +52,7 @@ MIXED = [
 
 
 @pytest.mark.parametrize(
-    ("text", "rows"),
+    ("text", "stages"),
     [
         (MINE, [flows("noise", fraction=0.5), flows("drift"), flows("noise", fraction=0.5)]),
         ("[noise 1 symmetric, drift 1 backwards]", [flows("noise", "symmetric"), flows("drift", "backwards")]),
@@ -60,14 +60,14 @@ MIXED = [
         ("[drift 1.5, noise 3/8 backwards coin, drift -(1/2) coin, noise 1 - 3/8]", MIXED),
     ],
 )
-def test_rows(spec, text, rows):
-    assert same(rows_of(spec(TEXT, MINE, text)), rows)
+def test_stages(spec, text, stages):
+    assert same(stages_of(spec(TEXT, MINE, text)), stages)
 
 
 def test_the_triple_jump(spec):
     jump = "drift 1/(2-2^(1/3)) symmetric"
-    found = rows_of(spec(TEXT, MINE, f"[{jump}, drift -2^(1/3)/(2-2^(1/3)) symmetric, {jump}, noise 1]"))
-    assert [row.fraction for row in found] == pytest.approx(
+    found = stages_of(spec(TEXT, MINE, f"[{jump}, drift -2^(1/3)/(2-2^(1/3)) symmetric, {jump}, noise 1]"))
+    assert [stage.fraction for stage in found] == pytest.approx(
         [1.3512071919596578, -1.7024143839193153, 1.3512071919596578, 1]
     )
 
@@ -77,7 +77,7 @@ SAME = "[noise 1, drift 1]"
 
 def test_a_composition_that_there_is_gives_the_same_bits(spec, tmp_path):
     experiment = spec(TEXT, MINE, SAME)
-    assert same(rows_of(experiment), LIE_TROTTER.rows)
+    assert same(stages_of(experiment), LIE_TROTTER.stages)
     mine, splitting = storage.read(run(experiment, tmp_path)).groups
     assert (mine.variant, splitting.variant) == ("mine", "splitting")
     for name in ("error", "error_final", "casimir_drift"):
@@ -90,7 +90,7 @@ def test_experiments_do_not_share_compositions(spec):
     """One process, the same name: each experiment has its own, and the table of schemes none."""
     first = spec(TEXT)
     second = spec(TEXT, MINE, "[drift 1, noise 1]")
-    assert len(rows_of(first)) == 3 and len(rows_of(second)) == 2
+    assert len(stages_of(first)) == 3 and len(stages_of(second)) == 2
     assert "mine" not in SCHEMES
     with pytest.raises(SpecError, match="is 'mine'; known: splitting, "):
         spec(TEXT, f"compositions:\n  mine: {MINE}\n", "")
@@ -127,18 +127,18 @@ def test_compositions_in_cases_profiles_and_overrides(spec):
     a, b = spec(LAYERS, profile="quick").cases
     assert (a.schemes, list(a.compositions)) == (("last",), ["last"])
     experiment = spec(TEXT, overrides=["compositions.mine=[drift 1, noise 1]"])
-    assert same(rows_of(experiment), (flows("drift"), flows("noise")))
+    assert same(stages_of(experiment), (flows("drift"), flows("noise")))
     experiment = spec(
         TEXT, overrides=["compositions={new: [drift 1, noise 1]}", "schemes=[new]", "reference_scheme=new"]
     )
-    assert same(experiment.cases[0].reference_record(None).rows, (flows("drift"), flows("noise")))
+    assert same(experiment.cases[0].reference_record(None).stages, (flows("drift"), flows("noise")))
 
 
 RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 
 
 @pytest.mark.parametrize(
-    ("rows", "complaint"),
+    ("stages", "complaint"),
     [
         ("[nois 1/2, drift 1]", f"entry 1 is 'nois 1/2'; {RIGHT}"),
         ("[noise 1, drift]", "entry 2 is 'drift'; must be like .*"),
@@ -165,16 +165,19 @@ RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
             "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
         ),
         ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
-        ("[noise 1/2, drift 1]", "is no whole step; the fractions of the noise add up to 0.5 and not to 1"),
-        ("[noise 1, drift 1, drift -1/2]", "is no whole step; the fractions of the drift add up to 0.5 and not to 1"),
-        ("[]", "is no whole step; the fractions of the drift add up to 0 and not to 1"),
-        ("noise 1", r"is 'noise 1'; must be a list of rows, as in \[noise 1/2, drift 1, noise 1/2\]"),
+        ("[noise 1/2, drift 1]", "is not a whole step; the fractions of the noise add up to 0.5 and not to 1"),
+        (
+            "[noise 1, drift 1, drift -1/2]",
+            "is not a whole step; the fractions of the drift add up to 0.5 and not to 1",
+        ),
+        ("[]", "is not a whole step; the fractions of the drift add up to 0 and not to 1"),
+        ("noise 1", r"is 'noise 1'; must be a list of stages, as in \[noise 1/2, drift 1, noise 1/2\]"),
         (f"[noise 1{', drift 1/16' * 16}]", "has 17 entries; must have at most 16"),
     ],
 )
-def test_what_is_wrong_with_rows_is_said_in_one_line(spec, rows, complaint):
+def test_what_is_wrong_with_stages_is_said_in_one_line(spec, stages, complaint):
     with pytest.raises(SpecError, match=rf"^s.yaml:8: compositions.mine: {complaint}$"):
-        spec(TEXT, MINE, rows)
+        spec(TEXT, MINE, stages)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +185,7 @@ def test_what_is_wrong_with_rows_is_said_in_one_line(spec, rows, complaint):
     [
         ("  mine:", "  splitting:", "8: compositions.splitting: is the name of a scheme; give the composition .*"),
         ("  mine:", "  ap_splitting_eps_1:", "8: compositions.ap_splitting_eps_1: is the name of a scheme; .*"),
-        ("  mine:", "  my own:", "8: compositions.my own: is no name of a composition; must consist of letters, .*"),
+        ("  mine:", "  my own:", "8: compositions.my own: is not a valid name; must consist of letters, .*"),
         (f"\n  mine: {MINE}", "", "7: compositions: is empty; must be a mapping, lines of key: value"),
         (f"\n  mine: {MINE}", " [mine]", "7: compositions: is a list; must be a mapping, lines of key: value"),
         (SCHEMES_LINE, "schemes: [mien]", "9: schemes: entry 1 is 'mien'; did you mean 'mine'[?]"),

@@ -15,7 +15,7 @@ from spi.expressions.arithmetic import NumberError, parse
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.models.rigid_body import RigidBody
-from spi.running.runs import layers, load
+from spi.running.run import layers, load
 from spi.specs import SpecError
 
 GOOD = """\
@@ -76,10 +76,11 @@ def test_rigid_body_strong():
     assert json.loads(json.dumps(e.effective)) == e.effective
 
 
+@pytest.mark.share
 @pytest.mark.parametrize("path", sorted(EXPERIMENTS.glob("*.yaml")), ids=lambda path: path.stem)
-@pytest.mark.parametrize("profile", ["laptop", "paper", "quick"])
-def test_all_experiments_are_valid(path, profile):
-    assert load(path, profile).cases
+def test_all_experiments_are_valid(path):
+    """Under each of their profiles, since all of a file are checked whichever is asked for."""
+    assert load(path).cases
 
 
 def test_defaults(spec):
@@ -213,9 +214,9 @@ SCHEMES = (
     ("old", "new", "message"),
     [
         # keys
-        ("samples", "smaples", "12: smaples: is no known key; did you mean 'samples'?"),
-        ("  inertia", "  inerta", "5: model.inerta: is no known key; did you mean 'inertia'?"),
-        ("kind: strong", "knd: strong", "2: knd: is no known key; did you mean 'kind'?"),
+        ("samples", "smaples", "12: smaples: is not a known key; did you mean 'samples'?"),
+        ("  inertia", "  inerta", "5: model.inerta: is not a known key; did you mean 'inertia'?"),
+        ("kind: strong", "knd: strong", "2: knd: is not a known key; did you mean 'kind'?"),
         (
             "kind: strong\n",
             "",
@@ -229,7 +230,7 @@ SCHEMES = (
             "add noise_inertia: moments of inertia Î_1, Î_2, Î_3 of the noise",
         ),
         ("  name: rigid_body\n", "", f"3: model.name: missing key 'name'; add name: {' or '.join(MODELS)}"),
-        ("  name: rigid_body", "  nmae: rigid_body", "4: model.nmae: is no known key; did you mean 'name'?"),
+        ("  name: rigid_body", "  nmae: rigid_body", "4: model.nmae: is not a known key; did you mean 'name'?"),
         ("samples: 10", "samples: 10\nsamples: 11", "13: samples: is given twice; remove one"),
         ("  inertia", "  name: x\n  inertia", "5: model.name: is given twice; remove one"),
         ("samples", "[a]: 3\nsamples", "1: has a list or mapping as a key; keys must be words"),
@@ -335,7 +336,7 @@ SCHEMES = (
         (
             "final_time: 1",
             "final_time: 0.9",
-            "9: steps: has 2^-2, of which final_time 0.9 is no multiple; the nearest multiples are 0.75 and 1",
+            "9: steps: has 2^-2, of which final_time 0.9 is not a multiple; the nearest multiples are 0.75 and 1",
         ),
         (
             "final_time: 1",
@@ -365,7 +366,7 @@ SCHEMES = (
         (
             "samples",
             "cases:\n- name: a\n  sampels: 3\nsamples",
-            "14: cases.sampels: is no known key; did you mean 'samples'?",
+            "14: cases.sampels: is not a known key; did you mean 'samples'?",
         ),
         (
             "samples",
@@ -375,12 +376,12 @@ SCHEMES = (
         (
             "samples",
             "profiles: {papr: {}}\nsamples",
-            "12: profiles.papr: is no known key; did you mean 'paper'?",
+            "12: profiles.papr: is not a known key; did you mean 'paper'?",
         ),
         (
             "samples",
             "profiles:\n  paper:\n    sample: 5\nsamples",
-            "14: profiles.paper.sample: is no known key; did you mean 'samples'?",
+            "14: profiles.paper.sample: is not a known key; did you mean 'samples'?",
         ),
         (
             "samples",
@@ -390,12 +391,12 @@ SCHEMES = (
         (
             "samples",
             "profiles:\n  paper: {model: {sigm: 0}}\nsamples",
-            "13: profiles.paper.model.sigm: is no known key; did you mean 'sigma'?",
+            "13: profiles.paper.model.sigm: is not a known key; did you mean 'sigma'?",
         ),
         (
             "samples",
             "profiles:\n  paper: {cases: {b: {}}}\nsamples",
-            "13: profiles.paper.cases.b: is no known case; known: main",
+            "13: profiles.paper.cases.b: is not a known case; known: main",
         ),
         ("samples", "profiles: 3\nsamples", "12: profiles: is '3'; must be a mapping, lines of key: value"),
         (
@@ -409,7 +410,7 @@ SCHEMES = (
             "15: cases.samples: missing key 'samples'; add samples: number of Brownian paths",
         ),
         # aliases
-        ("samples", "<<: 3\nsamples", "12: <<: is no mapping; give the alias of one, as in <<: *name"),
+        ("samples", "<<: 3\nsamples", "12: <<: is not a mapping; give the alias of one, as in <<: *name"),
         (
             "samples",
             "profiles: &a {paper: *a}\nsamples",
@@ -487,22 +488,22 @@ def test_unreadable_files(tmp_path, monkeypatch):
 
 
 def test_unknown_profile(spec):
-    assert error(spec, GOOD, "papre") == "s.yaml: --profile: 'papre' is no known profile; did you mean 'paper'?"
+    assert error(spec, GOOD, "papre") == "s.yaml: --profile: 'papre' is not a known profile; did you mean 'paper'?"
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("samples", "samples: is no assignment; write --set key=value"),
-        ("=3", "=3: is no assignment; write --set key=value"),
-        ("sampels=3", "sampels: is no known key; did you mean 'samples'?"),
+        ("samples", "samples: is not an assignment; write --set key=value"),
+        ("=3", "=3: is not an assignment; write --set key=value"),
+        ("sampels=3", "sampels: is not a known key; did you mean 'samples'?"),
         ("samples=-3", "samples: is '-3'; must be at least 1"),
         ("samples=", f"samples: is empty; {WHOLE}"),
-        ("model.sigm=[1, 0, 0]", "model.sigm: is no known key; did you mean 'sigma'?"),
+        ("model.sigm=[1, 0, 0]", "model.sigm: is not a known key; did you mean 'sigma'?"),
         ("model.sigma=[1, 0]", "model.sigma: has 2 entries; must have 3"),
         ("model=3", "model: is '3'; must be a mapping, lines of key: value"),
         ("model.sigma.x=3", "model.sigma: is a mapping; must be a list in square brackets"),
-        ("cases.mian.samples=3", "cases.mian: is no known case; did you mean 'main'?"),
+        ("cases.mian.samples=3", "cases.mian: is not a known case; did you mean 'main'?"),
         (
             "steps=[1/3]",
             "steps: has 0.333333333333, which is not 2, 4, 8, ... times the reference_step 2^-6; "
@@ -532,13 +533,15 @@ def test_garbage_is_an_error_of_a_line_for_each_mistake(tmp_path_factory, text):
     assert error(load, path.parent / "good.yaml", overrides=[f"steps={text} x"])
 
 
-#: Pieces of GOOD, what stands in their place, and what is then reported besides.
+#: Pieces of GOOD, what stands in their place, what is then reported besides, and when that is seen: in the keys of each
+#: layer, in those of a whole case, or between keys.
 MISTAKES = [
-    ("title:", "titel:", "1: titel: is no known key; did you mean 'title'?"),
-    ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3"),
-    ("final_time: 1", "final_time: -1", "8: final_time: is '-1'; must be greater than 0"),
-    ("euler_maruyama", "euler_mar", "11: schemes: entry 1 is 'euler_mar'; did you mean 'euler_maruyama'?"),
-    ("samples: 10", "samples: 1/2", None),
+    ("title:", "titel:", "1: titel: is not a known key; did you mean 'title'?", 0),
+    ("[2, 1, 2/3]", "[2, 1]", "5: model.inertia: has 2 entries; must have 3", 1),
+    ("final_time: 1", "final_time: -1", "8: final_time: is '-1'; must be greater than 0", 0),
+    ("euler_maruyama", "euler_mar", "11: schemes: entry 1 is 'euler_mar'; did you mean 'euler_maruyama'?", 2),
+    ("samples: 10", "samples: 1/2", None, 0),
+    ("[cos(1.1), 0, sin(1.1)]", "[1, 0]", "7: initial: has 2 entries; must have 3, the dimension of rigid_body", 2),
 ]
 
 
@@ -552,41 +555,44 @@ def load_text(text, **options):
     return load("s.yaml", text=text, **options)
 
 
-@pytest.mark.parametrize("chosen", [c for n in (1, 2, 5) for c in itertools.combinations(MISTAKES, n)])
-def test_all_mistakes_are_named_at_once_in_their_order(chosen):
-    text = GOOD
-    for old, new, _ in chosen:
+@pytest.mark.share(4)
+@pytest.mark.parametrize("chosen", [c for n in (6, 2, 1) for c in itertools.combinations(MISTAKES, n)])
+def test_mistakes_that_are_seen_together_are_named_at_once_in_the_order_of_lines(chosen):
+    text, alone = GOOD, {}
+    for old, new, expected, seen in chosen:
         assert text.count(old) == 1
         text = text.replace(old, new)
-    alone = [messages_of(GOOD.replace(old, new)) for old, new, _ in chosen]
-    assert all(len(messages) == 1 for messages in alone)
-    assert messages_of(text) == [message for (message,) in alone]
-    for (message,), (_, _, expected) in zip(alone, chosen, strict=True):
+        (message,) = messages_of(GOOD.replace(old, new))
         assert expected in (None, message)
+        alone.setdefault(seen, []).append(message)
+    assert messages_of(text) == sorted(alone[min(alone)], key=lambda message: int(message.partition(":")[0]))
 
 
-def test_mistakes_in_cases_profiles_and_options_are_named_at_once():
+def test_mistakes_in_cases_and_profiles_are_named_at_once():
+    """First those of keys and then those between keys."""
     text = GOOD.replace("samples: 10\n", "") + (
         "cases:\n- {name: a, samples: 3, seed: x}\n- {name: b, samples: 3, steps: [4]}\n"
         "profiles:\n  quick: {truncate_noise: 1}\n"
     )
-    assert messages_of(text, overrides=["sed=3", "reference_step=0"]) == [
+    assert messages_of(text, overrides=["sed=3"]) == [
         "13: cases.seed: is 'x' (unknown word 'x'); must be a whole number such as 500 or 10^6",
-        "14: cases.steps: has 2^2; must not exceed final_time, which is 1",
         "16: profiles.quick.truncate_noise: is '1'; must be true or false",
-        " --set sed: is no known key; did you mean 'seed'?",
-        " --set reference_step: is '0'; must be greater than 0",
+    ]
+    text = text.replace("seed: x", "schemes: [one]").replace("truncate_noise: 1", "steps: [3]")
+    assert messages_of(text) == [
+        "13: cases.schemes: entry 1 is 'one'; known: " + SCHEMES,
+        "14: cases.steps: has 2^2; must not exceed final_time, which is 1",
+        "16: profiles.quick.steps: has 3; must not exceed final_time, which is 1",
     ]
 
 
 def test_a_wrong_option_does_not_hide_another():
-    wrong = ["samples=-3", "steps=x", "model={sigm: 1}"]
+    wrong = ["samples=-3", "steps=x", "sed=3"]
     assert messages_of(GOOD, overrides=wrong) == [
         " --set samples: is '-3'; must be at least 1",
         " --set steps: is 'x'; must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13",
-        " --set model.sigm: is no known key; did you mean 'sigma'?",
+        " --set sed: is not a known key; did you mean 'seed'?",
     ]
-    assert len(messages_of(GOOD.replace("samples: 10", "samples: 1/2"), overrides=wrong)) == 4
     # steps that are right with the final time that was meant are no mistake
     assert messages_of(GOOD, overrides=["final_time=2.y", "steps=[2]"]) == [
         " --set final_time: is '2.y' (unexpected 'y'); must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
@@ -594,18 +600,23 @@ def test_a_wrong_option_does_not_hide_another():
 
 
 def test_all_wrong_entries_of_a_key_are_named_at_once():
-    text = WEAK.replace("sin(2*pi*y2)", "sin(2*pi*y4)").replace("y1^2", "y1^^2") + (
-        "compositions:\n  one: [drift 1, nois 1, noise]\n  two: [drift 1]\n  splitting: [drift 1, noise 1]\n"
-        "expect:\n  splitting: {ordr: 1, order: half, plan: {order: 1}}\n  spliting: {order: 1}\n"
-    )
-    keys = [line.split(": ")[:2] for line in messages_of(text)]
     phi, first = WEAK[: WEAK.index("phi:")].count("\n") + 1, WEAK.count("\n") + 2
-    assert keys == [
-        *([str(phi), "functions.phi"], [str(phi + 1), "functions.energy"]),
+    text = WEAK + (
+        "compositions:\n  one: [drift 1, nois 1, noise]\n  two: [drift 1]\n  splitting: [drift 1, noise 1]\n"
+        "expect:\n  splitting: {order: half, plain: {order: x}}\n"
+    )
+    assert [line.split(": ")[:2] for line in messages_of(text)] == [
         *([str(first), "compositions.one"], [str(first), "compositions.one"]),
         *([str(first + 1), "compositions.two"], [str(first + 2), "compositions.splitting"]),
-        *([str(first + 4), f"expect.splitting.{name}"] for name in ("order", "ordr", "plan")),
-        [str(first + 5), "expect.spliting"],
+        *([str(first + 4), f"expect.splitting.{name}"] for name in ("order", "plain.order")),
+    ]
+    text = WEAK.replace("sin(2*pi*y2)", "sin(2*pi*y4)").replace("y1^2", "y1^^2") + (
+        "expect:\n  splitting: {ordr: 1, plan: {order: 1}}\n  spliting: {order: 1}\n"
+    )
+    assert [line.split(": ")[:2] for line in messages_of(text)] == [
+        *([str(phi), "functions.phi"], [str(phi + 1), "functions.energy"]),
+        *([str(first), f"expect.splitting.{name}"] for name in ("ordr", "plan")),
+        [str(first + 1), "expect.spliting"],
     ]
     two = GOOD.replace("[euler_maruyama, splitting]", "[euler, splitting, spliting]")
     assert [line[:20] for line in messages_of(two)] == ["11: schemes: entry 1", "11: schemes: entry 3"]
@@ -614,9 +625,11 @@ def test_all_wrong_entries_of_a_key_are_named_at_once():
 def test_a_file_may_be_called_by_a_name_in_messages():
     text = GOOD.replace("final_time: 1", "final_time: x").replace("samples", "sampels")
     with pytest.raises(SpecError) as caught:
-        spec_module.load("folder/s.yaml", layers(), text=text, overrides=["sed=1"], called="s")
+        spec_module.load("folder/s.yaml", layers(), text=text, called="s")
     found = [line[: line.index(": is")] for line in caught.value.messages]
-    assert found == ["s: line 8: final_time", "s: line 12: sampels", "s: --set sed"]
+    assert found == ["s: line 8: final_time", "s: line 12: sampels"]
+    with pytest.raises(SpecError, match=r"^s: --set sed: is not a known key"):
+        spec_module.load("folder/s.yaml", layers(), text=GOOD, overrides=["sed=1"], called="s")
     good = spec_module.load("folder/s.yaml", layers(), text=GOOD, called="s")
     assert (good.called, good.path) == ("s", Path("folder/s.yaml")) and load_text(GOOD).called == "s.yaml"
 
@@ -722,7 +735,11 @@ def test_bad_expression_elsewhere(spec):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("  phi", "  phi 1", "9: functions.phi 1: is no name of a function; must consist of letters, digits and _"),
+        (
+            "  phi",
+            "  phi 1",
+            "9: functions.phi 1: is not a valid name; must consist of letters, digits and _",
+        ),
         ("y1^2", "[y1]", "10: functions.energy: is a list; must be text"),
         ("  energy: y1^2\n", "  energy:\n", "10: functions.energy: is empty; must be text"),
         (
@@ -976,9 +993,7 @@ def test_json_schema():
     assert [option["type"] for option in weak["functions"]["anyOf"]] == ["object", "string"]
     rigid_body = {"properties": {"name": {"const": "rigid_body"}}, "required": ["name", "inertia", "noise_inertia"]}
     assert rigid_body in alone["properties"]["model"]["anyOf"]
-    from_a_file, registered = alone["properties"]["model"]["anyOf"][-2:]
-    assert from_a_file == {"required": ["python", "name"]} and registered["required"] == ["name"]
-    assert registered["properties"]["name"] == {"not": {"enum": list(MODELS)}}
+    assert alone["properties"]["model"]["anyOf"][-1] == {"required": ["python", "name"]}
     from_elsewhere = schema["$defs"]["_FromElsewhere"]
     assert from_elsewhere["properties"]["python"]["type"] == "string" and from_elsewhere["additionalProperties"] is True
 

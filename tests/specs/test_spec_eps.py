@@ -5,8 +5,8 @@ import json
 import pytest
 
 from spi.kinds import KINDS
-from spi.running.runs import layers
-from spi.schemes import SCHEMES, scheme_row
+from spi.running.run import layers
+from spi.schemes import SCHEMES, scheme_entry
 
 WEAK = """\
 kind: weak
@@ -90,7 +90,7 @@ def test_eps_is_set_from_outside_by_profiles_and_by_cases(spec, text):
 
 def test_rows_of_schemes_get_their_eps():
     for name, row in SCHEMES.items():
-        found = scheme_row(name, 0.25)
+        found = scheme_entry(name, 0.25)
         if row.multiscale:
             assert found.record.eps == 0.25
             assert found.label == row.label  # a result stores its eps beside the label
@@ -147,6 +147,7 @@ def test_eps_that_no_scheme_uses(error, text):
     assert error(text, BOTH, SPLITTING) == expected
 
 
+@pytest.mark.share
 @EACH_KIND
 @pytest.mark.parametrize(
     ("written", "what"),
@@ -188,7 +189,7 @@ def test_eps_0_is_not_for_the_explicit_scheme(spec, error, text):
         ("eps=-1", "eps: is '-1'; must be at least 0"),
         ("eps=[1, 1.0]", "eps: has '1' twice; remove one"),
         ("schemes=[splitting]", f"eps: is used by none of the schemes; leave it out or use one of {MULTISCALE}"),
-        ("esp=1", "esp: is no known key; did you mean 'eps'?"),
+        ("esp=1", "esp: is not a known key; did you mean 'eps'?"),
     ],
 )
 def test_bad_overrides(error, override, what):
@@ -249,7 +250,7 @@ def test_a_trajectory_is_not_too_long(error):
 
 
 def test_a_trajectory_has_no_reference_scheme(error):
-    assert "reference_scheme: is no known key" in error(TRAJECTORY + "reference_scheme: splitting\n")
+    assert "reference_scheme: is not a known key" in error(TRAJECTORY + "reference_scheme: splitting\n")
 
 
 @pytest.mark.parametrize(

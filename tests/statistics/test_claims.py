@@ -22,11 +22,11 @@ from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
 from spi.report import views
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
-from spi.statistics.claims import AT_LEAST, AT_MOST, BROKEN, EQUAL, KEPT, UNDECIDED, Claim, Quantity, judge
-from spi.storage.records import Description, by_case
+from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
+from spi.storage.records import Description, Order, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
 
@@ -47,25 +47,25 @@ def came_out(value, half=0.0, **others):
 @pytest.mark.parametrize(
     ("sense", "number", "tolerance", "value", "half", "verdict"),
     [
-        (EQUAL, 0.5, 0.0, 0.52, 0.03, KEPT),
-        (EQUAL, 0.5, 0.0, 0.55, 0.03, UNDECIDED),  # only twice the interval reaches it
-        (EQUAL, 0.5, 0.0, 0.57, 0.03, BROKEN),
-        (EQUAL, 0.5, 0.05, 0.57, 0.03, KEPT),  # the interval meets 0.5 +- 0.05
-        (EQUAL, 0.5, 0.0, 0.5, 0.0, KEPT),
-        (EQUAL, 0.5, 0.0, 0.5001, 0.0, BROKEN),  # exact, so without any doubt
-        (EQUAL, 0.5, 0.0, math.nan, math.nan, UNDECIDED),
-        (EQUAL, 0.5, 0.0, 0.5, math.nan, UNDECIDED),
-        (AT_MOST, 1.0, 0.0, 0.9, 0.05, KEPT),
-        (AT_MOST, 1.0, 0.0, 0.97, 0.05, UNDECIDED),
-        (AT_MOST, 1.0, 0.0, 1.09, 0.05, UNDECIDED),
-        (AT_MOST, 1.0, 0.0, 1.11, 0.05, BROKEN),
-        (AT_MOST, 1.0, 0.0, 1.0, 0.0, KEPT),
-        (AT_MOST, 1.0, 0.0, math.inf, 0.0, BROKEN),
-        (AT_MOST, 1.0, 0.0, math.nan, 0.0, UNDECIDED),
-        (AT_LEAST, 1.0, 0.0, 1.0, 0.0, KEPT),
-        (AT_LEAST, 1.0, 0.0, 0.999, 0.0, BROKEN),
-        (AT_LEAST, 1.0, 0.0, 1.03, 0.05, UNDECIDED),
-        (AT_LEAST, 1.0, 0.0, math.inf, 0.0, KEPT),
+        (EQUAL, 0.5, 0.0, 0.52, 0.03, PASSED),
+        (EQUAL, 0.5, 0.0, 0.55, 0.03, INCONCLUSIVE),  # only twice the interval reaches it
+        (EQUAL, 0.5, 0.0, 0.57, 0.03, FAILED),
+        (EQUAL, 0.5, 0.05, 0.57, 0.03, PASSED),  # the interval meets 0.5 +- 0.05
+        (EQUAL, 0.5, 0.0, 0.5, 0.0, PASSED),
+        (EQUAL, 0.5, 0.0, 0.5001, 0.0, FAILED),  # exact, so without any doubt
+        (EQUAL, 0.5, 0.0, math.nan, math.nan, INCONCLUSIVE),
+        (EQUAL, 0.5, 0.0, 0.5, math.nan, INCONCLUSIVE),
+        (AT_MOST, 1.0, 0.0, 0.9, 0.05, PASSED),
+        (AT_MOST, 1.0, 0.0, 0.97, 0.05, INCONCLUSIVE),
+        (AT_MOST, 1.0, 0.0, 1.09, 0.05, INCONCLUSIVE),
+        (AT_MOST, 1.0, 0.0, 1.11, 0.05, FAILED),
+        (AT_MOST, 1.0, 0.0, 1.0, 0.0, PASSED),
+        (AT_MOST, 1.0, 0.0, math.inf, 0.0, FAILED),
+        (AT_MOST, 1.0, 0.0, math.nan, 0.0, INCONCLUSIVE),
+        (AT_LEAST, 1.0, 0.0, 1.0, 0.0, PASSED),
+        (AT_LEAST, 1.0, 0.0, 0.999, 0.0, FAILED),
+        (AT_LEAST, 1.0, 0.0, 1.03, 0.05, INCONCLUSIVE),
+        (AT_LEAST, 1.0, 0.0, math.inf, 0.0, PASSED),
     ],
 )
 def test_a_number_is_judged_with_its_interval(sense, number, tolerance, value, half, verdict):
@@ -75,36 +75,36 @@ def test_a_number_is_judged_with_its_interval(sense, number, tolerance, value, h
 
 
 def test_an_interval_that_is_too_wide_decides_nothing():
-    for widest, verdict in ((0.25, UNDECIDED), (0.3, KEPT)):
+    for widest, verdict in ((0.25, INCONCLUSIVE), (0.3, PASSED)):
         (found,) = judge([claim(0.5)], [came_out(0.5, 0.26, widest=widest)])
         assert found.verdict == verdict
-    (found,) = judge([claim(5.0)], [came_out(0.5, 0.26, widest=0.25)])  # nor that it is broken
-    assert found.verdict == UNDECIDED
+    (found,) = judge([claim(5.0)], [came_out(0.5, 0.26, widest=0.25)])  # nor that it failed
+    assert found.verdict == INCONCLUSIVE
 
 
 def test_the_worst_step_size_counts_and_those_beyond_the_limit_do_not():
     quantities = [came_out(value, h=h) for value, h in ((1e-3, 0.5), (1e-14, 0.25), (1e-15, 0.125))]
     (everywhere,) = judge([claim(1e-12, AT_MOST)], quantities)
-    assert (everywhere.verdict, everywhere.found.h) == (BROKEN, 0.5)
+    assert (everywhere.verdict, everywhere.found.h) == (FAILED, 0.5)
     (small,) = judge([claim(1e-12, AT_MOST, limits=(("h", 0.25),))], quantities)
-    assert (small.verdict, small.found.h) == (KEPT, 0.25)
+    assert (small.verdict, small.found.h) == (PASSED, 0.25)
     (mixed,) = judge([claim(1e-12, AT_MOST)], [*quantities[1:], came_out(math.nan, h=1.0)])
-    assert mixed.verdict == UNDECIDED
+    assert mixed.verdict == INCONCLUSIVE
     (swept,) = judge([claim(1e-4, AT_MOST, limits=(("r", 1.0),))], [came_out(1e-3, h=0.5, swept=("r", 1.0))])
-    assert swept.verdict == BROKEN
+    assert swept.verdict == FAILED
 
 
 def test_each_estimator_and_function_has_a_verdict_of_its_own():
     plain, other = ABOUT._replace(estimator="plain"), ABOUT._replace(estimator="multilevel")
     quantities = [came_out(p, function=f)._replace(about=a) for p, f, a in ((1, "phi", plain), (2, "psi", other))]
-    assert [one.verdict for one in judge([claim(1)], quantities)] == [KEPT, BROKEN]
-    assert [one.verdict for one in judge([claim(1, scopes=("psi",))], quantities)] == [BROKEN]
-    assert [one.verdict for one in judge([claim(1, scopes=("phi", "plain"))], quantities)] == [KEPT]
+    assert [one.verdict for one in judge([claim(1)], quantities)] == [PASSED, FAILED]
+    assert [one.verdict for one in judge([claim(1, scopes=("psi",))], quantities)] == [FAILED]
+    assert [one.verdict for one in judge([claim(1, scopes=("phi", "plain"))], quantities)] == [PASSED]
 
 
 def test_what_did_not_come_out_is_not_decided():
     (found,) = judge([claim(1.0, scopes=("multilevel",))], [came_out(1.0)])
-    assert (found.verdict, found.found, found.subject) == (UNDECIDED, None, "splitting, multilevel")
+    assert (found.verdict, found.found, found.subject) == (INCONCLUSIVE, None, "splitting, multilevel")
 
 
 def test_claims_are_read_back_as_they_were_stored():
@@ -203,20 +203,20 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
     assert stated(load(text, overrides=["estimators=[kolmogorov]", "functions={g: y2}"])) == [
         ("main", "splitting", "order 2", "kolmogorov", "g")
     ]
-    with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is none of the schemes"):
+    with pytest.raises(SpecError, match=r"--set expect\.euler_maruyama: is not a known scheme"):
         load(SPEC, overrides=["schemes=[splitting]", "expect.euler_maruyama.order=1"])
 
 
 @pytest.mark.parametrize(
     ("base", "text", "line", "message"),
     [
-        (SPEC, "expect:\n  spliting: {order: 1}\n", 10, "spliting: is none of the schemes; did you mean 'splitting'?"),
-        (SPEC, "expect:\n  midpoint: {order: 1}\n", 10, "is none of the schemes; known: splitting, euler_maruyama"),
+        (SPEC, "expect:\n  spliting: {order: 1}\n", 10, "spliting: is not a known scheme; did you mean 'splitting'?"),
+        (SPEC, "expect:\n  midpoint: {order: 1}\n", 10, "is not a known scheme; known: splitting, euler_maruyama"),
         (
             SPEC,
             IN + "ordr: 1\n",
             11,
-            "expect.splitting.ordr: is nothing that can be expected here; did you mean 'order'",
+            "expect.splitting.ordr: is not a known quantity; did you mean 'order'",
         ),
         (SPEC, IN + "order: half\n", 11, "expect.splitting.order: is 'half' (unknown word 'half'); must be a number"),
         (SPEC, IN + "order: [1]\n", 11, "is a list; must be a number such as 1/2"),
@@ -230,13 +230,23 @@ def test_a_layer_with_fewer_schemes_drops_the_claims_about_the_others(load):
         (SPEC, IN + "up to x: {error: 1}\n", 11, "has no number (unknown word 'x'); must be like"),
         (SPEC, IN + "up to 1: 1\n", 11, "is '1'; must be a mapping of quantities"),
         (SPEC, IN + "eps up to 1: {error: 1}\n", 11, "has no limit 'eps'; known: h"),
-        (SPEC, IN + "plain: {order: 1}\n", 11, "is nothing that can be expected here; known: order"),
+        (SPEC, IN + "plain: {order: 1}\n", 11, "is not a known quantity; known: order"),
         (WEAK, IN + "plan: {order: 1}\n", 13, "did you mean 'plain'?"),
-        (WEAK, IN + "plain:\n      ordr: 1\n", 14, "expect.splitting.plain.ordr: is nothing"),
-        (TRAJECTORY, IN + "order: 1\n", 10, "is nothing that can be expected here"),
+        (WEAK, IN + "plain:\n      ordr: 1\n", 14, "expect.splitting.plain.ordr: is not a known quantity"),
+        (TRAJECTORY, IN + "order: 1\n", 10, "is not a known quantity"),
         (SWEEP, IN + "t up to 1: {finite: 1}\n", 12, "has no limit 't'; known: h, s"),
-        (SPEC, "profiles:\n  quick:\n    expect:\n      spliting: {order: 1}\n", 12, "quick.expect.spliting: is none"),
-        (SPEC, "cases:\n  - name: a\n    expect: {splitting: {ordr: 1}}\n", 11, "expect.splitting.ordr: is nothing"),
+        (
+            SPEC,
+            "profiles:\n  quick:\n    expect:\n      spliting: {order: 1}\n",
+            12,
+            "quick.expect.spliting: is not a known scheme",
+        ),
+        (
+            SPEC,
+            "cases:\n  - name: a\n    expect: {splitting: {ordr: 1}}\n",
+            11,
+            "expect.splitting.ordr: is not a known quantity",
+        ),
     ],
 )
 def test_a_wrong_claim_is_named_with_its_line(load, tmp_path, base, text, line, message):
@@ -315,7 +325,7 @@ def of(scheme, quantity, sense, number, case="three", **others):
     return Claim(case, scheme, quantity, sense, number, 0.0, f"{number:g}", **others)
 
 
-STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=0.9, order_ci=(0.4, 1.4)))
+STRONG = strong(strong_group("splitting"), strong_group("midpoint", order=Order(0.9, 0.4, 1.4, 9)))
 JUDGED = expecting(
     STRONG,
     of("splitting", "order", EQUAL, 0.5),
@@ -328,10 +338,10 @@ JUDGED = expecting(
 def test_the_table_tells_claims_and_verdicts():
     text = printed(JUDGED)
     lines = [" ".join(line.split()) for line in text[text.index("claims") :].splitlines()]
-    assert "splitting, noise first (slpI) order 0.5 0.500 [0.480, 0.520] kept" in lines
-    assert "splitting, noise first (slpI) order 1 0.500 [0.480, 0.520] broken" in lines
-    assert "splitting, noise first (slpI) Casimir drift at most 1e-12 8e-16 h = 2^-13 kept" in lines
-    assert "midpoint order 1 0.900 [0.400, 1.400] not decided" in lines
+    assert "splitting, noise first (slpI) order 0.5 0.500 [0.480, 0.520] passed" in lines
+    assert "splitting, noise first (slpI) order 1 0.500 [0.480, 0.520] failed" in lines
+    assert "splitting, noise first (slpI) Casimir drift at most 1e-12 8e-16 h = 2^-13 passed" in lines
+    assert "midpoint order 1 0.900 [0.400, 1.400] inconclusive" in lines
     assert "claims" not in printed(STRONG)
 
 
@@ -347,18 +357,18 @@ def test_on_a_terminal_the_claims_are_broken_between_words(width, fits):
 def test_records_have_the_worst_verdict_of_each_quantity():
     rows = views.rows(JUDGED)
     assert {(row["scheme"], row["claim[order]"], row.get("claim[casimir_drift]")) for row in rows} == {
-        ("splitting", "broken", "kept"),
-        ("midpoint", "not decided", None),
+        ("splitting", "failed", "passed"),
+        ("midpoint", "inconclusive", None),
     }
-    assert "claim[order]" in as_csv(rows).splitlines()[0] and '"claim[order]": "broken"' in as_json(rows)
+    assert "claim[order]" in as_csv(rows).splitlines()[0] and '"claim[order]": "failed"' in as_json(rows)
     assert not any("claim" in key for row in views.rows(STRONG) for key in row)
 
 
 def test_the_figure_names_the_verdicts_and_keeps_its_panels():
     plain, judged = views.figure(STRONG), views.figure(JUDGED)
     notes = " ".join(text.get_text() for text in judged.texts)
-    assert "Claims broken: order 1 (splitting, noise first (slpI))." in notes
-    assert "Claims not decided: order 1 (midpoint)." in notes and "Claims kept: order 0.5" in notes
+    assert "Claims failed: order 1 (splitting, noise first (slpI))." in notes
+    assert "Claims inconclusive: order 1 (midpoint)." in notes and "Claims passed: order 0.5" in notes
     sizes = []
     for figure in (plain, judged):
         sizes.append(inches_of_panels(figure))
@@ -374,7 +384,7 @@ def test_the_lines_lie_below_a_legend_of_the_whole_figure():
     figure = views.figure(expecting(trajectories(group), of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")))
     figure.draw_without_rendering()
     (legend,), (note,) = figure.legends, [text for text in figure.texts if text.get_fontsize() == 7]
-    assert note.get_text() == "Claims kept: Casimir drift at most 1 (splitting, noise first (slpI))."
+    assert note.get_text() == "Claims passed: Casimir drift at most 1 (splitting, noise first (slpI))."
     assert 0 < note.get_window_extent().y1 < legend.get_window_extent().y0
 
 
@@ -383,9 +393,9 @@ def test_a_lost_path_breaks_a_bound():
     casimirs = np.array([[1.0], [1.0], [math.nan]])
     results = trajectories(trajectory_group("splitting", t, y, casimirs))
     bound = of("splitting", "casimir_drift", AT_MOST, 1.0, case="main")
-    assert [one.verdict for one in views.verdicts(expecting(results, bound))] == [BROKEN]
+    assert [one.verdict for one in views.verdicts(expecting(results, bound))] == [FAILED]
     whole = trajectories(trajectory_group("splitting", t, y, np.ones((3, 1))))
-    assert [one.verdict for one in views.verdicts(expecting(whole, bound))] == [KEPT]
+    assert [one.verdict for one in views.verdicts(expecting(whole, bound))] == [PASSED]
 
 
 def test_damaged_claims_are_one_clear_line():

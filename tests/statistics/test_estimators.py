@@ -35,9 +35,6 @@ def mean_and_without(sums, counts):
     return sums.sum(axis=0) / counts.sum(), (sums.sum(axis=0) - sums) / rest
 
 
-# --- groups ----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("samples", [0, 1, 7, 63, 64, 65, 500, 511, 512, 513, 4096, 10**15])
 def test_group_counts_sum_up_and_grow_by_one_path_at_a_time(samples):
     counts = group_counts(samples)
@@ -46,9 +43,6 @@ def test_group_counts_sum_up_and_grow_by_one_path_at_a_time(samples):
     assert counts.min() >= 0
     more = group_counts(samples + 1) - counts
     assert sorted(more) == [0] * (GROUPS - 1) + [1]
-
-
-# --- root mean square ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("samples", [2, 5, 64, 100, 500])
@@ -88,9 +82,6 @@ def test_root_mean_square_of_infinities():
     assert value.tolist() == [1.0, np.inf]
     assert np.allclose(without[:, 0], 1.0, rtol=1e-14)
     assert not is_resolved(value, jackknife_stderr(value, without, in_groups(squares)[1]))[1]
-
-
-# --- standard errors -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("per_group", [1, 5])
@@ -154,9 +145,6 @@ def test_two_to_seven_samples_have_a_standard_error():
         assert np.allclose(stderr, squares.std(axis=0, ddof=1) / math.sqrt(samples), rtol=1e-12)
 
 
-# --- resolution ------------------------------------------------------------------------------------------------------
-
-
 def test_what_counts_as_resolved():
     value = np.array([1.0, 1.0, 0.0, np.inf, 1.0, 1.0, np.nan])
     stderr = np.array([1 / RESOLVED, 1.01 / RESOLVED, 0.0, 0.0, np.nan, np.inf, 0.1])
@@ -172,9 +160,6 @@ def test_samples_needed_would_just_resolve():
     assert is_resolved(value, then * 0.999)
     assert not is_resolved(value, then * 1.001)
     assert not np.isfinite(samples_needed(np.array([0.0, np.nan, np.inf]), np.array([1.0, 1.0, np.inf]), 10)).any()
-
-
-# --- orders ----------------------------------------------------------------------------------------------------------
 
 
 FACTORS = np.array([[0.9], [1.1], [1.0]])  # leave-one-out values that have a common factor leave the slope as it is

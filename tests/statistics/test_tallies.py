@@ -14,8 +14,9 @@ from spi.ensemble import loop
 from spi.kinds import KINDS
 from spi.kinds.state import State
 from spi.numerics.rng import LANES
-from spi.running.runs import load
-from spi.statistics.tallies import CHUNK_SECONDS, Chunk, PathSet, Tally, chunk_blocks, digest
+from spi.running.run import load
+from spi.statistics.tallies import CHUNK_WORK, Chunk, PathSet, Tally, chunk_blocks, digest
+from spi.storage import sums
 
 COUNTS = range(1, 41)
 SIZE = 2  #: blocks of a whole chunk
@@ -115,14 +116,19 @@ def test_the_chunks_of_a_path_set_have_all_its_paths(samples, size):
     assert path_set.whole == sum(chunk.paths == size * LANES for chunk in chunks)
 
 
-def test_the_size_of_a_chunk_is_a_power_of_two_that_takes_about_so_long():
-    for seconds in (1e-12, 1e-6, 3e-3, 0.5, 1.0, 1.5, 2.0, 2.1, 100.0):
-        blocks = chunk_blocks(seconds)
-        assert type(blocks) is int and blocks & (blocks - 1) == 0
-        if seconds >= CHUNK_SECONDS:
-            assert blocks == 1
-        elif seconds > 1e-9:
-            assert CHUNK_SECONDS <= blocks * seconds < 2 * CHUNK_SECONDS
+@pytest.mark.parametrize("dimension", [1, 3, 8, 24, 16128])
+@pytest.mark.parametrize("steps", [0, 1, 7, 2**10, 10**6, 2**40])
+def test_the_size_of_a_chunk_is_the_largest_power_of_two_within_the_work_of_a_chunk(steps, dimension):
+    blocks, work = chunk_blocks(steps, dimension), LANES * max(steps, 1) * dimension**2
+    assert blocks & (blocks - 1) == 0
+    assert blocks == 1 or blocks * work <= CHUNK_WORK
+    assert 2 * blocks * work > CHUNK_WORK
+
+
+def test_the_size_of_a_chunk_is_part_of_the_layout_of_sums():
+    """Another rule needs another version in ``storage/sums.py``, or sums would be put together that do not fit."""
+    sizes = [chunk_blocks(steps, d) for steps, d in ((1, 3), (512, 3), (2**16, 3), (2**10, 8), (2**10, 24))]
+    assert (sums.VERSION, sizes) == (2, [2**22, 2**13, 2**6, 2**10, 2**6])
 
 
 # --- the tree of sums ------------------------------------------------------------------------------------------------
@@ -162,7 +168,7 @@ def test_tallies_of_parts_are_merged_in_any_order(short):
         wanted = bits(tally_of(path_set).total(path_set))
         for key, parts in enumerate((1, 2, 3, 7)):
             generator = np.random.default_rng([key, count])
-            # neighbours, as slices have them; or whatever comes
+            # neighbours, as shards have them; or whatever comes
             owner = np.arange(count) * parts // count if key % 2 else generator.integers(0, parts, count)
             tallies = [tally_of(path_set, np.flatnonzero(owner == part)) for part in range(parts)]
             merged = Tally.empty()
@@ -358,7 +364,7 @@ def plan(request, tmp_path):
 
 def numbers_of_group(plan, state):
     """What a state gives in the end, but times."""
-    found = plan.group(state)
+    found = plan.results(state).group()
     return {name: values for name, values in found.arrays.items() if not name.endswith(("seconds", "ns_per_step"))}
 
 
@@ -396,8 +402,8 @@ def test_the_bits_do_not_depend_on_who_computes_which_chunk(plan):
     chunks = [chunk for number, path_set in enumerate(whole.path_sets) for chunk in path_set.chunks(number)]
     for i in np.random.default_rng(3).permutation(len(chunks)):
         for added in plan.advance([chunks[i]], None):
-            for chunk, sums in added:
-                states[i % 2].put(chunk, sums)
+            for chunk, known in added:
+                states[i % 2].put(chunk, known)
     assert all(state.missing() for state in states)
     states[0].take(states[1].plain(), with_more=False)
     assert same_numbers(states[0], whole)

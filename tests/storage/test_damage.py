@@ -1,7 +1,6 @@
 """Broken results files: each is refused in one line with exit code 2, and nothing is drawn."""
 
 import random
-import signal
 
 import damage
 import pytest
@@ -12,14 +11,7 @@ def whole(tmp_path_factory):
     return damage.originals(tmp_path_factory.mktemp("originals"))
 
 
-@pytest.fixture(autouse=True)
-def _signals():
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
-
-
+@pytest.mark.share
 @pytest.mark.parametrize("number", range(5))
 @pytest.mark.parametrize("broken", damage.DAMAGES, ids=lambda broken: broken.__name__)
 def test_a_broken_file_is_refused_in_one_line(whole, tmp_path, broken, number):

@@ -6,13 +6,13 @@ import mpmath
 import numpy as np
 import pytest
 from helpers import COMPILED, LANES, SCHEMES, take_steps
-from yaml_cases import ZOO, given, made
+from yaml_cases import SYSTEMS, given, made
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, noise_flow
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.elementary import expm1
-from spi.systems.motions import sinh_coshm1, times
+from spi.numerics.motions import sinh_coshm1, times
 
 mpmath.mp.dps = 50  # of this file
 
@@ -64,8 +64,6 @@ def test_products_with_numbers_of_two_parts():
         assert worst <= 1.0
         assert max(float(abs(high * mpmath.mpf(x) - c * x) / x) for x in (1.0, 1.5)) > 1e-17
 
-
-# --- motions of so(2,1), by linear functions of all three kinds ------------------------------------------------------
 
 BOOSTS = given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1})  # {y1, y2} = y3, {y2, y3} = -y1, {y3, y1} = -y2
 Y = (0.3, -0.7, 1.1)
@@ -132,8 +130,6 @@ def test_rotations_by_large_angles(t, tolerance):
     assert relative_error("y1 + y2/3 + 2*y3", (1, mpmath.mpf(1) / 3, 2), t) < tolerance
 
 
-# --- Casimir functions over many steps -------------------------------------------------------------------------------
-
 SPLITTING = SCHEMES["splitting"].record
 STEPS, H = 100_000, 1e-3
 
@@ -145,7 +141,7 @@ LONG = {
         (1, 0.3, -0.6),
     ),
     "hyperbolic": ("{algebra: 'so(2,1)', hamiltonian: y1^2/2 + y3^2, noises: [y3/1000]}", (0.3, 0.2, 0.9)),
-    "heavy top": (ZOO["heavy top"][0], (1.0, 0.5, 0.3, 0.6, 0.1, 0.8)),
+    "heavy top": (SYSTEMS["heavy top"][0], (1.0, 0.5, 0.3, 0.6, 0.1, 0.8)),
 }
 
 
@@ -160,6 +156,7 @@ def changes(record, y0, generator):
     return (np.array(casimirs(record, tuple(y))) - before) / (2.0**-53 * size)
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 @pytest.mark.parametrize("name", LONG)
 def test_casimir_functions_only_walk(name):

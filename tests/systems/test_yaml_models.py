@@ -67,6 +67,7 @@ def built_in():
     }
 
 
+@pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 @pytest.mark.parametrize("name", ["rigid body", "Maxwell-Bloch", "sine-Euler"])
 def test_the_same_paths_as_the_built_in_model(name):
@@ -92,8 +93,6 @@ def test_the_same_facts_as_the_built_in_model(name):
     for fact in ("dimension", "pieces", "noises", "conserved"):
         assert getattr(type(model), fact) == getattr(type(again), fact)
 
-
-# --- parameters ------------------------------------------------------------------------------------------------------
 
 CROSS = "{algebra: so(3), parameters: {a: 1/3, b: 2}, hamiltonian: y1^2 + a*y1*y2 + b*y2^2 + y3^2, noises: [y1 + b*y3]}"
 
@@ -124,9 +123,6 @@ def test_the_numbers_of_the_principal_axes_are_those_of_the_parameters():
             t = 1e-6
             moved = sum(np.subtract(drift_flow(model, k, t, y, ANY_ANGLES), y) for k in range(type(model).pieces)) / t
             assert np.allclose(moved, np.cross(y, drift_gradient(model, y)), atol=1e-5)
-
-
-# --- the cache of definitions ----------------------------------------------------------------------------------------
 
 
 @pytest.fixture

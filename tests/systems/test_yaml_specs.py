@@ -14,10 +14,8 @@ from spi import systems
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
 from spi.numerics.angles import ANY_ANGLES
-from spi.running import runs
+from spi.running import run as runs
 from spi.specs import SpecError
-
-# --- in a spec, and in a file that it names --------------------------------------------------------------------------
 
 SPEC = """\
 kind: trajectory
@@ -54,9 +52,9 @@ noises:
             FILE,
             "noises:",
             "noise:",
-            "3: model.system: is 'top.yaml', line 7, noise: is no known key; did you mean 'noises'",
+            "3: model.system: is 'top.yaml', line 7, noise: is not a known key; did you mean 'noises'",
         ),
-        (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is no mapping; give it some of algebra"),
+        (FILE, FILE, "[1, 2]\n", "3: model.system: is 'top.yaml', which is not a mapping; give it some of algebra"),
         (FILE, "  a: 2", "  a: 2\n  a: 3", "3: model.system: is 'top.yaml', line 5"),
         (FILE, "so(3)", "so(3", "3: model.system: is 'top.yaml', line 2, algebra: "),
         (
@@ -67,7 +65,7 @@ noises:
         ),
         (SPEC, "{a: 3}", "{c: y}", "4: model.parameters.c: is 'y' (unknown word 'y'"),
         (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
-        (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is no known key; did you mean 'noises'?"),
+        (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is not a known key; did you mean 'noises'?"),
         (SPEC, "{a: 3}", "{a: 3}\n  name: 2top", "5: model.name: is '2top'; must be a word of letters"),
         (SPEC, "{a: 3}", "{a: 3}\n  name: lambda", "5: model.name: is 'lambda'; must be a word of letters"),
         (SPEC, "{a: 3}", "{a: 3}\n  sigma: [1]", "5: model.sigma: has 1 entries; must have 2, one for each noise"),
@@ -98,9 +96,6 @@ def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
 def test_a_file_may_be_called_anything(spec, tmp_path, stem):
     (tmp_path / f"{stem}.yaml").write_text(FILE)
     assert spec(SPEC.replace("top.yaml", f"{stem}.yaml")).cases[0].model.a == 3.0
-
-
-# --- layers, sweeps and cases ----------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -144,8 +139,6 @@ def test_what_decides_results_belongs_to_the_hash(top, tmp_path):
     assert len({first.hash, other.hash, runs.load("s.yaml").hash}) >= 2
     assert runs.load("s.yaml").paths_hash == other.paths_hash
 
-
-# --- runs ------------------------------------------------------------------------------------------------------------
 
 TWO = """\
 kind: trajectory

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from yaml_cases import ZOO, definition, made
+from yaml_cases import SYSTEMS, definition, made
 
 from spi.systems.definition import DefinitionError, define
 
@@ -29,10 +29,10 @@ def spin(*terms, more=""):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (ZOO["heavy top"][0], ["P1^2/(2*I1)", "P2^2/(2*I2)", "G3*weight + P3^2/(2*I3)"]),
-        (ZOO["Manakov"][0], ["m12^2/6 + m34^2/14", "m13^2/8 + m24^2/12", "m14^2/(2*J + 2) + m23^2/10"]),
-        (ZOO["spin in a cavity"][0], ["q^2/2 + s3", "p^2/2", "g*q*s1"]),
-        (ZOO["heisenberg(2)"][0], ["q1^2*q2 + q1^2/2 + q1*z + q2^2/2", "p1^2/2 + p2^2/2"]),
+        (SYSTEMS["heavy top"][0], ["P1^2/(2*I1)", "P2^2/(2*I2)", "G3*weight + P3^2/(2*I3)"]),
+        (SYSTEMS["Manakov"][0], ["m12^2/6 + m34^2/14", "m13^2/8 + m24^2/12", "m14^2/(2*J + 2) + m23^2/10"]),
+        (SYSTEMS["spin in a cavity"][0], ["q^2/2 + s3", "p^2/2", "g*q*s1"]),
+        (SYSTEMS["heisenberg(2)"][0], ["q1^2*q2 + q1^2/2 + q1*z + q2^2/2", "p1^2/2 + p2^2/2"]),
         # the order is that of the terms
         (spin("y3^2", "y1", "y3", "y2"), ["y3^2 + y3", "y1", "y2"]),
         (spin("y2", "y1^2", "y1^3"), ["y2", "y1^3 + y1^2"]),
@@ -68,7 +68,7 @@ def test_numbers_of_flows_of_the_gallery(file, count):
 
 def test_sine_euler_splits_by_the_lines_through_the_lattice():
     """One flow for the modes on each line through 0, in which all commute: N + 1 lines for a prime N."""
-    assert flows(made(ZOO["sine-Euler, N = 3"][0]).system) == [
+    assert flows(made(SYSTEMS["sine-Euler, N = 3"][0]).system) == [
         "h(1,0)^2/2 + h(2,0)^2/2",
         "h(1,1)^2/4 + h(2,2)^2/4",
         "h(1,2)^2/4 + h(2,1)^2/4",
@@ -82,8 +82,6 @@ def test_the_order_of_the_terms_decides_which_merge():
     assert flows(defined(bracket + "a + b + c}")) == ["a + b", "c"]
     assert flows(defined(bracket + "c + b + a}")) == ["b + c", "a"]
 
-
-# --- pieces that are given -------------------------------------------------------------------------------------------
 
 TOP = "{algebra: se(3), variables: [P1, P2, P3, G1, G2, G3], "
 
@@ -120,7 +118,7 @@ WRONG = [
     (spin("(y1 + y2)^3", "sqrt(y1^2 + y3^2)"), ("hamiltonian",), "'sqrt(y1^2 + y3^2)' depends on y1 and y3"),
     ("{algebra: so(3)}", ("hamiltonian",), "missing key 'hamiltonian'; add hamiltonian: H, a formula"),
     ("{algebra: so(3), hamiltonian: [y1, y2]}", ("hamiltonian",), "must be one formula"),
-    ("{algebra: so(3), hamiltonian: {y1: y2}}", ("hamiltonian",), "is no text; must be one formula"),
+    ("{algebra: so(3), hamiltonian: {y1: y2}}", ("hamiltonian",), "is not a string; must be one formula"),
     # noises
     (
         spin("y1", more=", noises: [y3, y1^2 + y2]"),

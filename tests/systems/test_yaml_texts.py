@@ -8,7 +8,7 @@ import pytest
 import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from yaml_cases import ZOO, definition
+from yaml_cases import SYSTEMS, definition
 
 from spi.systems.definition import DefinitionError, define, strengths
 from spi.systems.text import NumberError, Symbols, addends, entries, expression, names, whole
@@ -79,13 +79,13 @@ def test_terms_of_a_sum(text, count):
         ("(p", "a parenthesis is not closed"),
         ("cos(p", "a parenthesis is not closed"),
         ("x(5)", "there is no x(5); on a ring of n write x(mod(i, n) + 1) for the next"),
-        ("x(1/2)", "'1/2' is no whole number"),
+        ("x(1/2)", "'1/2' is not an integer"),
         ("x(p)", "unknown word 'p'"),
         ("x", "unknown word 'x'"),
         ("y(1)", "unknown word 'y'"),
         ("coss(p)", "unknown word 'coss', did you mean 'cos'?"),
         ("cos", "'cos' without parentheses"),
-        ("sum(p for i = 1.2)", "is no range such as i = 1..n"),
+        ("sum(p for i = 1.2)", "is not a range such as i = 1..n"),
         ("sum(p for a = 1..2)", "'a' is a variable, a parameter or a function; take another word as index"),
         ("sum(p for x = 1..2)", "'x' is a variable, a parameter or a function"),
         ("sum(p for i = 1..99999)", "the range runs over more than 10000 values"),
@@ -139,7 +139,7 @@ GOOD = {
 @pytest.mark.parametrize(
     ("key", "value", "keys", "message"),
     [
-        ("algebras", "so(3)", ("algebras",), "is no known key"),
+        ("algebras", "so(3)", ("algebras",), "is not a known key"),
         ("algebra", ["so(3)"], ("algebra",), "must be the name of an algebra such as so(3)"),
         ("algebra", "so(33)", ("algebra",), "is 'so(33)' (the size in 'so(33)' must be from 2 to 11); correct it here"),
         ("algebra", None, ("algebra",), "missing key 'algebra'; add algebra: or bracket:"),
@@ -148,28 +148,33 @@ GOOD = {
         ("variables", ["x", "y", "cos"], ("variables",), "has 'cos', a function, parameter or size; take another name"),
         ("variables", ["x", "y", "a"], ("variables",), "has 'a', a function, parameter or size"),
         ("variables", ["x", "y", "n"], ("variables",), "has 'n', a function, parameter or size"),
-        ("variables", ["x", "y", "2z"], ("variables", 2), "is '2z' ('2z' is no name); correct it here"),
+        ("variables", ["x", "y", "2z"], ("variables", 2), "is '2z' ('2z' is not a name); correct it here"),
         ("variables", ["x", "y", "z(i"], ("variables", 2), "is 'z(i' ("),
         ("variables", {"x": "y"}, ("variables",), "must be a list of texts"),
         ("sizes", ["n"], ("sizes",), "must be a mapping such as {n: 4}"),
-        ("sizes", {"n": "1/2"}, ("sizes", "n"), "is '1/2' ('1/2' is no whole number)"),
+        ("sizes", {"n": "1/2"}, ("sizes", "n"), "is '1/2' ('1/2' is not an integer)"),
         ("sizes", {"n": "m"}, ("sizes", "n"), "is 'm' (unknown word 'm')"),
-        ("sizes", {"n": "2", "pi": "3"}, ("sizes", "pi"), "is no name of a size; take letters from a to z and digits"),
-        ("sizes", {"n": "2", "1x": "3"}, ("sizes", "1x"), "is no name of a size"),
+        (
+            "sizes",
+            {"n": "2", "pi": "3"},
+            ("sizes", "pi"),
+            "is not a valid name; use letters from a to z and digits",
+        ),
+        ("sizes", {"n": "2", "1x": "3"}, ("sizes", "1x"), "is not a valid name"),
         ("parameters", {"a": "x"}, ("parameters", "a"), "is 'x' (unknown word 'x'"),
         ("parameters", {"a": "b", "b": "1"}, ("parameters", "a"), "is 'b' (unknown word 'b'"),
         ("parameters", {"a": "1/0"}, ("parameters", "a"), "is '1/0' (division by zero)"),
         ("parameters", {"a": "sqrt(-1)"}, ("parameters", "a"), "is 'sqrt(-1)' (it has no finite real value)"),
         ("parameters", {"a": "1e999"}, ("parameters", "a"), "is '1e999' (too large)"),
         ("parameters", {"a": ["1"]}, ("parameters",), "must be a mapping such as {I1: 2}"),
-        ("parameters", {"a": "1", "_b": "1"}, ("parameters", "_b"), "is no name of a parameter"),
+        ("parameters", {"a": "1", "_b": "1"}, ("parameters", "_b"), "is not a valid name"),
         (
             "parameters",
             {"a": "1", "λ": "1"},
             ("parameters", "λ"),
-            "is no name of a parameter; take letters from a to z",
+            "is not a valid name; use letters from a to z",
         ),
-        ("parameters", {"a": "1", "sum": "1"}, ("parameters", "sum"), "is no name of a parameter"),
+        ("parameters", {"a": "1", "sum": "1"}, ("parameters", "sum"), "is not a valid name"),
         ("parameters", {"a": "1", "n": "1"}, ("parameters", "n"), "is a size as well; take another name"),
         ("hamiltonian", "y1^2/b", ("hamiltonian",), "is 'y1^2/b' (unknown word 'b'); correct it here"),
         ("hamiltonian", "y4", ("hamiltonian",), "is 'y4' (unknown word 'y4'); correct it here"),
@@ -210,7 +215,8 @@ def test_strengths(sigma, keys, message):
 # --- mutated definitions ---------------------------------------------------------------------------------------------
 
 SMALL = [
-    ZOO[name][0] for name in ("rigid body", "heavy top", "e(2)", "Toda", "bracket with parameters", "ring of 4 spins")
+    SYSTEMS[name][0]
+    for name in ("rigid body", "heavy top", "e(2)", "Toda", "bracket with parameters", "ring of 4 spins")
 ]
 PARTS = (
     "",

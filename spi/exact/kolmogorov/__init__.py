@@ -12,7 +12,8 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import NamedTuple
 
-from ...compiler.dispatch import answers, class_of
+from ...compiler.dispatch import answers
+from ...compiler.records import class_of
 from ...ensemble.protocol import axis_inertias, rotation_shear_rates
 from .result import Demands, Expectations
 
@@ -72,7 +73,7 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
     """E phi(y_N) of a splitting scheme at each step size, and E phi(y(T)) of the equation; an :class:`Expectations`.
 
-    `compositions` is a step as ``schemes.rows.compositions`` gives it: ((probability, flows), ...) with the flows
+    `compositions` is a step as ``schemes.stages.compositions`` gives it: ((probability, flows), ...) with the flows
     ("drift" or "noise", k, share of the step) in the order in which they act, each noise flow with an increment of its
     own; `functions` take an array y of shape (3, n) and return n values.  `accuracy` asks for an absolute numerical
     error.  ValueError for a model that no solver is for (:func:`can_solve`).

@@ -9,7 +9,7 @@ from itertools import takewhile
 
 
 def numbers_of_steps(final_time, steps):
-    """How many steps of each size there are; ValueError where the final time is no multiple."""
+    """How many steps of each size there are; ValueError where the final time is not a multiple."""
     numbers = [round(final_time / h) for h in steps]
     for n, h in zip(numbers, steps, strict=True):
         if n < 1 or abs(n * h - final_time) > 1e-9 * final_time:

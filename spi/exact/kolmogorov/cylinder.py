@@ -48,8 +48,8 @@ STRANG = ((1.0, tuple((part, k, s) for k, s in ((0, 0.5), (1, 1.0), (0, 0.5)) fo
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
     """E phi(y_N) for each phi in `functions` and h in `steps`, and their limit E phi(y(T)); see ``Expectations``.
 
-    `compositions` is a step as ``schemes.rows.compositions`` gives it; the refinement of the grid stops at an estimated
-    error below `accuracy`.
+    `compositions` is a step as ``schemes.stages.compositions`` gives it; the refinement of the grid stops at an
+    estimated error below `accuracy`.
     """
     start = perf_counter()
     accuracy = ACCURACY if accuracy is None else accuracy

@@ -38,7 +38,7 @@ ROUNDING = 2e-14
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
     """E phi of a splitting scheme at each step size and of the equation, as :class:`~.result.Expectations`.
 
-    `compositions` is a step as ``schemes.rows.compositions`` gives it; each of `steps` divides `final_time`;
+    `compositions` is a step as ``schemes.stages.compositions`` gives it; each of `steps` divides `final_time`;
     `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error of value, limit and weak error;
     without it, weak errors are wanted to a fiftieth of themselves.
 
@@ -55,7 +55,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     goal = goal.min(axis=1) if accuracy is None else accuracy / 2
     limit, limit_bound = _refined_limit(problem, limits, goal, rounding)
     extrapolated, doubt = extrapolate(problem.steps, weak_error)
-    # two roads to the limit: where they differ by more than the extrapolation can be blamed for, the limit is blamed
+    # two estimates of the limit; a difference above the extrapolation error is added to its bound
     limit_bound = limit_bound + np.fmax(abs(extrapolated) - 2 * doubt - weak_error_bound.max(axis=1), 0.0)
     notes = {
         "degree": max(weak),

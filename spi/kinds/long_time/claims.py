@@ -6,11 +6,11 @@ import numpy as np
 
 from spi.statistics.claims import WIDEST, Quantity, each_step, lost_is_infinite
 
-from .reading import Law, LongTimes
+from .results import Law, LongTimes
 
 
 def quantities(readings: Iterable[LongTimes]) -> Iterator[Quantity]:
-    """For each step size how errors of the Casimirs grow, their bias per step, the worst, and how many paths were lost.
+    """For each step size how errors of the Casimirs grow, their bias per step, the worst, and how many paths diverged.
 
     Where the stationary law is known, the distance from it in each variable and the largest |z| of the means as well.
     """

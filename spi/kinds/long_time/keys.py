@@ -39,7 +39,7 @@ class Case(BaseCase):
         """Of the largest step size."""
         return max(self.steps) * self.step_count
 
-    @condition
+    @condition("steps", "step_count", "schemes")
     def _check_steps(self) -> Self:
         if self.step_count % STEPS_PER_TOSS:
             lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS

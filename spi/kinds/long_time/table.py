@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
 
-from .reading import Law, LongTimes, with_laws
+from .results import Law, LongTimes, with_laws
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 #: Of several variables the table shows the distances of these.
 SHOWN = ("y3", "H")
 
-_SERIES = ("casimir_mean", "casimir_rms", "casimir_worst", "casimir_one")
 _PER_CASIMIR = ("growth", "growth_low", "growth_high", "bias", "bias_stderr")
 
 
@@ -28,41 +28,12 @@ def rows(readings: Iterable[LongTimes]) -> Iterator[dict[str, Any]]:
 
     Of several Casimirs each has its columns, ``casimir_rms_1`` and so on.  Fractions in bins are left out.
     """
+    spread = ("casimir", "moment", "variable")
     for reading in readings:
-        yield from _rows(reading)
-
-
-def _rows(reading: LongTimes) -> Iterator[dict[str, Any]]:
-    # a scheme for the multiscale system is not among those that this kind takes, so that there is no eps
-    whole = {"case": reading.about.case, "scheme": reading.about.scheme, "samples": reading.samples}
-    suffixes = _suffixes(reading)
-    for i, h in enumerate(reading.h.tolist()):
-        for k, steps in enumerate(reading.n.tolist()):
-            record = {**whole, "h": h, "n": steps}
-            for name in _SERIES:
-                record |= {name + suffix: getattr(reading, name)[i, k, c].item() for c, suffix in enumerate(suffixes)}
-            yield record | (_ends(reading, i) if k == len(reading.n) - 1 else {})
-
-
-def _suffixes(reading: LongTimes) -> list[str]:
-    """What is put behind the names of what each Casimir has: nothing if it is the only one."""
-    return [""] if reading.casimir_count == 1 else [f"_{c + 1}" for c in range(reading.casimir_count)]
-
-
-def _ends(reading: LongTimes, i: int) -> dict[str, Any]:
-    """What a step size has besides errors at each number of steps."""
-    record = {"nonfinite": reading.nonfinite[i].item()}
-    for name in _PER_CASIMIR:
-        record |= {name + suffix: getattr(reading, name)[i, c].item() for c, suffix in enumerate(_suffixes(reading))}
-    if law := reading.law:
-        for m, name in enumerate(law.moments):
-            record[f"mean[{name}]"] = law.mean[i, m].item()
-            record[f"mean_stderr[{name}]"] = law.mean_stderr[i, m].item()
-            record[f"mean_exact[{name}]"] = law.mean_exact[m].item()
-        for m, name in enumerate(law.variables):
-            record[f"law_distance[{name}]"] = law.distance[i, m].item()
-            record[f"law_distance_stderr[{name}]"] = law.distance_stderr[i, m].item()
-    return record
+        of_steps = next(rows_of(reading, ["h"], spread=spread)).keys() - {"case", "scheme", "h", "samples"}
+        for row in rows_of(reading, ["h", "n"], spread=spread):
+            left_out = of_steps if row["n"] < reading.n[-1] else ()
+            yield {name: value for name, value in row.items() if name not in left_out}
 
 
 def show(console: "Console", heading: str, readings: Sequence[LongTimes]) -> None:
@@ -83,7 +54,7 @@ def _casimirs(heading: str, readings: Sequence[LongTimes]) -> "Table":
 
     count = readings[0].casimir_count
     several = count > 1
-    names = ["scheme", "h", "non-\nfinite", *["Cas-\nimir"] * several]
+    names = ["scheme", "h", "di-\nverged", *["Cas-\nimir"] * several]
     columns = ["rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"]
     table = new_table(heading, [*names, *columns], left=2, labels=0)
     for reading in readings:
@@ -141,7 +112,7 @@ def told(readings: Sequence[LongTimes]) -> str:
         if reading.casimir_count:
             rms = float(reading.casimir_rms[:, -1].max())
             errors.append(
-                f"{short(rms) if math.isfinite(rms) else 'lost'} with {whose(reading.about)}{_grown(reading)}"
+                f"{short(rms) if math.isfinite(rms) else 'diverged'} with {whose(reading.about)}{_grown(reading)}"
             )
         if reading.law and np.isfinite(reading.law.z).all():
             means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")

@@ -6,11 +6,11 @@ import numpy as np
 
 from spi.statistics.claims import Quantity, each_step, lost_is_infinite
 
-from .reading import Stability
+from .results import Stability
 
 
 def quantities(readings: Iterable[Stability]) -> Iterator[Quantity]:
-    """For each step size and value of the swept word what :class:`~.reading.Stability` has under the same names."""
+    """For each step size and value of the sweep what :class:`~.reading.Stability` has under the same names."""
     for one in readings:
         told = {"finite": one.finite, "largest_norm": lost_is_infinite(one.largest_norm)}
         if one.positive is not None:

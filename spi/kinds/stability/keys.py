@@ -20,9 +20,9 @@ Swept = dict[str, Annotated[tuple[float, ...], MinLen(1)]]
 
 
 class Case(FunctionsCase):
-    """What schemes keep of the equation where it is hard: sweeps the step size and a word in the parameters."""
+    """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
 
-    sweep: key_of(Swept, "a word and its values, as in {s: [0.1, 1, 10]}, to stand in model, damping, initial or eps")
+    sweep: key_of(Swept, "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, initial or eps")
     samples: key_of(Samples, "number of Brownian paths")
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
@@ -38,7 +38,7 @@ class Case(FunctionsCase):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """The step size and the swept word."""
+        """The step size and the swept parameter."""
         return ("h", self.sweep.word if isinstance(self.sweep, Sweep) else next(iter(self.sweep)))
 
     @pydantic.field_validator("sweep")
@@ -49,16 +49,16 @@ class Case(FunctionsCase):
                 raise wrong("has a value twice", "remove one", word)
         return sweep
 
-    @condition
+    @condition("initial")
     def _check_not_zero(self) -> Self:
         if not any(self.initial):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
-    @condition
+    @condition("eps")
     def _check_one_eps(self) -> Self:
         if self.eps is not None and len(self.eps) > 1:
-            raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept word", "eps")
+            raise wrong(f"has {len(self.eps)} values", "must be one number, or the swept parameter", "eps")
         return self
 
     @pydantic.field_serializer("sweep")
@@ -69,7 +69,7 @@ class Case(FunctionsCase):
 def of_another(given: Given) -> dict[str, Any]:
     """What an experiment of another kind lacks to be one of this: the initial value is scaled."""
     if large(given.case.model):
-        raise wrong(f"is {given.case.model_name}", "give a word to sweep in a file of your own", "model")
+        raise wrong(f"is {given.case.model_name}", "choose a parameter to sweep, in a file of your own", "model")
     written = given.keys["initial"]
     plain = len(written) == len(given.case.initial)  # else ranges or complex numbers
     return {

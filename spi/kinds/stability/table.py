@@ -1,4 +1,4 @@
-"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept word."""
+"""Tables of stability: up to which step size a scheme keeps what, for each value of the swept parameter."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -6,50 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, joined, sentence, whose
-from spi.printing.text import in_order, lines_of, new_table, power_of_two, print_whole, short
+from spi.printing.text import lines_of, new_table, power_of_two, print_whole, short
 
-from .reading import CASIMIR_KEPT, REGIMES, Stability, largest_step
+from .results import CASIMIR_KEPT, REGIMES, Stability, largest_step
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-#: The columns of the records, in this order; of what a reading lacks there is none.
-COLUMNS = (
-    *("case", "scheme", "eps", "sweep", "value", "h", "regime", "finite", "largest_norm", "error", "error_stderr"),
-    *("casimir_worst", "casimir_median", "law_distance", "law_distance_stderr", "positive", "largest_angle"),
-    *("solves", "iterations", "failures", "largest_residual", "samples", "reference_step"),
-)
 
 
 def rows(readings: Iterable[Stability]) -> Iterator[dict[str, Any]]:
     """A record per value and step size; of several Casimirs the largest error."""
     for reading in readings:
-        whole = {
-            "case": reading.about.case,
-            "scheme": reading.about.scheme,
-            "eps": reading.about.eps,
-            "sweep": reading.word,
-            "samples": reading.samples,
-            "reference_step": reading.reference_step,
-        }
-        arrays, regimes = _arrays(reading), reading.regimes
-        for i, value in enumerate(reading.values.tolist()):
-            for j, h in enumerate(reading.h.tolist()):
-                record = {**whole, "value": value, "h": h, "regime": REGIMES[regimes[i, j]]}
-                yield in_order(record | {name: values[i, j].item() for name, values in arrays.items()}, COLUMNS)
-
-
-def _arrays(reading: Stability) -> dict[str, np.ndarray]:
-    """The columns that are arrays (V, S), by name."""
-    found = {name: getattr(reading, name) for name in ("finite", "largest_norm", "error", "error_stderr")}
-    if reading.casimirs:
-        found |= {"casimir_worst": reading.casimirs.largest_worst, "casimir_median": reading.casimirs.largest_median}
-    if reading.law:
-        found |= {"law_distance": reading.law.distance, "law_distance_stderr": reading.law.distance_stderr}
-    optional = {name: getattr(reading, name) for name in ("positive", "largest_angle")}
-    found |= {name: values for name, values in optional.items() if values is not None}
-    return found | (reading.solver._asdict() if reading.solver else {})
+        regime = {"regime": (("value", "h"), np.array(REGIMES)[reading.regimes])}
+        yield from rows_of(reading, ["value", "h"], largest=["casimir"], derived=regime)
 
 
 def show(console: "Console", heading: str, readings: Sequence[Stability]) -> None:
@@ -109,7 +80,7 @@ def _summary(reading: Stability) -> Iterator[dict[str, str]]:
 
 
 def told(readings: Sequence[Stability]) -> str:
-    """What came out of a case, in one sentence: how often each scheme is accurate and loses paths; the Casimirs."""
+    """What came out of a case, in one sentence: how often each scheme is accurate or diverges; the Casimirs."""
     pairs = readings[0].finite.size
     lost, accurate = [], []
     for reading in readings:
@@ -120,7 +91,7 @@ def told(readings: Sequence[Stability]) -> str:
     return sentence(
         [
             f"of {pairs} pairs of {readings[0].word} and h, accurate are {joined(accurate)}",
-            f"paths are lost with {joined(lost)}" if lost else "no path is lost",
+            f"paths diverged with {joined(lost)}" if lost else "no path diverged",
             casimirs(drifts),
         ]
     )
@@ -156,7 +127,7 @@ def _remarks(readings: Sequence[Stability]) -> Iterator[str]:
         f"h: the largest step size at which this holds, as at all smaller ones; {kept}"
         f"accurate: root mean square error at T <= {first.accurate:g} |y_0|; all else: worst over h"
     )
-    seconds = sum(reading.seconds for reading in readings)
+    seconds = sum(reading.wall_seconds for reading in readings)
     yield (
         f"{first.samples} paths each; errors against the scheme at {power_of_two(first.reference_step)}; "
         f"{seconds:.3g} s on {first.threads} threads"

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Iterator
 
 from spi.statistics.claims import Quantity, drifts, each_step, order
 
-from .reading import StrongErrors
+from .results import StrongErrors
 
 
 def quantities(readings: Iterable[StrongErrors]) -> Iterator[Quantity]:
-    """The fitted order; for each step size the error, the drift of the Casimirs and how many paths were lost."""
+    """The fitted order; for each step size the error, the drift of the Casimirs and how many paths diverged."""
     for one in readings:
         yield order(one.about, one.order)
         yield from each_step("error", one.about, one.h, one.error, one.error_stderr)

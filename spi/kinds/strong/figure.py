@@ -21,7 +21,7 @@ from spi.drawing.axes import (
     with_order,
 )
 
-from .reading import StrongErrors
+from .results import StrongErrors
 
 UNRESOLVED = "#999999"
 ERROR = r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$"
@@ -105,5 +105,5 @@ def _remarks(ax: Axes, readings: Sequence[StrongErrors]) -> None:
         look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none"}
         ax.plot([], [], "o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
     if not (errors <= top).all():
-        label = "paths left the finite numbers or nearly so"
+        label = "paths diverged (NaN or infinity) or nearly so"
         ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)

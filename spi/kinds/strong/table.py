@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, orders, sentence, whose
 from spi.printing.text import (
     INTERVAL,
@@ -14,40 +15,26 @@ from spi.printing.text import (
     order_found,
     power_of_two,
     print_whole,
-    records_of_steps,
     short,
 )
 
-from .reading import StrongErrors
+from .results import StrongErrors
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-#: The columns of the records, in this order; those of an implicit solver follow where there are any.
-COLUMNS = (
-    *("case", "scheme", "eps", "h", "error", "error_stderr", "error_final", "error_final_stderr", "casimir_drift"),
-    *("nonfinite", "resolved", "samples", "seconds", "ns_per_step", "order", "order_low", "order_high"),
-    *("expected_order", "solves", "iterations", "failures", "largest_residual"),
-)
-
-_OF_H = ("h", "error", "error_stderr", "error_final", "error_final_stderr", "nonfinite", "resolved")
 
 
 def rows(readings: Iterable[StrongErrors]) -> Iterator[dict[str, Any]]:
     """A record per step size; of several Casimirs the largest drift."""
     for reading in readings:
-        arrays = {name: getattr(reading, name) for name in (*_OF_H, "seconds", "ns_per_step")}
-        arrays |= reading.solver._asdict() if reading.solver else {}
-        if reading.casimir_drift.size:
-            arrays["casimir_drift"] = reading.casimir_drift.max(axis=1)
-        yield from records_of_steps(reading, arrays, COLUMNS)
+        yield from rows_of(reading, ["h"], largest=["casimir"])
 
 
 def show(console: "Console", heading: str, readings: Sequence[StrongErrors]) -> None:
     """Print the table of a case."""
     from rich.text import Text
 
-    headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "non-\nfinite", "ns per\nstep", ""]
+    headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "di-\nverged", "ns per\nstep", ""]
     table = new_table(heading, headings, left=3, labels=0)
     table.columns[-1].justify = "left"
     for reading in readings:
@@ -89,11 +76,12 @@ def _summary(reading: StrongErrors) -> Iterator[str]:
     if reading.note:
         yield f"    {reading.note}"
     if reading.reference_nonfinite:
-        yield f"    {reading.reference_nonfinite} reference paths left the finite numbers"
-    if note := angle_note(reading.largest_angle):
+        yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
+    if reading.largest_angle is not None and (note := angle_note(float(reading.largest_angle.max()))):
         yield f"    {note}"
     if reading.solver:
-        solves, iterations, failures = (values.sum() for values in reading.solver[:3])
-        residual = reading.solver.largest_residual.max(initial=0)
+        solver = reading.solver
+        solves, iterations, failures = (each.sum() for each in (solver.solves, solver.iterations, solver.failures))
+        residual = solver.largest_residual.max(initial=0)
         mean = iterations / solves if solves else 0.0
         yield f"    solver: {mean:.1f} iterations a step, {failures:g} failures, largest residual {short(residual)}"

@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.statistics.claims import Quantity, lost_is_infinite, quantity
 
-from .reading import Trajectory
+from .results import Trajectory
 
 
 def quantities(readings: Iterable[Trajectory]) -> Iterator[Quantity]:

@@ -12,7 +12,7 @@ from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
 from spi.specs.conversion import Given
 from spi.specs.keys import Schemes, condition, entries_in, key_of, quantity, wrong
-from spi.specs.mistakes import Mistakes
+from spi.specs.mistakes import every
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
 #: What the figure can show.
@@ -59,18 +59,18 @@ class Case(BaseCase):
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
-    @condition
+    @condition("step", "schemes")
     def _check_step(self) -> Self:
         check_count(self.final_time, self.step, "step")
         check_multiple(self.final_time, self.step, "step", "is")
         check_schemes(self, self.schemes, self.step, "step")
         return self
 
-    @condition
+    @condition("every", "step")
     def _check_every(self) -> Self:
         steps, d = round(self.final_time / self.step), dimension(self.model)
         if steps % self.every:
-            what = f"is {self.every}, of which the number of steps, {steps}, is no multiple"
+            what = f"is {self.every}, of which the number of steps, {steps}, is not a multiple"
             raise wrong(what, f"take {math.gcd(steps, self.every)}, which divides both", "every")
         if (self.steps_stored + 1) * d > _MOST_NUMBERS:
             what = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"
@@ -78,17 +78,13 @@ class Case(BaseCase):
             raise wrong(what, f"must be at least {least}, for 2*10^8 numbers in all", "every")
         return self
 
-    @condition
+    @condition("times", "every", "step")
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
         between = self.every * self.step
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
-        mistakes = Mistakes()
-        for i, t in enumerate(self.times):
-            with mistakes.apart():
-                self._check_time(i, t, between)
-        mistakes.report()
+        every(self._check_time, ((i, t, between) for i, t in enumerate(self.times)))
         numbers = [round(t / between) for t in self.times]
         check_once([quantity(n * between) for n in numbers], "times")
         return self.model_copy(update={"times": tuple(n * between for n in sorted(numbers))})
@@ -103,15 +99,14 @@ class Case(BaseCase):
             what = f"is {quantity(t)}, no multiple of {quantity(between)}, the time between stored states"
             raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(lower + between)}", "times", i)
 
-    @condition
+    @condition("panels", "model")
     def _check_panels(self) -> Self:
-        mistakes = Mistakes()
-        for i, panel in enumerate(self.panels):
-            if panel in OF_FIELDS and lattice_of(self.model) is None:
-                with mistakes.apart():
-                    raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
-        mistakes.report()
+        every(self._check_panel, enumerate(self.panels))
         return self
+
+    def _check_panel(self, i: int, panel: str) -> None:
+        if panel in OF_FIELDS and lattice_of(self.model) is None:
+            raise wrong(f"is '{panel}', which is for sine_euler and zeitlin", "leave it out", "panels", i)
 
 
 def of_another(given: Given) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import growth, invariants_of
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns, thread_count
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import REPORT, decay_rates, large
 from spi.kinds.plans import Cost, Done, PathsPlan, State
@@ -18,7 +18,9 @@ from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Group, Part
+from spi.storage.records import Part
+
+from .results import SolverMeans, Trajectory
 
 
 class Path(NamedTuple):
@@ -117,52 +119,41 @@ class TrajectoryPlan(PathsPlan):
         """The part of the path that is done, of 1, and no standard error."""
         return Done(state.so_far().steps / self.grid.reference_steps, self.samples, float("nan"))
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> Trajectory:
         """The results of one scheme of a case, from its final state."""
-        path = state.total()
-        n, d = path.y.shape
+        path, case = state.total(), self.case
+        n = len(path.y)
         energy, conserved = invariants_of(self.model, path.y)
-        t = np.arange(n) * self.case.every * self.case.step
+        t = np.arange(n) * case.every * case.step
         lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
-        return Group(
-            self.case.name,
-            self.part.variant,
-            {"t": t, "component": np.arange(d), "casimir": np.arange(conserved.shape[1])},
-            {
-                "y": (("t", "component"), path.y),
-                "hamiltonian": (("t",), energy),
-                "casimirs": (("t", "casimir"), conserved),
-                **({"casimir_changes": (("t", "casimir"), change)} if decay_rates(self.model) else {}),
-            },
-            {
-                **self.description(),
-                "preserves": self.row.preserves,
-                "step": self.case.step,
-                "path": self.case.path,
-                "panels": self.case.panels,
-                "every": self.case.every if self.case.every > 1 else None,
-                "times": self.case.times or None,
-                "lattice": None if lattice_of(self.case.model) is None else "torus",
-                "nonfinite_from": float(t[lost[0]]) if len(lost) else float("nan"),
-                "casimir_drift": tuple(float(x) for x in drift),
-                "wall_seconds": state.seconds,
-                "threads": thread_count(),
-                **_reported(path.report),
-            },
+        return Trajectory(
+            **self.whole(state),
+            t=t,
+            y=path.y,
+            hamiltonian=energy,
+            casimirs=conserved,
+            damped_changes=change if decay_rates(self.model) else None,
+            casimir_drift=tuple(drift.tolist()),
+            nonfinite_from=float(t[lost[0]]) if len(lost) else None,
+            step=case.step,
+            every=case.every,
+            path=case.path,
+            panels=case.panels,
+            times=case.times or (),
+            preserves=self.row.preserves,
+            surface=None if lattice_of(case.model) is None else "torus",
+            **_reported(path.report),
         )
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:
-    """What the scheme reports of its equations and of angles, as attributes; nothing where there is nothing."""
+    """What the scheme reports of its equations and of angles; nothing where there is nothing."""
     told = report_columns(report)
-    found = {}
+    found: dict[str, Any] = {"largest_angle": float(told["largest_angle"])} if "largest_angle" in told else {}
     if "solves" in told:
-        found["solver_failures"] = int(told["failures"])
-        found["solver_iterations_mean"] = told["iterations"] / told["solves"]
-        found["solver_largest_residual"] = told["largest_residual"]
-    if "largest_angle" in told:
-        found["largest_angle"] = told["largest_angle"]
+        mean, residual = float(told["iterations"] / told["solves"]), float(told["largest_residual"])
+        found["solver"] = SolverMeans(failures=int(told["failures"]), iterations_mean=mean, largest_residual=residual)
     return found

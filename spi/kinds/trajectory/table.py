@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, joined, sentence, whose
-from spi.printing.text import in_order, new_table, power_of_two, print_whole, short
+from spi.printing.text import new_table, power_of_two, print_whole, short
 
-from .reading import Trajectory
+from .results import Trajectory
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -15,13 +16,7 @@ if TYPE_CHECKING:
 def rows(readings: Iterable[Trajectory]) -> Iterator[dict[str, Any]]:
     """A record per time."""
     for reading in readings:
-        about, names = reading.about, ("case", "scheme", "eps")
-        whole = in_order({name: getattr(about, name) for name in names}, names)
-        columns = {"t": reading.t, **{f"y_{i + 1}": v for i, v in enumerate(reading.y.T)}}
-        columns["hamiltonian"] = reading.hamiltonian
-        columns |= {f"casimir_{c + 1}": v for c, v in enumerate(reading.casimirs.T)}
-        for values in zip(*(v.tolist() for v in columns.values()), strict=True):
-            yield {**whole, **dict(zip(columns, values, strict=True))}
+        yield from rows_of(reading, ["t"], spread=["component", "casimir"])
 
 
 def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> None:
@@ -30,12 +25,12 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 
     count = len(readings[0].casimir_drift)
     drifts = [f"drift\nof C{c + 1 if count > 1 else ''}" for c in range(count)]
-    headings = ["scheme", "step", "steps", "H at the\nend", *drifts, "smallest\ncomponent", "not finite\nfrom t ="]
+    headings = ["scheme", "step", "steps", "H at the\nend", *drifts, "smallest\ncomponent", "diverged\nat t ="]
     implicit = any(reading.solver for reading in readings)
     table = new_table(heading, headings + ["solver\nfailures", "iterations\na step"] * implicit, left=1)
     for reading in readings:
         lost, solver = reading.nonfinite_from, reading.solver
-        cells = [str(solver.failures), short(solver.iterations_per_step, ".1f")] if solver else ["", ""]
+        cells = [str(solver.failures), short(solver.iterations_mean, ".1f")] if solver else ["", ""]
         table.add_row(
             Text(reading.about.label),
             power_of_two(reading.step),
@@ -51,10 +46,10 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
 
 
 def told(readings: Sequence[Trajectory]) -> str:
-    """What came out of a case, in one sentence: the Casimir functions, lost paths, and what the figure is about."""
+    """What came out of a case, in one sentence: the Casimir functions, diverged paths, and what the figure is about."""
     drifts = ((whose(one.about), max(one.casimir_drift)) for one in readings if one.casimir_drift)
     lost = [f"with {_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
-    left = f"the path leaves the finite numbers {joined(lost)}" if lost else ""
+    left = f"the path diverged {joined(lost)}" if lost else ""
     return sentence([casimirs(drifts), left, *_populations(readings), *_energy(readings)])
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from spi.statistics.claims import Quantity, at_steps, each_step, order
 
-from .reading import WeakErrors
-from .reading.comparisons import agreement, comparable_sweeps, largest_over_eps
+from .comparisons import agreement, comparable_sweeps, largest_over_eps
+from .results import WeakErrors
 
 
 def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:

@@ -1,20 +1,50 @@
 """The keys of an experiment of kind weak."""
 
 from itertools import pairwise
+from types import new_class
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import MinLen
 
-from spi.specs.cases import SampledCase
+from spi.specs.cases import FunctionsCase
+from spi.specs.checks import check_extrapolate, check_once
 from spi.specs.conversion import Given
-from spi.specs.keys import ESTIMATORS, Estimators, Functions, Samples, condition, key_of, wrong
+from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, ORDER, Sort
+
+from .estimators import ESTIMATORS
 
 #: What the figure can show.
 PANELS = ("errors", "samples", "seconds", "eps")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
+
+
+NAMES = tuple(ESTIMATORS)
+Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1)]
+
+#: The keys of all estimators, in their order.
+KeysOfEstimators: Any = new_class("KeysOfEstimators", tuple(one.keys.Keys for one in reversed(ESTIMATORS.values())))
+
+
+class SampledCase(KeysOfEstimators, FunctionsCase):
+    """What the cases have in which expectations are estimated."""
+
+    estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
+    extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
+
+    @condition("extrapolate", "schemes", "steps")
+    def _check_extrapolate(self) -> Self:
+        check_extrapolate(self)
+        return self
+
+    @condition("estimators", "schemes", "steps", "functions", "initial", "model")
+    def _check_estimators(self) -> Self:
+        check_once(self.estimators, "estimators")
+        for name in self.estimators if self.functions else ():
+            ESTIMATORS[name].keys.check(self)
+        return self
 
 
 class Case(SampledCase):
@@ -32,7 +62,7 @@ class Case(SampledCase):
     }
     scoping: ClassVar = ("estimators", "functions")
 
-    @condition
+    @condition("prefixes", "estimators")
     def _check_prefixes(self) -> Self:
         for before, n in pairwise(self.prefixes or ()):
             if n <= before:
@@ -41,7 +71,7 @@ class Case(SampledCase):
             raise wrong(f"has {self.prefixes[-1]}", f"must not exceed samples, which is {self.samples}", "prefixes")
         return self
 
-    @condition
+    @condition("panels", "eps", "estimators", "prefixes")
     def _check_panels(self) -> Self:
         if "eps" in self.panels and (self.eps is None or len(self.eps) < 2):
             raise wrong("has 'eps'", "needs several values of eps, as in eps: [1, 0.1]", "panels")

@@ -5,9 +5,10 @@ from typing import Annotated, Any, ClassVar, Self
 from annotated_types import Ge, Le, MinLen
 
 from spi.ensemble.protocol import Positive
-from spi.specs.cases import SampledCase
+from spi.kinds.weak.estimators import ESTIMATORS
+from spi.kinds.weak.keys import SampledCase
 from spi.specs.conversion import Given
-from spi.specs.keys import ESTIMATORS, condition, key_of, wrong
+from spi.specs.keys import condition, key_of, wrong
 from spi.statistics.claims import ORDER, STEPWISE
 
 Targets = Annotated[tuple[Positive, ...], MinLen(1)]
@@ -26,7 +27,7 @@ class Case(SampledCase):
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = ORDER | STEPWISE
 
-    @condition
+    @condition("functions", "estimators", "extrapolate")
     def _check_measure(self) -> Self:
         if not self.functions:
             for key, given in (("estimators", self.estimators), ("extrapolate", any(self.extrapolate))):

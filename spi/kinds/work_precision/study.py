@@ -19,17 +19,19 @@ from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import large
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
+from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.groups import result_steps
+from spi.kinds.weak.results import WeakErrors
+from spi.kinds.weak.study.fields import result_steps
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Group, Part, Variables
+from spi.storage.records import Part
+
+from .results import WorkPrecision
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
-#: What variables of the errors are kept.
-_KEPT = ("error", "error_stderr", "resolved", "nonfinite", "casimir_drift")
 
 
 def parts(case: Any) -> list[Part]:
@@ -119,28 +121,23 @@ class WorkPlan(PartPlan):
         seconds = 1e-9 * typical_ns(self.row, self.model) * _path_steps(self) * len(result_steps(self))
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
-        case, found = self.case, self.errors.group(self._of_errors(state))
-        variables = _errors_of_one(found)
-        axes = {axis for axes, _ in variables.values() for axis in axes}
+        case, found = self.case, self.errors.results(self._of_errors(state))
+        of_errors = _of_strong(found) if isinstance(found, StrongErrors) else _of_weak(found)
         low, median, high = np.quantile(state.more.times, (0.25, 0.5, 0.75), axis=0)
-        times = {"seconds_per_path": median, "seconds_per_path_low": low, "seconds_per_path_high": high}
         steps = case.final_time / result_steps(self) * sum(0.5**i for i in range(self.part.extrapolate + 1))
-        times["ns_per_step"] = 1e9 * median / steps
-        return Group(
-            case.name,
-            self.part.variant,
-            {name: values for name, values in found.coordinates.items() if name in axes},
-            variables | {name: (("h",), values) for name, values in times.items()},
-            {
-                **found.attributes,
-                **_order_of_one(found),
-                "measure": "weak" if case.functions else "strong",
-                "exact": "error_bound" in found.variables,
-                "targets": case.targets or _targets(variables["error"][1][variables["resolved"][1]]),
-                "repeats": case.repeats,
-            },
+        same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
+        return WorkPrecision(
+            about=found.about._replace(estimator=""),
+            **{name: getattr(found, name) for name in (*same, "wall_seconds")},
+            **of_errors,
+            ns_per_step=1e9 * median / steps,
+            seconds_per_path=median,
+            seconds_per_path_low=low,
+            seconds_per_path_high=high,
+            repeats=case.repeats,
+            targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )
 
 
@@ -208,24 +205,27 @@ def _seconds_per_path(jobs: Iterable[_Job]) -> list[float]:
     return found
 
 
-def _errors_of_one(found: Group) -> Variables:
-    """The variables that are kept of strong errors, or of weak ones, in modulus, of the only test function."""
-    kept = {}
-    for name, (axes, values) in found.variables.items():
-        if axes[:1] == ("function",):
-            axes, values = axes[1:], values[0]
-        name = "error_stderr" if name == "error_bound" else name
-        if name in _KEPT and axes[:1] == ("h",):
-            kept[name] = axes, np.abs(values) if name == "error" else values
-    return kept
+def _of_strong(found: StrongErrors) -> dict[str, Any]:
+    """The fields that strong errors have under the same names."""
+    names = ("error", "error_stderr", "resolved", "nonfinite", "casimir_drift", "order", "samples", "note")
+    return {"measure": "strong"} | {name: getattr(found, name) for name in names}
 
 
-def _order_of_one(found: Group) -> dict[str, Any]:
-    """The order of the only test function, under the names that it has among strong errors."""
-    if "order" not in found.variables:
-        return {}
-    order, low, high, points = (found.variables[f"order{end}"][1][0] for end in ("", "_low", "_high", "_points"))
-    return {"order": float(order), "order_ci": (float(low), float(high)), "points_in_fit": int(points)}
+def _of_weak(found: WeakErrors) -> dict[str, Any]:
+    """The fields that weak errors have of their only test function."""
+    fields: dict[str, Any] = {
+        "measure": "weak",
+        "estimator": found.about.estimator,
+        "functions": found.formulas,
+        "error": np.abs(found.error[0]),
+        "resolved": found.resolved[0],
+        "nonfinite": found.nonfinite,
+        "order": found.orders[0],
+    }
+    if found.unsampled:
+        return fields | {"error_bound": found.unsampled.error_bound[0]}
+    sampled: Any = found.sampled
+    return fields | {"error_stderr": sampled.error_stderr[0], "samples": sampled.samples}
 
 
 def _targets(error: np.ndarray) -> tuple[float, ...]:

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     duration,
@@ -16,36 +17,24 @@ from spi.printing.text import (
     order_found,
     power_of_two,
     print_whole,
-    records_of_steps,
     short,
     with_pi,
 )
 
-from .reading import WorkPrecision, requested
-from .reading.work_points import Factor, WorkPoint, cheapest, work_for
+from .results import WorkPrecision, requested
+from .work_points import Factor, WorkPoint, cheapest, work_for
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-#: The columns of the records, in this order; ``error_bound`` instead of ``error_stderr`` where nothing was sampled.
-COLUMNS = (
-    *("case", "scheme", "eps", "extrapolate", "measure", "h", "error", "error_stderr", "error_bound", "resolved"),
-    *("casimir_drift", "nonfinite", "ns_per_step", "seconds_per_path", "seconds_per_path_low", "seconds_per_path_high"),
-    *("samples", "order", "order_low", "order_high", "expected_order"),
-)
-
 _HEADING = 10  # characters of the label of a scheme over a column of factors
-_OF_H = ("h", "error", "resolved", "casimir_drift", "nonfinite", "ns_per_step")
-_TIMES = ("seconds_per_path", "seconds_per_path_low", "seconds_per_path_high")
 
 
 def rows(readings: Iterable[WorkPrecision]) -> Iterator[dict[str, Any]]:
     """A record per step size; of several Casimirs the largest drift, the times are the median and the quartiles."""
     for reading in readings:
-        arrays = {name: getattr(reading, name) for name in (*_OF_H, *_TIMES)}
-        arrays["error_bound" if reading.exact else "error_stderr"] = reading.error_stderr
-        yield from records_of_steps(reading, arrays, COLUMNS, measure=reading.measure)
+        yield from rows_of(reading, ["h"], largest=["casimir"])
 
 
 def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) -> None:
@@ -100,9 +89,9 @@ def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
 
     trust = dict.fromkeys("bound" if reading.exact else "95 %" for reading in readings)
     error = f"{readings[0].measure} error ({' or '.join(trust)})"
-    drifts = any(reading.casimir_drift is not None for reading in readings)
+    drifts = any(reading.largest_drift is not None for reading in readings)
     losses = any(reading.nonfinite is not None for reading in readings)
-    optional = [*["Casimir\ndrift"] * drifts, *["non-\nfinite"] * losses]
+    optional = [*["Casimir\ndrift"] * drifts, *["di-\nverged"] * losses]
     table = new_table(
         heading, ["scheme", "h", error, "time per\npath", "ns per\nstep", *optional, ""], left=3, labels=0
     )
@@ -164,7 +153,7 @@ def _requested(readings: Sequence[WorkPrecision]) -> tuple["Table", list[str]]:
         marks.add("≤" * (point is not None and point.at_most))
     remarks = {
         "tie": "tie: the 95 % interval of the factor contains 1",
-        "≤": "≤: the largest step that was run does already, or the next larger one lost paths",
+        "≤": "≤: the largest step that was run does already, or paths diverged at the next larger one",
         "≥": "≥: so it is for the cheapest scheme",
         "()": "( ): so it is for both, which leaves open which is cheaper",
         "-": "-: not reached at the steps that were run",

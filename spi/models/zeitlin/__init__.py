@@ -15,8 +15,6 @@ from typing import Annotated, Literal, NamedTuple
 
 from annotated_types import Ge, Le
 
-from ...ensemble.protocol import casimirs
-from ..sine_euler import SineEuler, Strength
 from .kernels import tables
 from .lattice import Mode, lines, modes, shell
 
@@ -72,7 +70,7 @@ class Zeitlin(NamedTuple):
         return min(model.casimirs_watched, model.n - 1)
 
     def in_kernels(model):
-        return _three(model) or tables(model)
+        return tables(model)
 
     def fault(model):
         if model.n % 2 == 0:
@@ -106,37 +104,6 @@ class Zeitlin(NamedTuple):
             for mode in _modes_of(noise, model.n)
             for form in forms[noise.hamiltonian]
         )
-
-
-class ZeitlinThree(NamedTuple):
-    """N = 3, the paper's case, by the flows of the built-in model, whose states are few enough for registers."""
-
-    sigma: tuple[Strength, Strength, Strength, Strength]
-
-    dimension, pieces, noises, conserved = SineEuler.dimension, SineEuler.pieces, SineEuler.noises, SineEuler.conserved
-    casimir_degrees, flow_ns = SineEuler.casimir_degrees, SineEuler.flow_ns
-    drift_angle, drift_flow = SineEuler.drift_angle, SineEuler.drift_flow
-    noise_angle, noise_flow = SineEuler.noise_angle, SineEuler.noise_flow
-    structure, hamiltonian = SineEuler.structure, SineEuler.hamiltonian
-    noise_structure = SineEuler.noise_structure
-    noise_structure_derivative = SineEuler.noise_structure_derivative
-    drift_gradient, drift_hessian = SineEuler.drift_gradient, SineEuler.drift_hessian
-    noise_gradient, noise_hessian = SineEuler.noise_gradient, SineEuler.noise_hessian
-
-    def casimirs(model, y):
-        """(tr W^2 / 3, tr W^3 / 3): twice the first of the built-in model, and the second."""
-        first, second = casimirs(SineEuler(model.sigma), y)
-        return 2.0 * first, second
-
-
-def _three(model: Zeitlin) -> ZeitlinThree | None:
-    """The record of the paper's case, if it is that: at most one quadratic noise on each mode."""
-    numbers = [modes(3).index(process.mode) for process in model.processes] if model.n == 3 else []
-    quadratic = all(process.form == "quadratic" for process in model.processes)
-    if model.n != 3 or model.normalisation != "paper" or not quadratic or len(set(numbers)) < len(numbers):
-        return None
-    strengths = {number: process.sigma for number, process in zip(numbers, model.processes, strict=True)}
-    return ZeitlinThree(tuple(strengths.get(k) for k in range(4)))
 
 
 _MOST_PROCESSES = 4096  # channels of the random numbers

@@ -5,38 +5,38 @@ There are three ways, each the fastest where it can be used.
 
 from typing import NamedTuple
 
-from ...compiler.dispatch import inlined, word
+from ...compiler.dispatch import device, method
 from ...compiler.vectors import TILE, WIDTH, flipped, fused, load, load_pairs, store, store_pairs
 from .scratch import around
 
 
-@word
+@method
 def take_pair(way, line, c, j, y, work, tiles):
     """z_j and z_{N-j} as vectors: real part, imaginary part, and those of the other."""
 
 
-@word
+@method
 def add_pair(way, line, c, j, out, work, tiles, re, im, other_re, other_im):
     """Add 1 / N of these to z_j and z_{N-j}."""
 
 
-@word
+@method
 def begin_tile(way, line, c, y, work, tiles):
     """What comes before :func:`take_pair`; puts z_0 into the first row of sums."""
 
 
-@word
+@method
 def end_tile(way, line, c, out, work, tiles):
     """What comes after :func:`add_pair`; adds 1 / N of the first row of the cosine transform to z_0."""
 
 
-@inlined
+@device
 def divided(line, x):
     """x / N, without the bias of rounded numbers; see ``tables.rest_of_share``."""
     return fused(1.0 / line.n, x, line.rest * x)
 
 
-@inlined
+@device
 def _place(line, c, j, width):
     """Where component j of coset c begins, and the sign of its imaginary part."""
     place = line.places[(c - 1) * line.n + j]
@@ -64,7 +64,7 @@ def _add_pair_together(way, line, c, j, out, work, tiles, re, im, other_re, othe
 # stands at the position - c and the conjugate of z_{N-j} at the position + c.
 
 
-@inlined
+@device
 def _row_of(line, j):
     """(where the row begins in the state, position of c = 0) for j or N - j <= M."""
     row = min(j, line.n - j)
@@ -102,7 +102,7 @@ def _add_pair_in_row(way, line, c, j, out, work, tiles, re, im, other_re, other_
 # The components of one path on any line, one by one.
 
 
-@inlined
+@device
 def _pack(line, c, count, y, work, rows):
     """z_j, j < `count`, of cosets c, c + 1, ... of one path, in rows of TILE; after the last coset copies of it."""
     for column in range(WIDTH):
@@ -112,7 +112,7 @@ def _pack(line, c, count, y, work, rows):
             work[rows + j * TILE + WIDTH + column] = sign * y[place + 1]
 
 
-@inlined
+@device
 def _unpack(line, c, count, out, work, rows):
     """Add 1 / N of rows of TILE to the z_j, j < `count`, of cosets c, c + 1, ..., M of one path."""
     for column in range(min(WIDTH, line.n // 2 + 1 - c)):
@@ -191,7 +191,7 @@ class Packed(NamedTuple):
         _unpack(line, c, line.n, out, work, tiles)
 
 
-@inlined
+@device
 def fold(way, line, c, y, work, tiles):
     """Sums and differences of z_j and z_{N-j}."""
     part = (line.n // 2 + 1) * TILE
@@ -205,7 +205,7 @@ def fold(way, line, c, y, work, tiles):
         store(work, at + part + WIDTH, im - other_im)
 
 
-@inlined
+@device
 def unfold(way, line, c, out, work, tiles):
     """Add the transform back, divided by N, to the z_j of `out`."""
     part = (line.n // 2 + 1) * TILE

@@ -18,8 +18,9 @@ matrices with as many columns as there are cosets and paths.  What is added to z
 Casimirs do not drift.
 """
 
-from ...compiler.dispatch import called, inlined
-from ...compiler.vectors import TILE, WIDTH, borrowed, load, multiply_tile, store
+from ...compiler.dispatch import device
+from ...compiler.tiles import multiply_tile
+from ...compiler.vectors import TILE, WIDTH, load, store, without_refcount
 from ...numerics.angles import ANY_ANGLES, REDUCED_ANGLES, sin_versine
 from ...numerics.elementary import REDUCIBLE
 from ...numerics.rng import LANES
@@ -31,7 +32,7 @@ from .scratch import around, line_of, phases_at, sines_at, sines_length, tiles_a
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@device
 def _find_phases(line, width, work):
     """phi from the amplitudes, one row of `width` per q, without gaps; returns its largest modulus."""
     n, columns, first = line.n, line.n - 1, phases_at(line.n)
@@ -49,7 +50,7 @@ def _find_phases(line, width, work):
     return largest
 
 
-@inlined
+@device
 def _sines(largest, n, width, work):
     """Sines and versines of the phases, always LANES together, so that each is rounded alike at any width.
 
@@ -66,7 +67,7 @@ def _sines(largest, n, width, work):
                 work[begin + i], work[begin + size + i] = sin_versine(ANY_ANGLES, work[first + i])
 
 
-@inlined
+@device
 def _repeat_sines(n, work):
     """Sines and versines of one path as phi(r) and phi(-r), r = 0, 1, ..., indices modulo N, for vectors of cosets."""
     begin, size = sines_at(n), sines_length(n)
@@ -82,7 +83,7 @@ def _repeat_sines(n, work):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-@inlined
+@device
 def _transform(line, work, tiles):
     """The cosine transform of the sums and the sine transform of the differences."""
     half = line.n // 2
@@ -103,7 +104,7 @@ def _transform(line, work, tiles):
         store(work, cos + WIDTH, total[1])
 
 
-@called
+@device(inline=False)
 def _transform_by_blocks(n, b, fourier, blocks, work, source, target):
     """Rows 1, ..., M of `target` from those of `source`; see ``tables.by_blocks``."""
     half = n // 2
@@ -120,7 +121,7 @@ def _transform_by_blocks(n, b, fourier, blocks, work, source, target):
         multiply_tile(fourier, a * a, a, work, after + row, stride, work, target + TILE + row, stride, a)
 
 
-@inlined
+@device
 def _phase_places(n, c, q, width):
     """Where the sines of phi(q + c) and phi(q - c) stand, of all paths, or of one path and c, c + 1, ..."""
     begin = sines_at(n)
@@ -129,7 +130,7 @@ def _phase_places(n, c, q, width):
     return begin + around(n, q) + c, begin + 2 * sines_length(n) + n - around(n, q) + c
 
 
-@inlined
+@device
 def _turned(exact, n, c, q, width, work, re, im):
     """(exp(-i (phi(q + c) - phi(q - c))) - 1) (re + i im); if not `exact` to first order, with phases as sines."""
     (up, down), size = _phase_places(n, c, q, width), sines_length(n)
@@ -142,7 +143,7 @@ def _turned(exact, n, c, q, width, work, re, im):
     return a * re - b * im, a * im + b * re
 
 
-@inlined
+@device
 def _turn_components(exact, line, c, width, work, tiles):
     """From the transforms of a tile to sums and differences of what is to be added to u_q and u_{-q}."""
     n, part = line.n, (line.n // 2 + 1) * TILE
@@ -162,7 +163,7 @@ def _turn_components(exact, line, c, width, work, tiles):
         store(work, at + part + WIDTH, im - other_im)
 
 
-@inlined
+@device
 def _tiles(way, step, exact, line, width, y, out, work):
     """All tiles, one each `step` cosets."""
     tiles = tiles_at(line.n)
@@ -174,7 +175,7 @@ def _tiles(way, step, exact, line, width, y, out, work):
         unfold(way, line, c, out, work, tiles)
 
 
-@inlined
+@device
 def _prepare(exact, line, width, work):
     """Phases and their sines and versines; returns the largest modulus of a phase."""
     n = line.n
@@ -189,13 +190,13 @@ def _prepare(exact, line, width, work):
     return largest
 
 
-@called
+@device(inline=False)
 def turn(exact, lattice, k, width, y, out, work):
     """The flow of line k with the amplitudes in `work`, of `width` states y[i * width + path], in place: `out` is `y`.
 
     If not `exact`, out + B(y) grad H in place of `out`.  `width` is 1 or WIDTH.  Returns a bound of the largest angle.
     """
-    y, out, work, cosets = borrowed(y), borrowed(out), borrowed(work), lattice.cosets[k]
+    y, out, work, cosets = without_refcount(y), without_refcount(out), without_refcount(work), lattice.cosets[k]
     if width == WIDTH:
         line = line_of(lattice, cosets)
         largest = _prepare(exact, line, WIDTH, work)

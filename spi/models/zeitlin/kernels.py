@@ -1,4 +1,4 @@
-"""The sine-Euler equations as kernels see them: a large model, see ``spi.ensemble.protocol``."""
+"""The sine-Euler equations as kernels see them: an array-state model, see ``spi.ensemble.protocol``."""
 
 import functools
 import math
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...compiler.dispatch import FieldOf, called, inlined
+from ...compiler.dispatch import FieldOf, device
 from ...compiler.vectors import TILE, WIDTH
 from .flows import turn
 from .lattice import lines, modes, places
@@ -100,14 +100,14 @@ class ZeitlinTables(NamedTuple):
         return first_casimirs(model.lattice, model.c, y)
 
 
-@inlined
+@device
 def clear_amplitudes(model, work):
     """Begin with x = 0."""
     for i in range((model.lattice.n - 1) * TILE):
         work[i] = 0.0
 
 
-@called
+@device(inline=False)
 def drift_amplitudes(model, k, t, width, y, work):
     """x = t omega / |m|^2 of the modes that a line moves: dH = sum |omega_m|^2 / |m|^2."""
     clear_amplitudes(model, work)
@@ -119,9 +119,9 @@ def drift_amplitudes(model, k, t, width, y, work):
             work[a + stride + path] = of.own_sign[e] * factor * y[i + width + path]
 
 
-@called
+@device(inline=False)
 def add_noise_amplitude(model, e, times, width, y, work):
-    """Add the amplitude of one process, number e line by line, for the times that words are given."""
+    """Add the amplitude of one process, number e line by line, for the times that flows are given."""
     of, stride = model.noise, TILE if width == WIDTH else 1
     i, a, process = 2 * of.mode[e] * width, 2 * of.multiple[e] * stride, of.process[e] * width
     for path in range(width):
@@ -135,7 +135,7 @@ def add_noise_amplitude(model, e, times, width, y, work):
             work[a + stride + path] += of.sign[e] * factor
 
 
-@inlined
+@device
 def noise_amplitudes(model, group, times, width, y, work):
     """The amplitude of all processes of a group."""
     clear_amplitudes(model, work)

@@ -7,11 +7,12 @@ T_m T_n = w^(+-(m x n)) T_{m+n}, whose commutators are those of the bracket.
 
 import numpy as np
 
-from ...compiler.dispatch import called
-from ...compiler.vectors import TILE, WIDTH, multiply_tile
+from ...compiler.dispatch import device
+from ...compiler.tiles import multiply_tile
+from ...compiler.vectors import TILE, WIDTH
 
 
-@called
+@device(inline=False)
 def matrix(lattice, y, re, im):
     """W of a state in `re` and `im` (N, N): W[a, a + s] = sum over m1 of omega_(m1, s) w^(m1 (2a + s))."""
     n = lattice.n
@@ -29,7 +30,7 @@ def matrix(lattice, y, re, im):
             im[b, a] -= entry_im
 
 
-@called
+@device(inline=False)
 def product(n, a_re, a_im, b_re, b_im, re, im, work):
     """The product of two complex N x N matrices, given and found as real and imaginary parts; `work` has 3 N TILE."""
     tile, first, second = work[: n * TILE], work[n * TILE : 2 * n * TILE], work[2 * n * TILE :]
@@ -46,7 +47,7 @@ def product(n, a_re, a_im, b_re, b_im, re, im, work):
                 im[r, begin + j] = first[r * TILE + WIDTH + j] + second[r * TILE + j]
 
 
-@called
+@device(inline=False)
 def trace_of_product(a_re, a_im, b_re, b_im):
     """tr(A B) of Hermitian matrices, which is real."""
     n, total = len(a_re), 0.0
@@ -58,7 +59,7 @@ def trace_of_product(a_re, a_im, b_re, b_im):
     return total
 
 
-@called
+@device(inline=False)
 def first_casimirs(lattice, count, y):
     """(C_2, C_3, ...), `count` of them: tr(V V) and tr(V V W) of V = W, W^2, ..., one product for each."""
     n = lattice.n

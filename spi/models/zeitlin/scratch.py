@@ -9,38 +9,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...compiler.dispatch import inlined
-from ...compiler.vectors import TILE, WIDTH, borrowed
+from ...compiler.dispatch import device
+from ...compiler.vectors import TILE, WIDTH, without_refcount
 from ...numerics.rng import LANES
 
 
-@inlined
+@device
 def phases_at(n):
     return (n - 1) * TILE
 
 
-@inlined
+@device
 def sines_at(n):
     return phases_at(n) + n * TILE + LANES
 
 
-@inlined
+@device
 def sines_length(n):
     return (2 * n + 2 * WIDTH) * WIDTH
 
 
-@inlined
+@device
 def tiles_at(n):
     return sines_at(n) + 4 * sines_length(n)
 
 
-@inlined
+@device
 def around(n, position):
     """The position modulo n, for one from 1 - n to 2 n - 1."""
     return position + n if position < 0 else (position - n if position >= n else position)
 
 
-@inlined
+@device
 def turn_work(n):
     """How many floats of scratch a flow needs."""
     return tiles_at(n) + 6 * (n // 2 + 1) * TILE
@@ -61,18 +61,18 @@ class Line(NamedTuple):
     rest: float
 
 
-@inlined
+@device
 def line_of(lattice, places):
     """The record of a line, its arrays on loan: `places` must be part of the lattice."""
     return Line(
-        borrowed(places),
+        without_refcount(places),
         lattice.n,
         lattice.blocks_of,
-        borrowed(lattice.order),
-        borrowed(lattice.cosines),
-        borrowed(lattice.sines),
-        borrowed(lattice.fourier),
-        borrowed(lattice.phases),
-        borrowed(lattice.phases_across),
+        without_refcount(lattice.order),
+        without_refcount(lattice.cosines),
+        without_refcount(lattice.sines),
+        without_refcount(lattice.fourier),
+        without_refcount(lattice.phases),
+        without_refcount(lattice.phases_across),
         lattice.rest,
     )

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from spi.drawing import layout, style
 from spi.drawing.axes import legend_line
 
-from ..reading import LongTimes
+from ..results import LongTimes
 from .growth import growth_panel, marks, steps_shown
 from .laws import chosen, distance_limits, distance_panel, law_limits, law_panel, moments_panel, scheme_entries
 

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import SLOPE, legend_under, limits, rules
 
-from ..reading import LongTimes
+from ..results import LongTimes
 
 FLOOR = 1e-11  #: errors of what keeps a Casimir but for rounding are held to stay below that
 TOP = 1e2  # larger errors are only marked

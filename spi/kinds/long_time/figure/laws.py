@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules
 
-from ..reading import LongTimes, with_laws
+from ..results import LongTimes, with_laws
 
 MOST = 4  # variables shown
 ZERO = 2.0  # standard errors: up to these a distance is statistically zero
@@ -32,7 +32,7 @@ def scheme_entries(readings: Sequence[LongTimes], looks: style.Looks, word: str)
         text = style.label(reading.about)
         if word == "law":
             lost = reading.largest_finite is None
-            text += ": paths lost at all $h$" if lost else f", {_step(reading)}"
+            text += ": paths diverge at every $h$" if lost else f", {_step(reading)}"
         row.append((Line2D([], [], marker=marker, color=colour, markersize=5, linewidth=0.9), text))
     if word == "law":
         return [*row, (Line2D([], [], color="black", linewidth=0.9), "exact")]

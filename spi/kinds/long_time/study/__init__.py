@@ -19,10 +19,11 @@ from spi.kinds.plans import Cost, Done, KernelCall, SchemePlan, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
-from spi.storage.records import Group, Part
+from spi.storage.records import Part
 
+from ..results import LongTimes
+from .outcome import results
 from .paths import Paths, advanced, paths_at_start
-from .results import group
 
 #: About how many snapshots of each path.
 SNAPSHOTS = 8192
@@ -101,6 +102,6 @@ class LongTimePlan(SchemePlan):
             done += sum(chunks[index].paths * sums.n / self.case.step_count for index, sums in tally.short.items())
         return Done(done / levels, self.samples, float("nan"))
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> LongTimes:
         """The results of one scheme of a case, from its final state."""
-        return group(self, state)
+        return results(self, state)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import HUGE, error_axes, limits, rules
 
-from ..reading import Stability
+from ..results import Stability
 from . import maps
 from .quantities import CAP, QUANTITIES, is_zero, values_of
 
@@ -60,7 +60,7 @@ def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
 
 def _facts(reading: Stability) -> dict[str, str]:
     told = {name: getattr(reading, name) for name in ("reference_step", "reference_scheme", "samples")}
-    return style.facts(reading.about, **told, functions=reading.law.functions if reading.law else ())
+    return style.facts(reading.about, **told, functions=reading.functions)
 
 
 def _single_value(reading: Stability) -> list[str]:

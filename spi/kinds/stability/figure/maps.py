@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from spi.drawing import style
 from spi.drawing.layout import Entry, Line
 
-from ..reading import CASIMIR_LOST, FAILING, GROWTH, Stability
+from ..results import CASIMIR_LOST, FAILING, GROWTH, Stability
 
 SIZE = (2.3, 2.45)  # inches of a map
 LEAST = 1.6  # inches of its width in a paper
@@ -56,7 +56,7 @@ def _legend(readings: Iterable[Stability]) -> list[Entry]:
         rf"Casimir lost: relative error $>{style.power(CASIMIR_LOST)}$",
         rf"not bounded: $|y|$ {style.number(GROWTH)} times too large",
         f"solver fails in more than {style.number(100 * FAILING)} % of steps",
-        "paths lost: not finite",
+        "paths diverged: NaN or infinity",
     )
     return [(Patch(linewidth=0, **_look(number)), texts[number]) for number in present]
 
@@ -113,7 +113,7 @@ def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 def word_label(reading: Stability) -> str:
-    """The axis label of the swept word."""
+    """The axis label of the swept parameter."""
     symbol = style.SYMBOLS.get(reading.word, reading.word if len(reading.word) == 1 else None)
     return f"${symbol}$" if symbol else style.plain(reading.word.replace("_", " "))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from spi.drawing.axes import INTERVAL
 
-from ..reading import Stability
+from ..results import Stability
 
 CAP = 1e4  # relative errors and growths beyond that are only marked
 ZERO = 2.0  # standard errors: up to these a value is statistically zero

@@ -1,6 +1,6 @@
 """Stability: what schemes keep of the equation where steps are large or parameters extreme.
 
-For each value of the swept word the same Brownian paths are run at all step sizes.  Of every path the study keeps the
+For each value of the parameter the same Brownian paths are run at all step sizes.  Of every path the study keeps the
 largest relative error of each Casimir and the largest |y| over all times, and the last state; from these come the
 fraction of paths that stay finite, the distance from the scheme's own path at the reference step, and, where there are
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
@@ -19,11 +19,12 @@ from spi.kinds.blocks import BlocksPlan, Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.schemes import typical_ns
 from spi.statistics.tallies import PathSet
-from spi.storage.records import Group, Part
+from spi.storage.records import Description, Part
 
+from ..results import Stability
 from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
+from .outcome import results
 from .paths import Paths, Rows, added, no_paths, rows_of
-from .results import group
 
 _MOST_BLOCKS = 64
 
@@ -39,7 +40,7 @@ def plan(case: Any, part: Part) -> "StabilityPlan":
 
 
 def _point(case: Any, scheme: str) -> BlocksPlan:
-    """The paths of one scheme for a case without the swept word."""
+    """The paths of one scheme for a case without the swept parameter."""
     eps = case.eps[0] if case.row(scheme).multiscale else None
     reference = case.reference_record(eps)
     schemes = [case.row(scheme, eps).record, reference]
@@ -50,7 +51,7 @@ def _point(case: Any, scheme: str) -> BlocksPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityPlan(Blockwise):
-    """One scheme at all step sizes for all values of the swept word."""
+    """One scheme at all step sizes for all values of the swept parameter."""
 
     case: Any  #: ``spi.kinds.stability.keys.Case``
     part: Part
@@ -121,11 +122,20 @@ class StabilityPlan(Blockwise):
         done = sum(state.tally(i).paths for i in range(len(self.points)))
         return Done(done, len(self.points) * self.first.samples, float("nan"))
 
-    def description(self) -> dict[str, Any]:
-        """The attributes that say what was integrated, whatever the value of the swept word."""
+    def description(self) -> Description:
+        """What is integrated, without what differs from value to value of the swept parameter."""
         first, *others = (point.description() for point in self.points)
-        return dict(item for item in first.items() if all(item in other.items() for other in others))
+        same = {
+            name: value for name, value in first._asdict().items() if all(getattr(o, name) == value for o in others)
+        }
+        alike = [item for item in first.parameters.items() if all(item in o.parameters.items() for o in others)]
+        own = {
+            "case": self.case.name,
+            "variant": self.part.variant,
+            "truncate_noise": same.get("truncate_noise", False),
+        }
+        return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
-        return group(self, state)
+        return results(self, state)

@@ -9,7 +9,8 @@ import numpy as np
 from spi.ensemble.protocol import dimension
 from spi.exact.kolmogorov import can_solve_equation, exact_expectations
 from spi.expressions import canonical, functions_of
-from spi.storage.records import Variables
+
+from ..results import Law
 
 if TYPE_CHECKING:
     from . import StabilityPlan
@@ -59,23 +60,20 @@ def with_truth(p: "StabilityPlan", known: Truth, i: int) -> Truth:
     return Truth(known.seconds + time.perf_counter() - began, truth, bound)
 
 
-def law_variables(mean: np.ndarray, stderr: np.ndarray, known: Truth) -> Variables:
-    """Expectations of the test functions, and how far from the truth they are, as variables of a group.
-
-    `mean` and `stderr` are of shape (values, levels, F).
-    """
+def law(names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray, known: Truth) -> Law:
+    """Expectations of the test functions, of shape (values, levels, F), and how far from the truth they are."""
     truth, bound = known.truth, known.truth_bound
     with np.errstate(invalid="ignore"):
         away = np.abs(mean - truth[:, None])
         away = np.where(np.isfinite(truth)[:, None] & np.isnan(away), np.inf, away)
     farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=2)[..., None]
     doubt = np.hypot(stderr, bound[:, None])
-    axes = ("value", "h", "function")
-    return {
-        "expectation": (axes, mean),
-        "expectation_stderr": (axes, stderr),
-        "truth": (axes[::2], truth),
-        "truth_bound": (axes[::2], bound),
-        "law_distance": (axes[:2], np.take_along_axis(away, farthest, 2)[..., 0]),
-        "law_distance_stderr": (axes[:2], np.take_along_axis(doubt, farthest, 2)[..., 0]),
-    }
+    return Law(
+        names=names,
+        expectation=mean,
+        expectation_stderr=stderr,
+        truth=truth,
+        truth_bound=bound,
+        distance=np.take_along_axis(away, farthest, 2)[..., 0],
+        distance_stderr=np.take_along_axis(doubt, farthest, 2)[..., 0],
+    )

@@ -1,4 +1,4 @@
-"""The paths of a stability study: what is watched along them, and its summary for each value of the swept word."""
+"""The paths of a stability study: what is watched along them, and its summary for each value of the swept parameter."""
 
 import math
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from spi.statistics.estimators import stderr_of_mean
 
 
 class Paths(NamedTuple):
-    """What is known of some paths for one value of the swept word; the paths stand along the last axes."""
+    """What is known of some paths for one value of the swept parameter; the paths stand along the last axes."""
 
     paths: int
     seconds: float  #: wall clock

@@ -18,9 +18,10 @@ from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, PARTS, group_counts, jackknife_stderr, root_mean_square
-from spi.storage.records import Group, Part
+from spi.storage.records import Part
 
-from .errors import group
+from ..results import StrongErrors
+from .errors import results
 from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of
 
 _BATCH_BYTES = 64e6
@@ -108,6 +109,6 @@ class StrongPlan(BlocksPlan):
         value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in known.each], axis=0), counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
-    def group(self, state: State) -> Group:
+    def results(self, state: State) -> StrongErrors:
         """The results of one scheme of a case, from its final state."""
-        return group(self, state)
+        return results(self, state)

@@ -1,4 +1,4 @@
-"""Strong errors from sums over paths, and the group of results."""
+"""Strong errors from sums over paths."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import noise_field, noise_field_derivative
-from spi.ensemble.loop import report_columns, thread_count
 from spi.ensemble.protocol import in_kernels, large, noise_groups, noise_indices
 from spi.kinds.plans import State
+from spi.kinds.solver import reported
 from spi.schemes import Scheme, has_theory
 from spi.statistics.estimators import (
     RESOLVED,
@@ -19,8 +19,8 @@ from spi.statistics.estimators import (
     root_mean_square,
     samples_needed,
 )
-from spi.storage.records import Group, Variables
 
+from ..results import StrongErrors
 from .paths import Totals
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def errors(p: "StrongPlan", totals: Totals) -> Errors:
     counts = group_counts(totals.paths)
     value, without = root_mean_square(totals.squares, counts)
     ends = np.cumsum(p.steps[1:])
-    # a path that left the finite numbers makes the mean square infinite
+    # a diverged path makes the mean square infinite
     curves = [np.nan_to_num(curve, nan=np.inf, posinf=np.inf) for curve in np.split(value, ends[:-1])]
     at = np.array([np.argmax(curve) for curve in curves], dtype=int)
     return Errors(
@@ -61,56 +61,40 @@ def errors(p: "StrongPlan", totals: Totals) -> Errors:
     )
 
 
-def group(p: "StrongPlan", state: State) -> Group:
+def results(p: "StrongPlan", state: State) -> StrongErrors:
     """The results of one scheme of a case, from its final state."""
-    case, totals = p.case, state.total()
+    case, totals, times = p.case, state.total(), state.more.ns_per_step
     found = errors(p, totals)
     h = np.array(case.steps)
+    down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
     stderr = jackknife_stderr(found.sup, found.sup_without, found.counts)
     resolved = is_resolved(found.sup, stderr)
     # paths that are farther apart than this have lost one another: the error no longer grows as the step does
     together = found.sup <= _LOST * np.linalg.norm(case.initial)
     own_reference = 0.0 if case.reference_scheme else case.reference_step
-    order = fit_order(h, found.sup, found.sup_without, found.counts, resolved & together, own_reference)
-    attributes = {
-        **p.description(),
-        "order": order.order,
-        "order_ci": (order.low, order.high),
-        "points_in_fit": order.points,
-        "expected_order": _expected_order(p.row, case),
-        "samples": case.samples,
-        "reference_step": case.reference_step,
-        "reference_scheme": case.reference_scheme,
-        "reference_nonfinite": int(totals.nonfinite[0]),
-        "reference_casimir_drift": tuple(float(x) for x in totals.drift[0]),
-        "wall_seconds": state.seconds,
-        "threads": thread_count(),
-        "note": _note(found.sup, stderr, resolved, case.samples),
-    }
-    variables = _variables(p, state.more.ns_per_step, totals, found, stderr, resolved)
-    coordinates = {"h": h, "casimir": np.arange(totals.drift.shape[1])}
-    return Group(case.name, p.part.variant, coordinates, variables, attributes)
-
-
-def _variables(
-    p: "StrongPlan", times: np.ndarray, totals: Totals, found: Errors, stderr: np.ndarray, resolved: np.ndarray
-) -> Variables:
-    """All variables, step sizes from large to small."""
-    down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
-    of_h = {
-        "error": found.sup,
-        "error_stderr": stderr,
-        "error_time": (found.at + 1) * np.array(p.case.steps),
-        "error_final": found.final,
-        "error_final_stderr": jackknife_stderr(found.final, found.final_without, found.counts),
-        "nonfinite": totals.nonfinite[down],
-        "resolved": resolved,
-        **report_columns(totals.report[down]),
-    }
-    if p.timed_steps:
-        of_h |= {"seconds": times * 1e-9 * p.steps[down] * p.samples, "ns_per_step": times}
-    variables = {name: (("h",), values) for name, values in of_h.items()}
-    return variables | {"casimir_drift": (("h", "casimir"), totals.drift[down])}
+    return StrongErrors(
+        **p.whole(state),
+        h=h,
+        error=found.sup,
+        error_stderr=stderr,
+        error_time=(found.at + 1) * h,
+        error_final=found.final,
+        error_final_stderr=jackknife_stderr(found.final, found.final_without, found.counts),
+        casimir_drift=totals.drift[down],
+        nonfinite=totals.nonfinite[down],
+        resolved=resolved,
+        seconds=times * 1e-9 * p.steps[down] * p.samples if p.timed_steps else None,
+        ns_per_step=times if p.timed_steps else None,
+        **reported(totals.report[down]),
+        order=fit_order(h, found.sup, found.sup_without, found.counts, resolved & together, own_reference),
+        expected_order=_expected_order(p.row, case),
+        samples=case.samples,
+        reference_step=case.reference_step,
+        reference_scheme=case.reference_scheme,
+        reference_nonfinite=int(totals.nonfinite[0]),
+        reference_casimir_drift=tuple(totals.drift[0].tolist()),
+        note=_note(found.sup, stderr, resolved, case.samples),
+    )
 
 
 def _expected_order(row: Scheme, case: Any) -> float | None:
@@ -156,7 +140,7 @@ def _note(error: np.ndarray, stderr: np.ndarray, resolved: np.ndarray, samples: 
     if samples == 1:
         return "one path has no standard error: not resolved"
     if not finite.all():
-        return "the mean square is infinite where paths left the finite numbers or nearly so"
+        return "the mean square is infinite where paths diverged (NaN or infinity) or nearly so"
     needed = samples_needed(error, stderr, samples)[~resolved].max()
     if not np.isfinite(needed) or needed <= 0:
         return f"in brackets: errors below {RESOLVED:g} standard errors"

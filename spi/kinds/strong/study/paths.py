@@ -71,7 +71,7 @@ def added(p: "StrongPlan", known: Totals, rows: Rows, at: slice, first: int, end
     for block, row in enumerate(range(at.start, at.stop), first):
         squares[block % BLOCKS_PER_ROUND] += rows.squares[row].T
         lanes = min(LANES, end - block * LANES)
-        # a path that left the finite numbers has no last drift but NaN: it is infinitely far
+        # a diverged path has no last drift but NaN: it is infinitely far
         worst = np.nan_to_num(rows.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1)
         drift = np.maximum(drift, worst)
     return known._replace(

@@ -14,7 +14,7 @@ from spi.drawing import layout, page, style
 from spi.drawing.axes import LEAST, legend_line, under_label
 from spi.storage.records import Description
 
-from ..reading import Trajectory
+from ..results import Trajectory
 from .curves import Path
 from .fields import Fields
 from .film import film as film

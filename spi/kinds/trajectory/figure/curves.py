@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from spi.drawing.layout import Entry
 
-from ..reading import Trajectory
+from ..results import Trajectory
 
 Bound = float | np.ndarray
 Frame = tuple[Bound, Bound]  #: the lowest and the highest value, or those of each column
@@ -38,7 +38,7 @@ class Path(NamedTuple):
 def window(curves: list[tuple[Trajectory, np.ndarray]], errors: bool = False) -> tuple[float, float]:
     """Limits for ``curves``, (reading, values) each, that suit the schemes which preserve something.
 
-    Schemes that preserve nothing and paths that leave the finite numbers may take as much room again on either side;
+    Schemes that preserve nothing and diverging paths may take as much room again on either side;
     what goes further is cut.  The room is that of the values, or with ``errors`` that of their changes, however small.
     """
     finite = [(reading, values) for reading, values in curves if np.isfinite(values).all()]
@@ -76,7 +76,7 @@ def curve(ax: Axes, path: Path, values: np.ndarray, frame: Frame) -> list[Entry]
 
 
 def departure(ax: Axes, path: Path, values: np.ndarray, frame: Frame, plane: bool = False) -> list[Entry]:
-    """Mark where a path leaves the frame or the finite numbers; returns notes of it, (handle, text) each.
+    """Mark where a path leaves the frame or diverges; returns notes of it, (handle, text) each.
 
     ``frame`` is (lowest, highest), of each column of ``values`` if they are several.  Time is horizontal on ``ax``,
     unless that shows the ``plane`` of two columns.
@@ -99,7 +99,7 @@ def departure(ax: Axes, path: Path, values: np.ndarray, frame: Frame, plane: boo
         if first and not (len(outside) and outside[0] < first):
             x, y = values[first - 1] if plane else (np.full(values.shape[1], t[first - 1]), values[first - 1])
             ax.plot(x, y, marker="X", zorder=4, **look)
-        how = "not defined" if np.isfinite(path.reading.y[first]).all() else "not finite"
+        how = "not defined" if np.isfinite(path.reading.y[first]).all() else "diverged"
         notes.append((Line2D([], [], marker="X", **look), f"{path.label} {how} from $t={t[first]:.3g}$"))
     return notes
 

@@ -18,7 +18,7 @@ from spi.drawing.axes import rules
 from spi.drawing.layout import Entry
 from spi.models.zeitlin.fields import energy_spectrum, vorticity
 
-from ..reading import Trajectory
+from ..results import Trajectory
 from .curves import Path
 
 COLOURS = "RdBu_r"  #: of vorticity: blue negative, white 0, red positive

@@ -13,7 +13,7 @@ from spi.drawing import style
 from spi.drawing.film import Film
 from spi.drawing.layout import spread
 
-from ..reading import Trajectory
+from ..results import Trajectory
 from .fields import colour_range, draw_field, field_values
 
 MOST_FRAMES = 200

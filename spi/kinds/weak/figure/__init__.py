@@ -10,8 +10,9 @@ from spi.drawing import page, style
 from spi.drawing.axes import LEAST, PANEL, legend_line, panel_title
 from spi.drawing.layout import Panel, check_panels
 
-from ..reading import WeakErrors
-from ..reading.comparisons import sweeps
+from ..comparisons import sweeps
+from ..estimators import label_of
+from ..results import WeakErrors
 from . import eps, methods
 from .series import ERROR, Series, errors_panel, prefixes_panel, series_of
 
@@ -75,8 +76,8 @@ def _facts(readings: Sequence[WeakErrors]) -> dict[str, str]:
         first.about,
         reference_step=first.reference_step if any(reading.sampled for reading in readings) else None,
         reference_scheme=first.reference_scheme,
-        samples=first.sampled.samples if estimators == {"plain"} and first.sampled else None,
-        estimator=first.about.estimator if len(estimators) == 1 else None,
+        samples=first.paths if len(estimators) == 1 else None,
+        estimator=label_of(first.about.estimator) if len(estimators) == 1 else None,
         functions=first.formulas,
     )
 

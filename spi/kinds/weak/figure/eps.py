@@ -11,8 +11,9 @@ from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, legend_under, limits, rules, with_order
 from spi.drawing.layout import Panel
 
-from ..reading import WeakErrors
-from ..reading.comparisons import comparable_sweeps, largest_over_eps, sweeps
+from ..comparisons import comparable_sweeps, largest_over_eps, sweeps
+from ..estimators import label_of
+from ..results import WeakErrors
 from .series import ERROR, Series, draw, frame, remarks
 
 COLUMNS = 3  # panels side by side
@@ -39,7 +40,7 @@ def largest(readings: Sequence[WeakErrors], f: int, looks: style.Looks) -> list[
     for (scheme, estimator), members in chosen.items():
         top = largest_over_eps(members, f)
         told = [style.label(members[0].about, with_eps=False)] * (len(schemes) > 1)
-        told += [style.ESTIMATORS.get(estimator, estimator)] * (len(methods) > 1)
+        told += [label_of(estimator)] * (len(methods) > 1)
         series.append(
             Series(
                 h=members[0].h,
@@ -128,7 +129,7 @@ def _series(
         error=np.array([abs(reading.error[f, i]) for reading, i in each]),
         half=np.array([reading.half[f, i] for reading, i in each]),
         resolved=np.array([reading.resolved[f, i] for reading, i in each]),
-        label=", ".join([label, *[style.ESTIMATORS.get(estimator, estimator)] * several_estimators]),
+        label=", ".join([label, *[label_of(estimator)] * several_estimators]),
         look={"marker": look[0], "color": look[1], "markersize": 5.5},
     )
 

@@ -13,10 +13,8 @@ from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, legend_under, limits, rules
 from spi.drawing.layout import Panel
 
-from ..reading import WeakErrors
-
-#: Marker and colour of each estimator.
-LOOKS = {"plain": ("o", "#0072B2"), "multilevel": ("D", "#D55E00"), "kolmogorov": ("*", "#000000")}
+from ..estimators import ESTIMATORS, label_of
+from ..results import WeakErrors
 
 
 class Run(NamedTuple):
@@ -26,6 +24,7 @@ class Run(NamedTuple):
     seconds: np.ndarray
     error: np.ndarray
     accuracy: np.ndarray  #: standard error; of what is not sampled the bound of the numerical error
+    exact: bool  #: whether nothing is sampled
 
     @property
     def constant(self) -> float:
@@ -42,7 +41,7 @@ def panels(readings: Sequence[WeakErrors], f: int, title: str) -> list[list[Pane
             continue
         h = of["plain"].h
         middle = int(np.argmin(np.abs(np.log2(h) - 0.5 * (np.log2(h.min()) + np.log2(h.max())))))
-        runs = [run for run in (_run(of[name], f, middle) for name in LOOKS if name in of) if len(run.seconds)]
+        runs = [run for run in (_run(of[name], f, middle) for name in ESTIMATORS if name in of) if len(run.seconds)]
         label = style.label(of["plain"].about)
         what = "\n".join(filter(None, [title, f"{label}, $h={style.number(h[middle], steps=True)}$"]))
         lines.append([partial(panel, runs=runs, what=what) for panel in (accuracy_panel, estimates_panel)])
@@ -60,7 +59,7 @@ def _run(reading: WeakErrors, f: int, i: int) -> Run:
     found = np.array(points, float)
     drawable = (np.abs(found) < HUGE).all(axis=1) & (found[:, [0, 2]] > 1 / HUGE).all(axis=1)
     seconds, error, accuracy = found[drawable].T
-    return Run(reading.about.estimator, seconds, error, accuracy)
+    return Run(reading.about.estimator, seconds, error, accuracy, exact=reading.unsampled is not None)
 
 
 def accuracy_panel(ax: Axes, runs: Sequence[Run], what: str) -> None:
@@ -71,17 +70,17 @@ def accuracy_panel(ax: Axes, runs: Sequence[Run], what: str) -> None:
     plain = next((run for run in runs if run.estimator == "plain"), None)
     seconds = np.concatenate([run.seconds for run in runs] or [np.ones(1)])
     ends = np.array([seconds.min() / 2, seconds.max() * 2])
-    sampled = np.concatenate([run.accuracy for run in runs if run.estimator != "kolmogorov"] or [np.ones(1)])
+    sampled = np.concatenate([run.accuracy for run in runs if not run.exact] or [np.ones(1)])
     low, high = limits(sampled)
     for run in runs:
-        marker, colour = LOOKS[run.estimator]
-        told = [style.ESTIMATORS[run.estimator]]
-        if run.estimator == "kolmogorov":
+        marker, colour = ESTIMATORS[run.estimator].keys.LOOK
+        told = [label_of(run.estimator)]
+        if run.exact:
             told.append(f"bound ${style.number(float(f'{run.accuracy[-1]:.1e}'))}$")
         if plain and run is not plain:
             told.append(f"{_times((plain.constant / run.constant) ** 2)} as fast as plain")
         look: dict[str, Any] = {"marker": marker, "color": colour, "linestyle": "none", "label": ", ".join(told)}
-        if run.estimator == "kolmogorov":
+        if run.exact:
             low = max(low / 300, min(low, run.accuracy[-1] / 2))
             at = np.maximum(run.accuracy, low)
             ax.plot(run.seconds, at, markersize=10, clip_on=False, zorder=4, **look)
@@ -101,16 +100,16 @@ def estimates_panel(ax: Axes, runs: Sequence[Run], what: str) -> None:
     ax.set(xscale="log", xlabel="processor time (s)", title=f"{what}: estimates")
     ax.set_ylabel(r"weak error  $\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))$")
     rules(ax)
-    found = [run for run in runs if run.estimator != "kolmogorov"]
+    found = [run for run in runs if not run.exact]
     if found:
         ax.set_ylim(_window(found))
     for run in runs:
-        marker, colour = LOOKS[run.estimator]
-        if run.estimator == "kolmogorov":
-            ax.axhline(run.error[-1], color=colour, linewidth=1.0, label=style.ESTIMATORS["kolmogorov"], zorder=1)
+        marker, colour = ESTIMATORS[run.estimator].keys.LOOK
+        if run.exact:
+            ax.axhline(run.error[-1], color=colour, linewidth=1.0, label=label_of(run.estimator), zorder=1)
             continue
         look: dict[str, Any] = {"marker": marker, "color": colour, "linestyle": "none", "elinewidth": 0.9, "capsize": 2}
-        ax.errorbar(run.seconds, run.error, INTERVAL * run.accuracy, label=style.ESTIMATORS[run.estimator], **look)
+        ax.errorbar(run.seconds, run.error, INTERVAL * run.accuracy, label=label_of(run.estimator), **look)
         for outside, mark, place in zip(_outside(run, ax.get_ylim()), (CARETDOWN, CARETUP), (0, 1), strict=True):
             edge: dict[str, Any] = {
                 "transform": ax.get_xaxis_transform(),

@@ -11,7 +11,8 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, error_axes, legend_under, limits, slopes, with_order
 
-from ..reading import WeakErrors
+from ..estimators import label_of
+from ..results import WeakErrors
 
 ERROR = r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$"
 
@@ -51,9 +52,9 @@ def series_of(
 
     Its label names the scheme, the estimator or both.
     """
-    name = style.ESTIMATORS.get(reading.about.estimator, reading.about.estimator)
-    if reading.about.estimator == "plain" and reading.sampled:
-        name += f" ({style.count(reading.sampled.samples)})"
+    name = label_of(reading.about.estimator)
+    if reading.paths is not None:
+        name += f" ({style.count(reading.paths)})"
     label = ", ".join([style.label(reading.about)] * with_scheme + [name] * with_estimator)
     return Series(
         h=reading.h * (1.08 if beside else 1.0),
@@ -218,7 +219,7 @@ def remarks(ax: Axes, series: Sequence[Series], consequence: str = ", left out o
         ax.plot([], [], "o", label=f"hollow: not resolved{consequence}", **look)
     beyond = np.concatenate([one.error[~(one.error <= top)] for one in sampled] or [np.empty(0)])
     if len(beyond):
-        label = "paths left the finite numbers" + " or nearly so" * bool(np.isfinite(beyond).any())
+        label = "paths diverged (NaN or infinity)" + " or nearly so" * bool(np.isfinite(beyond).any())
         ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)
 
 

@@ -1,26 +1,15 @@
-"""Weak errors E phi(y_h(T)) - E phi(y(T)) of test functions phi, by three estimators that check one another.
+"""Weak errors E phi(y_h(T)) - E phi(y(T)) of test functions phi, by estimators that check one another.
 
 ``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step, ``multilevel`` against
 that of weak order 2 where it takes differences to it; what that reference lacks is extrapolated by the scheme's known
 order.  ``kolmogorov`` does not sample and measures against the law of the equation.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 from spi.storage.records import Part
 
-from .differences import multilevel_plan
-from .kolmogorov import KolmogorovPlan
-from .multilevel import MultilevelPlan
-from .plain import PlainPlan
-
-#: name of an estimator in a spec file -> what makes a plan of it
-ESTIMATORS: dict[str, Callable[[Any, Part], PlainPlan | MultilevelPlan | KolmogorovPlan]] = {
-    "plain": PlainPlan.of,
-    "multilevel": multilevel_plan,
-    "kolmogorov": KolmogorovPlan.of,
-}
+from ..estimators import ESTIMATORS
 
 
 def parts(case: Any) -> list[Part]:
@@ -30,10 +19,10 @@ def parts(case: Any) -> list[Part]:
         for scheme, eps in case.runs
         for levels in case.extrapolate
         for estimator in case.estimators
-        if estimator != "kolmogorov" or case.row(scheme).solvable_without_sampling
+        if ESTIMATORS[estimator].keys.can_do(case, scheme)
     ]
 
 
-def plan(case: Any, part: Part) -> PlainPlan | MultilevelPlan | KolmogorovPlan:
+def plan(case: Any, part: Part) -> Any:
     """The plan for one scheme of a case with one estimator."""
-    return ESTIMATORS[part.estimator](case, part)
+    return ESTIMATORS[part.estimator].study.plan(case, part)

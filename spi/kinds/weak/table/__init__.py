@@ -1,11 +1,14 @@
 """Tables of weak errors."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from spi.printing.rows import rows_of
 from spi.printing.text import (
     error_and_remark,
-    in_order,
     lines_of,
     lost_paths,
     new_table,
@@ -14,8 +17,8 @@ from spi.printing.text import (
     with_interval,
 )
 
-from ..reading import Stages, WeakErrors
-from ..reading.comparisons import agreement
+from ..comparisons import agreement
+from ..results import Prefixes, WeakErrors
 from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
 from .told import told as told
@@ -25,13 +28,9 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-#: The columns of the records, in this order.
-COLUMNS = (
-    *("case", "scheme", "eps", "extrapolate", "estimator", "function", "h", "error", "error_stderr", "error_bound"),
-    *("expectation", "expectation_stderr", "expectation_bound", "reference", "limit", "limit_bound", "resolved"),
-    *("agreement", "order", "order_low", "order_high", "expected_order"),
-    *("samples", "cpu_seconds", "ns_per_step", "nonfinite"),
-)
+_AXES = ("function", "h")
+#: What the rows of fewer paths have in common with those of all.
+_OF_ALL = ("case", "scheme", "eps", "extrapolate", "estimator", *_AXES, "expected_order")
 
 
 def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
@@ -48,45 +47,21 @@ def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
 def _point_rows(reading: WeakErrors, readings: Sequence[WeakErrors] = ()) -> Iterator[dict[str, Any]]:
     """The records of all step sizes; their ``agreement`` with one of `readings`, if it is not sampled."""
     found = agreement(reading, readings)
-    whole = _whole(reading) | {"cpu_seconds": reading.cpu_seconds}
-    per_point = {name: getattr(reading, name) for name in ("error", "expectation", "resolved")}
-    per_function = {}
-    if reading.sampled:
-        whole |= {name: getattr(reading.sampled, name) for name in ("samples", "ns_per_step")}
-        per_point |= {name: getattr(reading.sampled, name) for name in ("error_stderr", "expectation_stderr")}
-        per_function["reference"] = reading.sampled.reference
-    if reading.unsampled:
-        per_point |= {name: getattr(reading.unsampled, name) for name in ("error_bound", "expectation_bound")}
-        per_function |= {name: getattr(reading.unsampled, name) for name in ("limit", "limit_bound")}
-    if found:
-        per_point["agreement"] = found.deviation
-    for f, function in enumerate(reading.functions):
-        order = dict(zip(("order", "order_low", "order_high"), reading.orders[f], strict=False))
-        for i, h in enumerate(reading.h.tolist()):
-            record = whole | order | {name: values[f].item() for name, values in per_function.items()}
-            record |= {"function": function, "h": h}
-            record |= {name: values[f, i].item() for name, values in per_point.items()}
-            record["nonfinite"] = None if reading.nonfinite is None else reading.nonfinite[i].item()
-            yield in_order(record, COLUMNS)
+    errors = replace(reading, levels=None, differences=None)  # which have a table of their own
+    yield from rows_of(errors, _AXES, derived={"agreement": (_AXES, found.deviation)} if found else {})
 
 
-def _prefix_rows(reading: WeakErrors, stages: Stages, all_samples: int) -> Iterator[dict[str, Any]]:
+def _prefix_rows(reading: WeakErrors, prefixes: Prefixes, all_samples: int) -> Iterator[dict[str, Any]]:
     """Of fewer paths than all; expectations and orders are known of all only."""
-    resolved = stages.resolved
-    for n, samples in enumerate(stages.samples.tolist()):
+    resolved = prefixes.resolved
+    for n, samples in enumerate(prefixes.samples.tolist()):
         if samples == all_samples:
             continue
-        run = _whole(reading) | {"samples": samples, "cpu_seconds": stages.cpu_seconds[n].item()}
-        for f, function in enumerate(reading.functions):
-            for i, h in enumerate(reading.h.tolist()):
-                values = {name: getattr(stages, name)[n, f, i].item() for name in ("error", "error_stderr")}
-                where = {"function": function, "h": h, "resolved": resolved[n, f, i].item()}
-                yield in_order(run | where | values, COLUMNS)
-
-
-def _whole(reading: WeakErrors) -> dict[str, Any]:
-    one = {name: getattr(reading.about, name) for name in ("case", "scheme", "eps", "estimator")}
-    return one | {"extrapolate": reading.about.extrapolate or None, "expected_order": reading.expected_order}
+        fewer = {"samples": samples, "cpu_seconds": prefixes.cpu_seconds[n].item()}
+        values = {"error": prefixes.error[n], "error_stderr": prefixes.error_stderr[n], "resolved": resolved[n]}
+        for place, row in zip(np.ndindex(reading.error.shape), _point_rows(reading), strict=True):
+            same = {name: row[name] for name in _OF_ALL if name in row}
+            yield same | {name: of_all[place].item() for name, of_all in values.items()} | fewer
 
 
 def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> None:
@@ -121,7 +96,7 @@ def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":
     several = any(len(reading.functions) > 1 for reading in readings)
     lost = any(reading.nonfinite is not None and reading.nonfinite.any() for reading in readings)
     names = ["scheme,\nestimator", *["function"] * several, "h"]
-    headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["non-\nfinite"] * lost, ""]
+    headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["di-\nverged"] * lost, ""]
     table = new_table(heading, headings, left=len(names), labels=0)
     table.columns[-1].justify = "left"
     for reading in readings:

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 
 from spi.printing.text import INTERVAL, order_found, power_of_two, short, with_interval
 
-from ..reading import WeakErrors
-from ..reading.comparisons import comparable_sweeps, largest_over_eps
+from ..comparisons import comparable_sweeps, largest_over_eps
+from ..results import WeakErrors
 
 
 def over_eps(readings: Sequence[WeakErrors]) -> Iterator[str]:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from spi.printing.text import INTERVAL, lost_paths, new_table, power_of_two, short, with_interval
+from spi.storage.records import Order
 
-from ..reading import Differences, Levels
+from ..results import Differences, Levels
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,7 +39,7 @@ def _table(
 
     lost = bool(rows.nonfinite.any())
     headings = [heading, "mean of the\ndifference (95 %)", "variance", "kurtosis", "consis-\ntency"]
-    headings += ["samples", "µs per\nsample", *["non-\nfinite"] * lost]
+    headings += ["samples", "µs per\nsample", *["di-\nverged"] * lost]
     table = new_table(title, headings, left=1)
     for name, i in zip(names, order, strict=True):
         variance, kurtosis, consistency = (
@@ -62,17 +63,17 @@ def _table(
 def level_warnings(levels: Levels, f: int) -> Iterator[str]:
     """The rates by which mean, variance and cost of the levels change, and what speaks against them."""
     rates = {"mean": levels.mean_rate, "variance": levels.variance_rate}
-    told = [f"{what} {_rate(*values[f].tolist())}" for what, values in rates.items() if values is not None]
+    told = [f"{what} {_rate(values[f])}" for what, values in rates.items() if values is not None]
     if math.isfinite(levels.cost_rate):
         told.append(f"cost h^-{levels.cost_rate:.2f}")
     if told:
-        yield f"levels: {', '.join(told)}{'; with reversed twins' if levels.twins else ''}"
+        yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.twins else ''}"
     yield from _doubts(levels.h, levels, f, "the means of neighbouring levels disagree")
 
 
 def difference_warnings(differences: Differences, h: np.ndarray, f: int) -> Iterator[str]:
     """The rate by which the variance of the differences at the step sizes h changes, and what speaks against them."""
-    yield f"differences to {differences.scheme}: variance {_rate(*differences.variance_rate[f].tolist())}"
+    yield f"differences to {differences.scheme}: variance {_rate(differences.variance_rate[f])}"
     yield from _doubts(h, differences, f, "the expectation is not that of its levels")
 
 
@@ -84,5 +85,5 @@ def _doubts(h: np.ndarray, rows: Levels | Differences, f: int, inconsistency: st
             yield f"consistency {consistency:.2f} at {power_of_two(step)}: {inconsistency}"
 
 
-def _rate(rate: float, low: float, high: float) -> str:
-    return f"h^{rate:.2f} [{low:.2f}, {high:.2f}]" if math.isfinite(rate) else "not resolved"
+def _rate(rate: Order) -> str:
+    return f"h^{rate.order:.2f} [{rate.low:.2f}, {rate.high:.2f}]" if math.isfinite(rate.order) else "not resolved"

@@ -9,8 +9,8 @@ import numpy as np
 
 from spi.printing.text import fraction, order_found, power_of_two, short, with_interval, with_pi
 
-from ..reading import Sampled, WeakErrors
-from ..reading.comparisons import agreement
+from ..comparisons import agreement
+from ..results import Sampled, WeakErrors
 from .eps import limits_shown, over_eps
 from .levels import difference_warnings, level_warnings
 
@@ -51,10 +51,10 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
             yield from (f"    {line}" for line in difference_warnings(reading.differences, reading.h, f))
         if reading.levels:
             yield from (f"    {line}" for line in level_warnings(reading.levels, f))
-    if reading.unsampled and (resolution := _resolution(reading.unsampled.notes)):
+    if reading.unsampled and (resolution := _resolution(reading.unsampled.noted)):
         yield f"    {resolution}"
     if reading.reference_nonfinite:
-        yield f"    {reading.reference_nonfinite} reference paths left the finite numbers"
+        yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
 
 
 def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:

@@ -7,8 +7,8 @@ import numpy as np
 from spi.printing.sentences import joined, orders, sentence, whose
 from spi.storage.records import Order
 
-from ..reading import WeakErrors
-from ..reading.comparisons import agreement
+from ..comparisons import agreement
+from ..results import WeakErrors
 
 
 def told(readings: Sequence[WeakErrors]) -> str:

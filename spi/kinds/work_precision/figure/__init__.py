@@ -11,8 +11,9 @@ from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from spi.drawing import fitting, style
 from spi.drawing.axes import HUGE, PANEL, legend_line, legend_under, limits, panel_grid, panel_title, rules, with_order
+from spi.kinds.weak.estimators import label_of
 
-from ..reading import WorkPrecision, requested
+from ..results import WorkPrecision, requested
 from .steps import LabelledLine, step_labels
 
 ERROR = {
@@ -63,7 +64,9 @@ def _facts(readings: Sequence[WorkPrecision]) -> dict[str, str]:
     names = ("reference_step", "reference_scheme", "samples", "functions")
     told = {name: getattr(readings[0], name) for name in names}
     estimators = {reading.estimator for reading in readings}
-    return style.facts(readings[0].about, **told, estimator=estimators.pop() if len(estimators) == 1 else None)
+    return style.facts(
+        readings[0].about, **told, estimator=label_of(estimators.pop()) if len(estimators) == 1 else None
+    )
 
 
 def _grid(
@@ -93,7 +96,7 @@ def _name_axes(axes: Sequence[Axes], readings: Sequence[WorkPrecision], left: Se
 
 
 def _has_casimirs(readings: Sequence[WorkPrecision]) -> bool:
-    return any(reading.casimir_drift is not None for reading in readings)
+    return any(reading.largest_drift is not None for reading in readings)
 
 
 def _seconds(readings: Sequence[WorkPrecision]) -> np.ndarray:
@@ -175,7 +178,7 @@ def _edge(ax: Axes, seconds: np.ndarray, end: int, colour: str) -> None:
 
 
 def _casimirs(ax: Axes, readings: Sequence[WorkPrecision], looks: style.Looks) -> None:
-    """The largest error of the Casimirs against time; none at all, and a lost path, are marks at the edges."""
+    """The largest error of the Casimirs against time; none at all, and a diverged path, are marks at the edges."""
     _time_axes(ax, readings)
     everything = _drifts(readings)
     drawn = everything[(everything > 0) & (everything < _SPOILT)]
@@ -183,10 +186,10 @@ def _casimirs(ax: Axes, readings: Sequence[WorkPrecision], looks: style.Looks) -
     ax.set_ylim(low / 10 if (everything == 0).any() else low, high)
     ax.yaxis.set_major_locator(LogLocator(numticks=6))
     for reading in readings:
-        if reading.casimir_drift is None:
+        if reading.largest_drift is None:
             continue
         marker, colour = looks[reading.about.variant]
-        drift, seconds = reading.casimir_drift, reading.seconds_per_path
+        drift, seconds = reading.largest_drift, reading.seconds_per_path
         inside = (drift > 0) & (drift < _SPOILT)
         ax.plot(seconds[inside], drift[inside], marker, linestyle="-", color=colour, **_SMALL)
         _edge(ax, seconds[drift == 0], 0, colour)
@@ -195,7 +198,7 @@ def _casimirs(ax: Axes, readings: Sequence[WorkPrecision], looks: style.Looks) -
 
 def _drifts(readings: Sequence[WorkPrecision]) -> np.ndarray:
     """The errors of the Casimirs of all schemes at all step sizes."""
-    found = [reading.casimir_drift for reading in readings if reading.casimir_drift is not None]
+    found = [reading.largest_drift for reading in readings if reading.largest_drift is not None]
     return np.concatenate(found) if found else np.empty(0)
 
 
@@ -224,7 +227,7 @@ def _remarks(ax: Axes, errors: Axes, readings: Sequence[WorkPrecision]) -> None:
         look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none", "linestyle": "none"}
         ax.plot([], [], marker="o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
     if any(_lost(reading, top).any() for reading in readings) or not (drifts < _SPOILT).all():
-        ax.plot([], [], marker=CARETUP, label="paths left the finite numbers or nearly so", **black)
+        ax.plot([], [], marker=CARETUP, label="paths diverged (NaN or infinity) or nearly so", **black)
     if (drifts == 0).any():
         ax.plot([], [], marker=CARETDOWN, label="the Casimirs have not changed at all", **black)
 

@@ -1,0 +1,72 @@
+"""Numba's disk cache of compiled kernels, for several processes at once and for classes from elsewhere.
+
+A cache locator, which Numba lets a program bring along (NUMBA_CACHE_LOCATOR_CLASSES), cannot do this: it is asked once
+for each function, while the place of a compiled version depends on the types of its arguments.
+"""
+
+import contextlib
+import copy
+import hashlib
+from pathlib import Path
+
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+from . import modules
+from .private import VARIABLE, left_out
+from .records import record_classes
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
+
+
+class SharedCache(FunctionCache):
+    """Numba's disk cache of the compiled versions of one function, into which several processes may write at once.
+
+    Numba reads an index, chooses the next free file name and writes both.  Two processes that do so at once choose the
+    same name, and one kernel would be loaded as the other.
+
+    The index names the classes of all records with which the function was called, and whoever reads it must be able to
+    import them.  Versions for classes that are no part of this package are therefore kept apart, in a folder named by
+    their modules and by the digests of the code of these: nobody else opens it, and an edit leads to another folder.
+    """
+
+    def load_overload(self, types, context):
+        place = self._place(types)
+        return None if place is None else super(SharedCache, place).load_overload(types, context)
+
+    def save_overload(self, types, result):
+        if (place := self._place(types)) is not None:
+            with _alone_in(Path(place.cache_path)):
+                super(SharedCache, place).save_overload(types, result)
+
+    def holds(self, dispatcher, types):
+        """Whether there is an entry for these types of arguments."""
+        place, key = self._place(types), self._index_key(types, dispatcher.targetctx.codegen())
+        return place is not None and key in place._cache_file._load_index()
+
+    def _place(self, types):
+        """The cache of the versions that depend on the same foreign code; None if nothing identifies that code."""
+        things = {self._py_func}.union(*map(record_classes, types))
+        foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
+        foreign |= {(VARIABLE, part) for part in left_out()}
+        if not foreign:
+            return self
+        if not all(digest for _, digest in foreign):
+            return None
+        place, name = copy.copy(self), hashlib.sha256(repr(sorted(foreign)).encode()).hexdigest()[:16]
+        place._cache_path = str(Path(self.cache_path, f"own_{name}"))
+        stamp = self._cache_file._source_stamp
+        place._cache_file = IndexDataCacheFile(place._cache_path, self._impl.filename_base, stamp)
+        return place
+
+
+@contextlib.contextmanager
+def _alone_in(folder):
+    """Within it no other process is; where the system has no such locks nothing is done."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as file:
+        if fcntl:
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield  # closing the file gives the lock back, and so does the end of the process

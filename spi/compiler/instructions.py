@@ -1,0 +1,74 @@
+"""Instructions of LLVM for intrinsics: constants, fields of records, and tuples of floats that lie in arrays.
+
+Each function returns what is asked of an :func:`~.dispatch.intrinsic`: a signature, and what writes the instructions.
+"""
+
+from numba import typeof, types
+from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
+
+from .records import is_array
+
+
+def constant(record, value):
+    """Of a function of a record: a value that is known while compiling."""
+    return typeof(value)(record), lambda context, builder, signature, arguments: context.get_constant_generic(
+        builder, signature.return_type, value
+    )
+
+
+def field(record, name):
+    """Of a function of a record: a field of it."""
+    place = record.fields.index(name)
+
+    def code(context, builder, signature, arguments):
+        value = builder.extract_value(arguments[0], place)
+        return impl_ret_borrowed(context, builder, signature.return_type, value)
+
+    return record.types[place](record), code
+
+
+def floats(record, name):
+    """Of a function of a record: a field of it, an array, or a tuple as floats, with 0 for None."""
+    place = record.fields.index(name)
+    if is_array(record.types[place]):
+        return field(record, name)
+    inner = record.types[place].types
+
+    def code(context, builder, signature, arguments):
+        values = cgutils.unpack_tuple(builder, builder.extract_value(arguments[0], place))
+        zero = context.get_constant(types.float64, 0.0)
+        numbers = [
+            zero if t == types.none else context.cast(builder, value, t, types.float64)
+            for value, t in zip(values, inner, strict=True)
+        ]
+        return context.make_tuple(builder, signature.return_type, numbers)
+
+    return types.UniTuple(types.float64, len(inner))(record), code
+
+
+def load_strided(count, stride, *arguments):
+    """Of a function whose last arguments are an array and i: (array[i], array[i + stride], ...), `count` floats."""
+
+    def code(context, builder, signature, values):
+        pointers = _pointers(context, builder, signature.args[-2], *values[-2:], count, stride)
+        return context.make_tuple(builder, signature.return_type, [builder.load(pointer) for pointer in pointers])
+
+    return types.UniTuple(types.float64, count)(*arguments[:-1], types.int64), code
+
+
+def store_strided(stride, array, i, numbers):
+    """Of a function of an array, i and a tuple of floats, which becomes array[i], array[i + stride], ..."""
+
+    def code(context, builder, signature, values):
+        pointers = _pointers(context, builder, array, *values[:2], len(numbers), stride)
+        for value, pointer in zip(cgutils.unpack_tuple(builder, values[2]), pointers, strict=True):
+            builder.store(value, pointer)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, numbers), code
+
+
+def _pointers(context, builder, array_type, array, i, count, stride):
+    data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
+    return [builder.gep(data, [builder.add(i, i.type(j * stride))], inbounds=True) for j in range(count)]

@@ -1,0 +1,88 @@
+"""How functions that exist only to be inlined are kept from becoming machine code.
+
+Numba takes each compiled function to machine code of its own, with a wrapper for Python and one for C, even if all that
+is ever used of it is its copy in the functions that call it.  For the functions of this program, about a hundred in one
+kernel, that took most of the time of compiling.
+"""
+
+import dis
+
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+
+
+class InlinedLibrary(JITCodeLibrary):
+    """The code of one function, to be linked into its callers and never run by itself."""
+
+    def __init__(self, codegen, function):
+        super().__init__(codegen, function.__qualname__)
+        self._has_loop = has_loop(function)
+
+    def _optimize_final_module(self):
+        """As Numba's, but only if the function has a loop, which must become vector instructions before it is inlined.
+
+        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.
+        """
+        if self._has_loop:
+            super()._optimize_final_module()
+
+    def _finalize_final_module(self):
+        """As Numba's, without handing the code to the engine that makes machine code of it."""
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name):
+        """There is none."""
+        return 0
+
+    @property
+    def codegen(self):
+        """Where a function that can be run would register its environment with :meth:`set_env`."""
+        return self
+
+    def set_env(self, name, environment):
+        """Nothing: :class:`KernelCompiler` does this for the copies in a kernel."""
+
+
+def has_loop(function):
+    """Whether a function jumps backwards."""
+    return any("JUMP" in i.opname and i.argval <= i.offset for i in dis.get_instructions(function))
+
+
+class InliningCompiler(Compiler):
+    """Compiles a function into an :class:`InlinedLibrary`."""
+
+    def compile_extra(self, function):
+        self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function)
+        return super().compile_extra(function)
+
+
+class LinkedLibrary(InlinedLibrary):
+    """The code of one of the wrappers that Numba puts around a parallel loop; the kernel holds a copy of it."""
+
+    def __init__(self, codegen, name):
+        JITCodeLibrary.__init__(self, codegen, name)
+        self._has_loop = False
+
+
+class KernelCompiler(Compiler):
+    """Compiles a function that Python calls, with all that is inlined into it, so that the disk cache can keep it.
+
+    Of a function with a parallel loop Numba would optimise and turn into machine code the body, two wrappers of it and
+    the whole, each of which contains the one before; only the whole is ever used.
+    """
+
+    def compile_extra(self, function):
+        codegen = self.state.targetctx.codegen()
+        self.state.library = JITCodeLibrary(codegen, function.__qualname__)
+        self.state.library.enable_object_caching()
+        usual, codegen._library_class = codegen._library_class, LinkedLibrary
+        try:
+            result = super().compile_extra(function)
+        finally:
+            codegen._library_class = usual
+        # an error that an inlined function raises looks for the environment of that function
+        for environment in result._find_referenced_environments():
+            result.library.codegen.set_env(environment.env_name, environment)
+        return result

@@ -1,0 +1,55 @@
+"""Questions about values and about Numba types of values alike: so one function serves Python and the compiler."""
+
+import numpy as np
+from numba import types
+
+
+def record_class(numba_type):
+    """The ``NamedTuple`` class behind a Numba type, or None if it is not a record."""
+    if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple):
+        return numba_type.instance_class
+    return None
+
+
+def class_of(record):
+    """The class of a record, given the record, its class, or the Numba type of one."""
+    if isinstance(record, types.Type):
+        return record_class(record)
+    return record if isinstance(record, type) else type(record)
+
+
+def field(record, name):
+    """The field `name` of a record, or the Numba type of the field of a Numba type of records."""
+    if isinstance(record, types.Type):
+        return record.types[record.fields.index(name)]
+    return getattr(record, name)
+
+
+def is_array(value):
+    """Whether a value, or one of a Numba type, is an array."""
+    return isinstance(value, np.ndarray | types.Array)
+
+
+def is_none(value):
+    """Whether a value, or one of a Numba type, is None."""
+    return value is None or isinstance(value, types.NoneType)
+
+
+def record_classes(numba_type):
+    """The classes of all records in a type of Numba: its own, and those of what a tuple, list or array of it holds."""
+    found = {numba_type.instance_class} if isinstance(numba_type, types.BaseNamedTuple) else set()
+    if isinstance(numba_type, types.BaseTuple):
+        inner = numba_type.types
+    else:  # a container's or an optional value's
+        inner = [getattr(numba_type, name, None) for name in ("dtype", "type")]
+    return found.union(*(record_classes(one) for one in inner if isinstance(one, types.Type)))
+
+
+def is_tuple_of_floats(numba_type, length):
+    """Whether a type of Numba is that of so many floats in a tuple."""
+    return isinstance(numba_type, types.BaseTuple) and tuple(numba_type.types) == (types.float64,) * length
+
+
+def is_float(numba_type):
+    """Whether a type of Numba is that of a float."""
+    return numba_type == types.float64

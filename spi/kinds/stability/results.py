@@ -1,0 +1,121 @@
+"""What is stored of stability: what a scheme keeps of the equation at a step size and a value of a parameter."""
+
+from typing import Annotated
+
+import numpy as np
+
+from spi.kinds.solver import Solver
+from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+
+#: From good to bad; a scheme is in the worst regime that applies.
+REGIMES = (
+    *("accurate", "bounded, not accurate", "not positive"),
+    *("Casimir lost", "not bounded", "solver fails", "paths diverged"),
+)
+
+FAILING = 1e-3  #: of the solves: more failures than that, and what is integrated is another scheme
+CASIMIR_LOST = 1e-2  #: relative error of a Casimir
+CASIMIR_KEPT = 1e-8  #: the same, of what is kept but for rounding and the solver's tolerance
+GROWTH = 2.0  #: of the largest |y|, compared with that at the smallest step size
+
+
+class CasimirErrors(Described):
+    """The largest relative error of each Casimir function along each path."""
+
+    worst: Annotated[Array, array("value h casimir", "largest relative error of the Casimir, of the worst path")]
+    median: Annotated[Array, array("value h casimir", "largest relative error of the Casimir, of the median path")]
+
+    @property
+    def largest_worst(self) -> np.ndarray:
+        """(V, S) that of the Casimir with the largest error; NaN counts as the largest."""
+        return self.worst.max(axis=-1)
+
+    @property
+    def largest_median(self) -> np.ndarray:
+        """(V, S) the same of the median path."""
+        return self.median.max(axis=-1)
+
+
+class Law(Described):
+    """Expectations of test functions at the final time against their true values, NaN where these are unknown."""
+
+    names: Annotated[tuple[str, ...], axis("test function", name="function")]
+    expectation: Annotated[
+        Array, array("value h function", "expectation of the test function", "value", "E phi(y_h(T))")
+    ]
+    expectation_stderr: Annotated[Array, array("value h function", "standard error of the expectation", "value")]
+    truth: Annotated[Array, array("value function", "expectation for the equation itself", "value", "E phi(y(T))")]
+    truth_bound: Annotated[Array, array("value function", "bound of the numerical error of that expectation", "value")]
+    distance: Annotated[
+        Array, array("value h", "largest distance of an expectation from the truth", "value", name="law_distance")
+    ]
+    distance_stderr: Annotated[
+        Array, array("value h", "sampling and numerical error of the distance", "value", name="law_distance_stderr")
+    ]
+
+
+class Stability(Stored):
+    """What one scheme keeps of the equation at each value of the swept parameter and step size, from large to small."""
+
+    values: Annotated[Array, axis("value of the swept parameter", name="value")]
+    h: Annotated[Array, axis("step size", "time")]
+    finite: Annotated[Array, array("value h", "fraction of the paths that are finite at the final time")]
+    largest_norm: Annotated[Array, array("value h", "largest |y| over paths and times, relative to |y_0|")]
+    error: Annotated[Array, array("value h", "root mean square error at the final time, relative to |y_0|")]
+    error_stderr: Annotated[Array, array("value h", "standard error of the error")]
+    casimirs: Annotated[CasimirErrors | None, nested(prefix="casimir_")] = None  # of a model that has any
+    law: Law | None = None  # where there are test functions
+    positive: Annotated[Array | None, array("value h", "fraction of the paths whose populations stay positive")] = None
+    largest_angle: Annotated[Array | None, array("value h", "largest angle of a rotation; 0 up to pi/4", "rad")] = None
+    solver: Annotated[Solver | None, array("value h", "what an implicit scheme reports")] = None
+    word: Annotated[str, fact("swept parameter of the spec", name="sweep", column=True)]
+    functions: Annotated[tuple[str, ...], fact("formulas of the test functions")]
+    accurate: Annotated[float, fact("error up to which a scheme counts as accurate")]
+    samples: Annotated[int, fact("number of paths", column=True)]
+    reference_step: Annotated[float, fact("step size of the reference", "time", column=True)]
+    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
+    panels: Annotated[tuple[str, ...], fact("what the figure shows")]
+
+    @property
+    def all_finite(self) -> np.ndarray:
+        """(V, S) whether all paths are finite at the final time."""
+        return self.finite >= 1.0
+
+    @property
+    def is_accurate(self) -> np.ndarray:
+        """(V, S) whether the error counts as accurate; NaN does not."""
+        return self.error <= self.accurate
+
+    @property
+    def regimes(self) -> np.ndarray:
+        """(V, S) number of the regime in :data:`REGIMES`.
+
+        A scheme is not bounded where |y| becomes more than GROWTH times as large as at the smallest step size, since
+        the true solution may grow as well.  NaN is never good.
+        """
+        norm = np.where(np.isnan(self.largest_norm), np.inf, self.largest_norm)
+        finest = norm[:, [np.argmin(self.h)]]
+        never = np.zeros(norm.shape, bool)
+        worst_first = [
+            ~self.all_finite,
+            self.solver.failing_fraction > FAILING if self.solver else never,
+            ~(norm <= GROWTH * finest) | np.isinf(norm),
+            ~(self.casimirs.largest_worst <= CASIMIR_LOST) if self.casimirs else never,
+            never if self.positive is None else ~(self.positive >= 1.0),
+            ~self.is_accurate,
+            ~never,
+        ]
+        return np.select(worst_first, range(len(REGIMES))[::-1])
+
+
+def largest_step(h: np.ndarray, good: np.ndarray) -> tuple[float, bool]:
+    """The largest step size that is good together with all smaller ones, and whether that is all of them; NaN if none.
+
+    `h` (S,) in any order, `good` (S,).
+    """
+    order = np.argsort(h)
+    count = int(np.logical_and.accumulate(np.asarray(good, bool)[order]).sum())
+    return (float(h[order][count - 1]) if count else float("nan")), count == len(order) > 0
+
+
+Record = Stability

@@ -1,0 +1,84 @@
+"""What is stored of trajectories."""
+
+import math
+from typing import Annotated
+
+import numpy as np
+
+from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+
+
+class SolverMeans(Described):
+    """What an implicit scheme reports of its equations, over all steps."""
+
+    failures: Annotated[int, fact("solves that did not converge")]
+    iterations_mean: Annotated[float, fact("iterations of a solve")]
+    largest_residual: Annotated[float, fact("largest relative residual")]
+
+
+class Trajectory(Stored):
+    """One path of a scheme at the times t_n = n k h, where one of k states is stored."""
+
+    t: Annotated[Array, axis("time", "time")]
+    y: Annotated[Array, array("t component", "state", "state", column="y_{}")]
+    hamiltonian: Annotated[Array, array("t", "Hamiltonian", formula="H(y_n)")]
+    casimirs: Annotated[Array, array("t casimir", "Casimirs", formula="C(y_n)", column="casimir_{}")]
+    damped_changes: Annotated[
+        Array | None,
+        array(
+            "t casimir",
+            "changes of the Casimirs but for damping",
+            "",
+            "exp(k gamma t) C(y_n) - C(y_0)",
+            "casimir_changes",
+        ),
+    ] = None
+    casimir_drift: Annotated[tuple[float, ...], fact("largest changes of the Casimirs, but for damping")]
+    nonfinite_from: Annotated[float | None, fact("first time at which y is not finite", "time")] = None
+    step: Annotated[float, fact("step size", "time")]
+    every: Annotated[int, fact("of how many states one is stored")] = 1
+    path: Annotated[int, fact("number of the Brownian path")]
+    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
+    times: Annotated[tuple[float, ...], fact("times of the stored states that are drawn as fields", "time")] = ()
+    preserves: Annotated[str, fact("what the scheme preserves")]
+    largest_angle: Annotated[float, fact("largest angle of a rotation; 0 up to pi/4", "rad")] = 0.0
+    solver: Annotated[SolverMeans | None, nested(prefix="solver_")] = None
+    surface: Annotated[str | None, fact("where y is a vorticity", name="lattice")] = None
+
+    @property
+    def shown(self) -> list[int]:
+        """The numbers of the states that are drawn as fields: by default the first, the one in the middle, the last."""
+        if self.times:
+            return np.searchsorted(self.t, [t - self.t[1] / 2 for t in self.times]).tolist()
+        return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
+
+    @property
+    def casimir_changes(self) -> np.ndarray:
+        """(N + 1, C) C(y_n) - C(y_0), with damping exp(k gamma t) C(y_n) - C(y_0)."""
+        if self.damped_changes is not None:
+            return self.damped_changes
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.casimirs - self.casimirs[0]
+
+    @property
+    def lattice(self) -> int | None:
+        """N where y is a vorticity on the lattice modulo N, see ``spi.models.zeitlin.lattice``."""
+        return math.isqrt(self.y.shape[1] + 1) if self.surface == "torus" else None
+
+    @property
+    def preserves_nothing(self) -> bool:
+        """Whether the scheme makes no promise that would hold its paths together."""
+        return self.preserves == "nothing"
+
+    @property
+    def preserves_casimirs(self) -> bool:
+        """Whether the scheme preserves all Casimirs, as a Poisson map does."""
+        return "Poisson structure" in self.preserves
+
+    @property
+    def lowest(self) -> np.ndarray:
+        """(d,) the smallest value of each component where it is finite; infinite where it never is."""
+        return np.where(np.isfinite(self.y), self.y, np.inf).min(axis=0)
+
+
+Record = Trajectory

@@ -1,0 +1,64 @@
+"""The estimators of weak errors, one folder each: the only place that lists them.
+
+An estimator consists of two modules of its folder, imported when they are first needed: ``keys``, what it adds to a
+spec, what must hold there, what it is called and how it looks; and ``study``, with the plan by which a scheme is
+computed.
+A new estimator is such a folder and a line in ESTIMATORS.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
+
+from spi.storage.records import Part
+
+if TYPE_CHECKING:
+    from spi.kinds.plans import Plan
+
+
+class KeysModule(Protocol):
+    """``keys``: what an estimator adds to a spec file."""
+
+    Keys: Any  #: its keys, a subclass of ``spi.specs.keys.Keys``
+    LABEL: str  #: what it is called in figures
+    LOOK: tuple[str, str]  #: marker and colour
+
+    def check(self, case: Any) -> None:
+        """Raise :func:`spi.specs.keys.wrong` if a case that names the estimator cannot have it."""
+
+    def can_do(self, case: Any, scheme: str) -> bool:
+        """Whether it can estimate the errors of a scheme of such a case; the others of its schemes are left out."""
+
+
+class StudyModule(Protocol):
+    """``study``: what is computed."""
+
+    def plan(self, case: Any, part: Part) -> "Plan":
+        """One scheme, ready to run."""
+
+
+class Estimator:
+    """The modules of an estimator; `package` is the dotted name of its folder."""
+
+    keys: KeysModule
+    study: StudyModule
+
+    def __init__(self, package: str):
+        self.package = package
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("keys", "study"):
+            raise AttributeError(name)
+        return import_module(f"{self.package}.{name}")
+
+
+#: name in a spec file -> estimator
+ESTIMATORS = {
+    "plain": Estimator("spi.kinds.weak.estimators.plain"),
+    "multilevel": Estimator("spi.kinds.weak.estimators.multilevel"),
+    "kolmogorov": Estimator("spi.kinds.weak.estimators.kolmogorov"),
+}
+
+
+def label_of(name: str) -> str:
+    """What an estimator is called in figures; its name if it is not known."""
+    return ESTIMATORS[name].keys.LABEL if name in ESTIMATORS else name

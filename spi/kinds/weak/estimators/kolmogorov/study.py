@@ -1,0 +1,167 @@
+"""Weak errors without sampling, from ``spi.exact.kolmogorov``."""
+
+import functools
+import json
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.loop import thread_count
+from spi.ensemble.protocol import dimension
+from spi.exact.kolmogorov import Expectations, demands, expectations
+from spi.expressions import as_numpy, canonical, functions_of
+from spi.kinds.plans import Cost, Done, PartPlan, State
+from spi.schemes.stages import compositions
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Order, Part
+
+from ...results import Unsampled, WeakErrors
+from ...study.fields import extrapolation, result_steps, weak_errors
+
+_CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
+
+
+class Solution(NamedTuple):
+    """Nothing (0 paths) or everything (1), for F test functions at S step sizes; bounds are of numerical errors."""
+
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    value: np.ndarray  #: (F, S) E phi(y_N)
+    value_bound: np.ndarray  #: (F, S)
+    limit: np.ndarray  #: (F,) E phi(y(T))
+    limit_bound: np.ndarray  #: (F,)
+    error: np.ndarray  #: (F, S)
+    error_bound: np.ndarray  #: (F, S)
+    notes: str  #: JSON
+
+    def plus(self, later: "Solution") -> "Solution":
+        """There is only one."""
+        raise TypeError("a solution without sampling is found at once")
+
+
+def plan(case: Any, part: Part) -> "KolmogorovPlan":
+    """The plan for one scheme of a case."""
+    return KolmogorovPlan(case=case, part=part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KolmogorovPlan(PartPlan):
+    """Weak errors of one splitting scheme from its backward operators."""
+
+    def cost(self) -> Cost:
+        """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
+        case = self.case
+        acting, functions = compositions(self.row.composition, case.model), [as_numpy(f) for f in case.expressions]
+        need = demands(case.model, acting, case.initial, case.final_time, case.steps, functions, case.accuracy)
+        return Cost(0, need.seconds * thread_count(), int(need.bytes))
+
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
+        """All in one piece, as if it were one path."""
+        return (PathSet(1, 1),)
+
+    def empty(self, number: int) -> Solution:
+        """Nothing is known."""
+        per_function = np.zeros(len(self.case.functions))
+        per_point = np.zeros((len(per_function), len(self.case.steps)))
+        return Solution(
+            paths=0,
+            seconds=0.0,
+            cpu_seconds=0.0,
+            value=per_point,
+            value_bound=per_point,
+            limit=per_function,
+            limit_bound=per_function,
+            error=per_point,
+            error_bound=per_point,
+            notes="",
+        )
+
+    def advance(self, chunks: Sequence[Chunk], known: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
+        """Solve, at once."""
+        began, cpu_began = time.perf_counter(), time.process_time()
+        found = solution(self.case, self.row.composition, self.case.steps)
+        solved = Solution(
+            paths=1,
+            seconds=time.perf_counter() - began,
+            cpu_seconds=time.process_time() - cpu_began,
+            value=found.value,
+            value_bound=found.value_bound,
+            limit=found.limit,
+            limit_bound=found.limit_bound,
+            error=found.weak_error,
+            error_bound=found.weak_error_bound,
+            notes=json.dumps(_untimed(found.notes), default=lambda value: value.tolist()),
+        )
+        yield [(chunks[0], solved)]
+
+    def progress(self, state: State) -> Done:
+        """0 or 1 of 1; no standard error."""
+        return Done(state.tally().paths, 1, float("nan"))
+
+    def results(self, state: State) -> WeakErrors:
+        """The results of one scheme of a case, from its final state."""
+        found, combine = state.total(), extrapolation(self)
+        error, bound = combine.combined(found.error), combine.combined_bounds(found.error_bound)
+        h, resolved = result_steps(self), np.abs(error) >= _CLEAR * bound
+        unsampled = Unsampled(
+            error_bound=bound,
+            expectation_bound=combine.combined_bounds(found.value_bound),
+            limit=found.limit,
+            limit_bound=found.limit_bound,
+            notes=found.notes,
+        )
+        each = zip(error, bound, resolved, strict=True)
+        return weak_errors(
+            self,
+            state.seconds,
+            error=error,
+            resolved=resolved,
+            expectation=combine.combined(found.value),
+            orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
+            unsampled=unsampled,
+            cpu_seconds=found.cpu_seconds,
+        )
+
+
+def _untimed(notes: dict[str, Any]) -> dict[str, Any]:
+    """What a solver notes but its times, which would be others each time."""
+    return {name: value for name, value in notes.items() if not name.startswith("seconds")}
+
+
+def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
+    """The ``spi.exact.kolmogorov.Expectations`` of a composition of flows for a case at the step sizes `steps`."""
+    acting, texts = compositions(rows, case.model), tuple(canonical(e) for e in case.expressions)
+    steps = tuple(float(h) for h in steps)
+    return _solution(case.model, acting, case.initial, case.final_time, steps, texts, case.accuracy)
+
+
+@functools.lru_cache(maxsize=8, typed=True)
+def _solution(
+    model: Any,
+    acting: tuple,
+    initial: tuple[float, ...],
+    final_time: float,
+    steps: tuple[float, ...],
+    functions: tuple[str, ...],
+    accuracy: float | None,
+) -> Expectations:
+    """Kept, because the control of several eps is the same; typed, as models of two classes may be equal tuples."""
+    callables = functions_of(functions, dimension(model))
+    return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
+
+
+def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
+    """The slope between the two finest steps; its interval is one and a half times what the slope before differs.
+
+    Where the error is C h^p + D h^q, slopes tend to p by at least a factor of 2 each time h is halved.
+    """
+    if len(h) < 3:
+        return Order(np.nan, np.nan, np.nan, len(h))
+    slope = np.diff(np.log(error)) / np.diff(np.log(h))
+    trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
+    half = 1.5 * abs(slope[-1] - slope[-2]) + trust
+    return Order(slope[-1], slope[-1] - half, slope[-1] + half, len(h))

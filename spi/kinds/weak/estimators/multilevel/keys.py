@@ -1,0 +1,40 @@
+"""What the multilevel estimator adds to a spec."""
+
+from typing import Any
+
+from spi.ensemble.protocol import Positive
+from spi.exact.kolmogorov import can_solve
+from spi.specs.cases import need
+from spi.specs.keys import Keys as BaseKeys
+from spi.specs.keys import key_of, wrong
+
+from ..kolmogorov.keys import check_demands
+
+LABEL = "multilevel"
+LOOK = ("D", "#D55E00")
+
+
+class Keys(BaseKeys):
+    """What it aims at, and what it may take."""
+
+    standard_error: key_of(
+        Positive | None, "what multilevel aims at for the weak error at the largest step", "value"
+    ) = None
+    seconds: key_of(Positive | None, "budget of multilevel, in seconds of one thread of typical speed", "seconds") = (
+        None
+    )
+
+
+def check(case: Any) -> None:
+    """It needs an aim or a budget, has references of its own, and its control must be solvable."""
+    need(case, "multilevel", "standard_error", "seconds")
+    if case.reference_scheme:
+        what = "has 'multilevel', which has references of its own, and reference_scheme is set"
+        raise wrong(what, "use plain or leave out reference_scheme", "estimators")
+    if can_solve(case.model) and not case.truncate_noise:
+        check_demands(case, "multilevel", multiscale=True)
+
+
+def can_do(case: Any, scheme: str) -> bool:
+    """It can do all schemes."""
+    return True

@@ -1,0 +1,68 @@
+"""The paths of a multilevel estimator: which steps, reversals and schemes a sample of each level has."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
+from spi.numerics.rng import LEVELS
+
+#: The quantities of which a level has sums; the last two only with a control.
+DIFFERENCE, VALUE, CONTROL, PRODUCT = range(4)
+
+
+class Level(NamedTuple):
+    """The paths of one sample of a level.
+
+    The rows of `weights` (2 or 3, paths) make the first quantities from the values of phi on the paths: DIFFERENCE, at
+    the coarse step minus at the fine step; VALUE, at the fine step; and CONTROL, the difference of the control.  The
+    last level, which has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
+    """
+
+    grid: Grid
+    stream: RandomStream
+    weights: np.ndarray
+    steps: int  #: of all paths of a sample
+
+
+def levels_of(case: Any, scheme: Any, twins: bool, limit: tuple | None) -> tuple[Level, ...]:
+    """Level j compares the steps 2^(j+1) h_ref and 2^j h_ref, the last one has the largest step alone.
+
+    `scheme` is the record of the scheme, `twins` says whether paths are antithetic, and `limit` is the record
+    of the scheme that is the control, None without control.
+    """
+    count = round(np.log2(max(case.steps) / case.reference_step))
+    differences = [_level(case, scheme, j, limit, *_two_steps(twins, limit)) for j in range(count)]
+    return *differences, _level(case, scheme, count, limit, *_one_step(twins, limit))
+
+
+def _two_steps(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
+    """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
+    if twins:
+        shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
+        return shape, [[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]]
+    if limit is not None:
+        shape = {"doublings": (0, 0, 1, 1), "by_reference": (0, 1, 0, 1)}
+        return shape, [[-1.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
+    return {"doublings": (0, 1)}, [[-1.0, 1.0], [1.0, 0.0]]
+
+
+def _one_step(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
+    """The same for the last level."""
+    if twins:
+        return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
+    if limit is not None:
+        return {"doublings": (0, 0), "by_reference": (0, 1)}, [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    return {"doublings": (0,)}, [[1.0], [1.0]]
+
+
+def _level(
+    case: Any, scheme: Any, j: int, limit: tuple | None, shape: dict[str, Any], weights: list[list[float]]
+) -> Level:
+    h = case.reference_step * 2.0**j
+    steps = round(case.final_time / h)
+    terms = fourier_terms(case.model, [scheme], h)
+    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=limit, area_terms=terms, **shape)
+    stream = RandomStream(np.uint64(case.seed), np.uint64(LEVELS + 2 * j))
+    return Level(times, stream, np.array(weights), int((steps >> times.doublings).sum()))

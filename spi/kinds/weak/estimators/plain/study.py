@@ -1,0 +1,224 @@
+"""Plain Monte Carlo, as in the paper: E phi(y_h) - E phi(y_ref) on common Brownian paths.
+
+Any number of paths; only sums over groups of them are kept.  Results for the first so many paths come from the same
+run.  With extrapolation the values of phi at h, 2h, ... are combined path by path, and those at h_ref, 2 h_ref, ...
+likewise, before anything is summed up.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import add_reports, nested_grid
+from spi.ensemble.protocol import REPORT
+from spi.kinds.blocks import BlocksPlan
+from spi.kinds.plans import Cost, Done, State
+from spi.numerics.rng import LANES
+from spi.schemes import typical_ns
+from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.storage.records import Part
+
+from ...results import Prefixes, Sampled, WeakErrors
+from ...study.fields import extension, extrapolation, result_steps, sampled_errors, weak_errors
+from ...study.sums import mean_over_paths, standard_deviation, values_of_blocks, with_powers
+
+_BATCH_BYTES = 64e6
+
+
+class Totals(NamedTuple):
+    """What is known of some paths.
+
+    Of F test functions at L step sizes, the reference first and then from small to large; with extrapolation there are
+    more step sizes of paths than of values.
+    """
+
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    values: np.ndarray  #: (2, L, F, GROUPS) sums of phi and of its square
+    differences: np.ndarray  #: (1, L, F, GROUPS) sums of phi minus phi at the reference
+    nonfinite: np.ndarray  #: (L,)
+    report: np.ndarray  #: (step sizes of paths, len(REPORT))
+    prefix_differences: np.ndarray  #: (prefixes, 1, L, F, GROUPS) differences of those that are among the first paths
+    prefix_cpu_seconds: np.ndarray  #: (prefixes,)
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These paths and some later ones."""
+        mine, others = self._asdict(), later._asdict()
+        added = Totals(**{name: mine[name] + others[name] for name in self._fields})
+        return added._replace(report=add_reports(self.report, later.report[np.newaxis]))
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    values: np.ndarray  #: (blocks, L, F, LANES)
+    report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
+
+
+def plan(case: Any, part: Part) -> "PlainPlan":
+    """The plan for one scheme of a case."""
+    reference = case.reference_record(part.eps)
+    of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
+    steps = sorted({*case.steps, *of_reference}, reverse=True)
+    schemes = [case.row(part.scheme, part.eps).record, reference]
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+    times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
+    return PlainPlan(case=case, part=part, grid=times, samples=case.samples)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlainPlan(BlocksPlan):
+    """Weak errors of one scheme by plain Monte Carlo."""
+
+    @property
+    def prefixes(self) -> tuple[int, ...]:
+        """Numbers of first paths for which there are results as well."""
+        return tuple(self.case.prefixes or ())
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(L, F): step sizes of the results, the reference included, and test functions."""
+        return 1 + len(result_steps(self)), len(self.case.functions)
+
+    def cost(self) -> Cost:
+        """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
+        steps = int(self.steps.sum()) * self.blocks * LANES
+        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+
+    def empty(self, number: int) -> Totals:
+        """The totals over no paths."""
+        levels, prefixes, paths = self.shape[0], len(self.prefixes), len(self.grid.doublings)
+        return Totals(
+            paths=0,
+            seconds=0.0,
+            cpu_seconds=0.0,
+            values=np.zeros((2, *self.shape, GROUPS)),
+            differences=np.zeros((1, *self.shape, GROUPS)),
+            nonfinite=np.zeros(levels, np.int64),
+            report=np.zeros((paths, len(REPORT))),
+            prefix_differences=np.zeros((prefixes, 1, *self.shape, GROUPS)),
+            prefix_cpu_seconds=np.zeros(prefixes),
+        )
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        levels, functions = len(self.grid.doublings), self.shape[1]
+        return max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """The values of the test functions at the end of some blocks."""
+        values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
+        return Rows(_extrapolated(self, values), report)
+
+    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
+        """The totals with the rows `at`, of which the first is that of block `first`."""
+        values = rows.values[at]
+        with np.errstate(invalid="ignore", over="ignore"):
+            differences = values - values[:, :1]
+        lanes = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
+        lost = ~np.isfinite(values).all(axis=2) & lanes
+        of_prefixes = sums.prefix_differences.copy()
+        for i, samples in enumerate(self.prefixes):
+            if first * LANES < samples:
+                of_prefixes[i] = with_powers(sums.prefix_differences[i], differences, first, min(samples, end))
+        return sums._replace(
+            values=with_powers(sums.values, values, first, end),
+            differences=with_powers(sums.differences, differences, first, end),
+            nonfinite=sums.nonfinite + lost.sum(axis=(0, 2)),
+            report=add_reports(sums.report, rows.report[at]),
+            prefix_differences=of_prefixes,
+        )
+
+    def timed(self, sums: Totals, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Totals:
+        """The totals with the time that some blocks took, shared out to the first so many paths."""
+        shares = np.clip((np.array(self.prefixes) / LANES - first) / blocks, 0.0, 1.0)
+        return sums._replace(
+            seconds=sums.seconds + seconds,
+            cpu_seconds=sums.cpu_seconds + cpu_seconds,
+            prefix_cpu_seconds=sums.prefix_cpu_seconds + shares * cpu_seconds,
+        )
+
+    def progress(self, state: State) -> Done:
+        """Paths done, all paths, and the standard error at the largest step (of the first function)."""
+        known = state.so_far()
+        if not known.paths:
+            return Done(0, self.samples, float("nan"))
+        counts = group_counts(known.paths)
+        error, without = errors(self, known.differences, counts)
+        return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
+
+    def results(self, state: State) -> WeakErrors:
+        """The results of one scheme of a case, from its final state."""
+        totals = state.total()
+        fields, sampled = _of_all_paths(self, totals)
+        return weak_errors(
+            self,
+            state.seconds,
+            **fields,
+            prefixes=_of_prefixes(self, totals),
+            sampled=Sampled(
+                **sampled,
+                samples=self.samples,
+                ns_per_step=float(1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples)),
+            ),
+            cpu_seconds=totals.cpu_seconds,
+            reference_nonfinite=int(totals.nonfinite[0]),
+        )
+
+
+def errors(p: PlainPlan, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (F, S) from the largest step to the smallest, and their leave-one-out values (groups, F, S)."""
+    mean, without = map(_by_step, mean_over_paths(differences[0], counts))
+    return mean * extension(p), without * extension(p)
+
+
+def _extrapolated(p: PlainPlan, values: np.ndarray) -> np.ndarray:
+    """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, L, F, LANES)."""
+    weights = extrapolation(p).weights
+    if len(weights) == 1:
+        return values
+    sizes = (p.case.reference_step * 2.0**p.grid.doublings).tolist()
+    wanted = [p.case.reference_step, *reversed(result_steps(p).tolist())]
+    with np.errstate(invalid="ignore", over="ignore"):
+        each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights.tolist()))
+        return np.sum(list(each), axis=0)
+
+
+def _by_step(x: np.ndarray) -> np.ndarray:
+    """(..., L, F) as (..., F, S): without the reference, from the largest step to the smallest."""
+    return np.moveaxis(x, -1, -2)[..., :0:-1]
+
+
+def _of_all_paths(p: PlainPlan, totals: Totals) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What all paths together give, fields of WeakErrors and of Sampled."""
+    counts = group_counts(p.samples)
+    mean, without = mean_over_paths(totals.values[0], counts)
+    expectation = _by_step(mean)
+    fields, sampled = sampled_errors(result_steps(p), *errors(p, totals.differences, counts), counts)
+    coarsest = totals.values[:, -1].sum(axis=-1) / p.samples
+    return fields | {"expectation": expectation, "nonfinite": totals.nonfinite[:0:-1]}, sampled | {
+        "expectation_stderr": jackknife_stderr(expectation, _by_step(without), counts),
+        "reference": mean[0],
+        "sd": standard_deviation(*coarsest),
+    }
+
+
+def _of_prefixes(p: PlainPlan, totals: Totals) -> Prefixes | None:
+    """What the first so many paths give; None if no results of them are asked for."""
+    if not p.prefixes:
+        return None
+    found, stderrs = [], []
+    for samples, differences in zip(p.prefixes, totals.prefix_differences, strict=True):
+        counts = group_counts(samples)
+        error, without = errors(p, differences, counts)
+        found.append(error)
+        stderrs.append(jackknife_stderr(error, without, counts))
+    return Prefixes(
+        samples=np.array(p.prefixes, np.int64),
+        error=np.array(found),
+        error_stderr=np.array(stderrs),
+        cpu_seconds=totals.prefix_cpu_seconds,
+    )

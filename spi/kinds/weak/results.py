@@ -1,0 +1,168 @@
+"""What is stored of weak errors."""
+
+import json
+from typing import Annotated, Any
+
+import numpy as np
+
+from spi.storage.records import INTERVAL, Order
+from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+
+
+class Sampled(Described):
+    """What only estimates from samples have."""
+
+    error_stderr: Annotated[Array, array("function h", "standard error of the weak error", "value")]
+    error_without: Annotated[
+        Array | None, array("left_out function h", "weak error without each group of paths in turn", "value")
+    ] = None  # for what is fitted across schemes and eps
+    expectation_stderr: Annotated[Array, array("function h", "standard error of the expectation", "value")]
+    reference: Annotated[Array, array("function", "expectation at the reference step", "value", "E phi(y_ref(T))")]
+    sd: Annotated[Array | None, array("function", "standard deviation of phi at the largest step", "value")] = None
+    samples: Annotated[int, fact("number of paths", column=True)]
+    ns_per_step: Annotated[float, fact("processor time of a step and path", "ns", column=True)]
+
+
+class Unsampled(Described):
+    """What only the solvers without sampling have."""
+
+    error_bound: Annotated[Array, array("function h", "bound of the numerical error of the weak error", "value")]
+    expectation_bound: Annotated[Array, array("function h", "bound of the numerical error of the expectation", "value")]
+    limit: Annotated[Array, array("function", "expectation for the equation itself", "value", "E phi(y(T))")]
+    limit_bound: Annotated[Array, array("function", "bound of the numerical error of that expectation", "value")]
+    notes: Annotated[str, fact("how it was computed, JSON: resolution, ...")] = "{}"
+
+    @property
+    def noted(self) -> dict[str, Any]:
+        """The notes; nothing where they cannot be read."""
+        try:
+            return dict(json.loads(self.notes))
+        except ValueError:
+            return {}
+
+
+class Stages(Described):
+    """Estimates of the same errors from less work."""
+
+    error: Annotated[Array, array("function h", "weak error from less work", "value")]
+    error_stderr: Annotated[Array, array("function h", "standard error of the weak error from less work", "value")]
+    cpu_seconds: Annotated[Array, array("", "processor time by then", "s")]
+
+    @property
+    def resolved(self) -> np.ndarray:
+        """(N, F, S) bool, whether the error stands clear of its standard error."""
+        from spi.statistics.estimators import is_resolved  # takes a while
+
+        return is_resolved(np.abs(self.error), self.error_stderr)
+
+
+class Prefixes(Stages):
+    """Estimates from the first so many paths."""
+
+    samples: Annotated[Array, axis("number of first paths", name="samples")]
+
+
+class History(Stages):
+    """Estimates of the allocations of a multilevel estimator."""
+
+    allocations: Annotated[Array, axis("number of the allocation", name="allocation")]
+
+
+class Levels(Described):
+    """The levels of a multilevel estimate, each the difference between a step and half of it."""
+
+    h: Annotated[Array, axis("larger step size of the level", "time", name="level")]
+    mean: Annotated[Array, array("function level", "mean of the difference", "value")]
+    variance: Annotated[Array, array("function level", "variance of the difference")]
+    kurtosis: Annotated[Array, array("function level", "kurtosis of the difference")]
+    consistency: Annotated[Array, array("function level", "Giles' check, above 1 with probability 0.3 %")]
+    samples: Annotated[Array, array("level", "samples of the level")]
+    nonfinite: Annotated[Array, array("level", "diverged samples (NaN or infinity)")]
+    seconds: Annotated[Array, array("level", "processor time of a sample", "s")]
+    mean_rate: Annotated[
+        tuple[Order, ...] | None, array("function", "rate of the means", formula="p in |mean| = C h^p")
+    ] = None
+    variance_rate: Annotated[
+        tuple[Order, ...] | None, array("function", "rate of the variances", formula="p in variance = C h^p")
+    ] = None
+    cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
+    twins: Annotated[bool, fact("whether sampled with antithetic paths", name="twins")]
+    control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
+    control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
+
+
+class Differences(Described):
+    """The differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
+
+    scheme: Annotated[str, fact("scheme to which differences are taken", name="compared_with")]
+    mean: Annotated[Array, array("function h", "mean of the difference", "value")]
+    variance: Annotated[Array, array("function h", "variance of the difference")]
+    kurtosis: Annotated[Array, array("function h", "kurtosis of the difference")]
+    consistency: Annotated[
+        Array, array("function h", "distance from the expectations of the levels, above 1 with probability 0.3 %")
+    ]
+    samples: Annotated[Array, array("h", "samples of the difference")]
+    nonfinite: Annotated[Array, array("h", "diverged samples (NaN or infinity)")]
+    seconds: Annotated[Array, array("h", "processor time of a sample", "s")]
+    variance_rate: Annotated[
+        tuple[Order, ...], array("function", "rate of the variances", formula="p in variance = C h^p")
+    ]
+
+
+class WeakErrors(Stored):
+    """Weak errors of one scheme by one estimator, of test functions phi at several step sizes, from large to small."""
+
+    functions: Annotated[tuple[str, ...], axis("test function", name="function")]
+    h: Annotated[Array, axis("step size", "time")]
+    error: Annotated[Array, array("function h", "weak error", "value", "E phi(y_h(T)) - E phi(y(T))")]
+    expectation: Annotated[Array, array("function h", "expectation of the test function", "value", "E phi(y_h(T))")]
+    resolved: Annotated[Array, array("function h", "whether the error stands clear of its own uncertainty")]
+    orders: Annotated[tuple[Order, ...], array("function", "", name="order")]
+    nonfinite: Annotated[Array | None, array("h", "diverged paths (NaN or infinity)")] = None
+    expected_order: Annotated[float | None, fact("order that theory states", column=True)] = None
+    sampled: Sampled | None = None
+    unsampled: Unsampled | None = None
+    prefixes: Annotated[Prefixes | None, nested("samples", "prefix_")] = None
+    history: Annotated[History | None, nested("allocation", "history_")] = None
+    levels: Annotated[Levels | None, nested(prefix="level_")] = None  # where there are differences, of the other scheme
+    differences: Annotated[Differences | None, nested(prefix="difference_")] = None
+    formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
+    cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
+    reference_step: Annotated[float, fact("step size of the reference", "time")]
+    reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
+    reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
+    panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
+
+    @property
+    def half(self) -> np.ndarray:
+        """(F, S) half the 95 % interval of the error, or the bound of its numerical error."""
+        return self._half("error")
+
+    @property
+    def expectation_half(self) -> np.ndarray:
+        """(F, S) the same of the expectation."""
+        return self._half("expectation")
+
+    def _half(self, name: str) -> np.ndarray:
+        if self.sampled:
+            return np.asarray(INTERVAL * getattr(self.sampled, f"{name}_stderr"))
+        return np.asarray(getattr(self.unsampled, f"{name}_bound"))
+
+    @property
+    def paths(self) -> int | None:
+        """The number of paths, where it is one for all; None of levels, and where nothing is sampled."""
+        return self.sampled.samples if self.sampled and not self.levels else None
+
+    @property
+    def stages(self) -> Stages | None:
+        """Estimates from less work, where there are any."""
+        return self.prefixes or self.history
+
+    @property
+    def reference_shows_limit(self) -> bool:
+        """Whether eps^2 < h_ref: the reference does not resolve the fast processes and shows a limit instead."""
+        eps = self.about.eps
+        return eps is not None and 0.0 < eps**2 < self.reference_step
+
+
+Record = WeakErrors

@@ -1,0 +1,138 @@
+"""From a spec file to the plans of its parts, and what is to be said of its models."""
+
+import functools
+import inspect
+import platform
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from .. import specs, systems
+from ..kinds import KINDS
+from ..kinds.plans import Plan
+from ..models.damped import undamped
+from ..schemes import typical_ns
+from ..specs.document import text_of
+from ..specs.heading import Heading, heading
+from ..specs.keys import suggestion
+from . import shipped
+
+
+@functools.cache
+def layers() -> specs.Layers:
+    """How spec files of all kinds are read."""
+    return specs.Layers.of({name: kind.keys.Case for name, kind in KINDS.items()})
+
+
+def load(
+    path: str | Path,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    text: str | None = None,
+    files: Iterable[tuple[str, str]] | None = None,
+) -> specs.Experiment:
+    """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.specs.load.
+
+    `path` may also be the name of an experiment that comes with the program, such as "rigid_body_strong", by which it
+    is then called in messages.
+    """
+    called = None
+    if text is None:
+        given, path = path, shipped.path_of(path)
+        called = None if path == Path(given) else str(given)
+        text = text_of(path, shipped.names())
+    return specs.load(path, layers(), profile, overrides, text, files, called)
+
+
+def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> specs.Experiment:
+    """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
+
+    SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
+    """
+    if kind not in KINDS:
+        raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
+    source = load(path)
+    if source.kind == kind:
+        return load(path, profile, overrides)
+    keys = KINDS[kind].keys
+    try:
+        text = specs.converted(source.text, source.title, source.cases, kind, keys)
+    except ValueError as error:
+        raise specs.SpecError(f"{path}: --as {kind}: {error}") from None
+    target = source.path.with_name(f"{source.name}_as_{kind}.yaml")
+    called = None if Path(source.called) == source.path else target.stem
+    return specs.load(target, layers(), profile, overrides, text, called=called)
+
+
+def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.heading."""
+    found: dict[Path, Heading] = {}
+    problems: list[str] = []
+    for path in paths:
+        if one := heading(path, layers()):
+            found[path] = one
+        else:
+            try:
+                load(path)
+            except specs.SpecError as error:
+                problems += error.messages
+    return found, problems
+
+
+def plans(experiment: specs.Experiment) -> list[Plan]:
+    """The plans of all parts of all cases, in the order in which they are run."""
+    study = KINDS[experiment.kind].study
+    return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
+
+
+def name_of(plan: Plan) -> str:
+    """What a plan is called among those of its experiment."""
+    return f"{plan.case.name}/{plan.part.name}"
+
+
+class Source(NamedTuple):
+    """What another process needs to make the plans of an experiment."""
+
+    path: str  #: for messages
+    text: str
+    profile: str
+    overrides: tuple[str, ...]
+    files: tuple[tuple[str, str], ...]
+    hash: str  #: of the spec, so that a process in which it means something else computes nothing
+
+    @classmethod
+    def of(cls, experiment: specs.Experiment) -> "Source":
+        """That of an experiment."""
+        path, files = experiment.called, experiment.files
+        return cls(path, experiment.text, experiment.profile, experiment.overrides, files, experiment.hash)
+
+
+@functools.lru_cache(maxsize=4)
+def plans_of(source: Source) -> list[Plan]:
+    """The plans of an experiment, in another process; kept, as there are many chunks to a plan.
+
+    SpecError if the spec means something else here, as where another version of a package of models is installed.
+    """
+    experiment = load(source.path, source.profile, source.overrides, source.text, source.files)
+    if experiment.hash != source.hash:
+        where = f"to a worker on {platform.node()}"
+        raise specs.SpecError(f"{source.path}: means something else {where}; install the same versions everywhere")
+    return plans(experiment)
+
+
+def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
+    """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for case in experiment.cases:
+        if lines := systems.report(undamped(case.model)):
+            steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
+            found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
+    several = len(experiment.cases) > 1
+    return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}
+
+
+def sources(experiment: specs.Experiment) -> list[str]:
+    """The Python modules in which the models of an experiment are defined, each once."""
+    modules = dict.fromkeys(sys.modules[type(undamped(case.model)).__module__] for case in experiment.cases)
+    return [inspect.getsource(module) for module in modules]

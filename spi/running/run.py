@@ -1,0 +1,277 @@
+"""From an experiment to its results file: the one path that the command line, Python users and the tests share."""
+
+import json
+import math
+import shlex
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .. import NUMBERS_DIGEST, __version__, specs, storage
+from ..compiler import modules
+from ..ensemble.loop import thread_count
+from ..kinds.plans import KernelCall, Plan
+from ..kinds.state import State
+from ..models.damped import undamped
+from ..numerics.rng import STREAM_VERSION
+from ..storage.records import Results
+from . import compiling
+from .checkpoint import Checkpoint, Limits, Stopped, sums_path
+from .load import Source, headings, layers, load, plans, reports, sources
+from .workers import Workers, advance_here, advance_with, finish
+
+__all__ = [
+    "Cost",
+    "Limits",
+    "Progress",
+    "Stopped",
+    "Watch",
+    "cost",
+    "headings",
+    "layers",
+    "load",
+    "plans",
+    "reports",
+    "results_of",
+    "results_path",
+    "run",
+    "sources",
+    "sums_path",
+]
+
+
+class Cost(NamedTuple):
+    """What an experiment would cost."""
+
+    path_steps: float  #: steps of all paths, step sizes, schemes and cases together
+    seconds: float  #: an estimate; NaN where nothing bounds the work
+    megabytes: float
+    at_most: bool  #: whether a target may be reached before
+
+
+#: What a run takes before and after its study, once everything is compiled.
+STARTING_SECONDS = 2.0
+
+
+def cost_of(experiment: specs.Experiment, ready: Sequence[Plan]) -> Cost:
+    """What the plans of an experiment would cost."""
+    each = [plan.cost() for plan in ready]
+    return Cost(
+        path_steps=math.fsum(one.path_steps for one in each),
+        seconds=STARTING_SECONDS + sum(one.seconds for one in each) / thread_count(),
+        megabytes=max(one.bytes for one in each) / 1e6,
+        at_most=any(getattr(case, "standard_error", None) is not None for case in experiment.cases),
+    )
+
+
+class Progress(NamedTuple):
+    """How far a run is; one is reported before the first and after every batch of paths."""
+
+    case: str
+    part: str  #: scheme, and estimator if there are several
+    done: float  #: in paths, or in seconds of typical speed
+    total: float
+    seconds: float  #: wall clock spent on it, including earlier runs
+    stderr: float  #: of the error at the largest step and the final time; NaN before there is one
+    number: int  #: of this part among all parts of all cases, from 0
+    parts: int
+
+
+class Watch(NamedTuple):
+    """Who is told what while a run lasts."""
+
+    report: Callable[[Progress], None] = lambda progress: None  #: how far it is
+    #: which of how many kernels is compiled next, and for which scheme
+    report_compiling: Callable[[int, int, str], None] = lambda number, total, name: None
+    tell: Callable[[str], None] = lambda news: None  #: what else a person should know
+    #: what is about to be computed: its title, and what it would cost from the start
+    report_beginning: Callable[[str, Cost], None] = lambda title, cost: None
+
+
+NOBODY, USUAL = Watch(), Limits()
+
+
+def run(
+    experiment: specs.Experiment,
+    out: str | Path = "results",
+    fresh: bool = False,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+    workers: Workers | None = None,
+) -> Path:
+    """Run an experiment, write its results file and return its path.
+
+    What is known already is not computed again: of an unfinished run, of a finished one, or of one that differs in the
+    number of samples only.  With `fresh` nothing earlier is looked at, and results of another spec are replaced.
+    `workers` are processes that compute; without them this one does, on all its threads.
+
+    Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
+    """
+    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
+    checkpoint = session.checkpoint
+    if not fresh:
+        if storage.is_finished(session.target, identity(experiment)):
+            watch.tell(f"{session.target} already has the results of this spec; use --fresh to recompute them")
+            return session.target
+        checkpoint.resume()
+    watch.report_beginning(experiment.title, session.cost())
+    with checkpoint.kept():
+        if checkpoint.missing():
+            session.compile()
+        if workers is None:
+            advance_here(checkpoint.states, session.tick)
+        else:
+            advance_with(workers, Source.of(experiment), checkpoint.states, session.tick)
+        return session.finish()
+
+
+def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
+    """Where the results of an experiment go: ``<out>/<name>.h5``."""
+    return Path(out) / f"{experiment.name}.h5"
+
+
+class Session:
+    """An experiment that is computed: where its results go, and its checkpoint.
+
+    StorageError if either could not be written, or if there are results of another spec and `fresh` does not say that
+    they may be replaced.
+    """
+
+    def __init__(
+        self, experiment: specs.Experiment, out: str | Path, fresh: bool, watch: Watch, limits: Limits, path: Path
+    ) -> None:
+        self.experiment, self.fresh, self.watch = experiment, fresh, watch
+        self.target = results_path(experiment, out)
+        storage.check_writable(self.target)
+        if not fresh:
+            storage.check_replaceable(self.target, identity(experiment))
+        self.checkpoint = Checkpoint(experiment, path, limits, watch.tell)
+        storage.check_writable(path)
+
+    def cost(self) -> Cost:
+        """What all of it would cost."""
+        return cost_of(self.experiment, [state.plan for state in self.checkpoint.states])
+
+    def compile(self) -> None:
+        """Compile what is missing of all kernels."""
+        calls = kernel_calls([state.plan for state in self.checkpoint.states])
+        compiling.compile_missing(calls, self.watch.report_compiling)
+
+    def tick(self, number: int) -> None:
+        """After each batch of a part: report, and keep what is done if it is time to."""
+        self.watch.report(_progress(self.checkpoint.states[number], number, len(self.checkpoint.states)))
+        self.checkpoint.tick()
+
+    def finish(self) -> Path:
+        """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
+        experiment, checkpoint = self.experiment, self.checkpoint
+        finish(checkpoint.states, self.tick)
+        checkpoint.save(finished=True)
+        replaced = storage.replaced_hash(self.target)
+        if not self.fresh:  # another run may have written there in the meantime
+            storage.check_replaceable(self.target, identity(experiment))
+        groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
+        storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
+        if replaced not in (None, experiment.hash):
+            old = sums_path(experiment, self.target.parent, spec_hash=replaced)
+            if (storage.about_sums(old) or {}).get("finished"):
+                storage.remove_sums(old)
+        storage.previous(checkpoint.path).unlink(missing_ok=True)
+        for file in checkpoint.shards().values():
+            storage.remove_sums(file)
+        return self.target
+
+
+def kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
+    """(name of a scheme, call) for all kernels; schemes first whose steps take long, as they do to compile as well."""
+
+    def of_a_step(plan: Plan) -> float:
+        cost = plan.cost()
+        return float(np.nan_to_num(cost.seconds / max(cost.path_steps, 1)))
+
+    dearest_first = sorted(ready, key=of_a_step, reverse=True)
+    return [(plan.part.scheme, call) for plan in dearest_first for call in plan.kernel_calls()]
+
+
+def _progress(state: State, number: int, parts: int) -> Progress:
+    plan, done = state.plan, state.plan.progress(state)
+    return Progress(
+        case=plan.case.name,
+        part=plan.part.name,
+        done=done.done,
+        total=done.total,
+        seconds=state.seconds,
+        stderr=done.stderr,
+        number=number,
+        parts=parts,
+    )
+
+
+def identity(experiment: specs.Experiment) -> dict[str, Any]:
+    """The root attributes that say of which spec results are."""
+    return {
+        "spec": experiment.text,
+        "spec_hash": experiment.hash,
+        "paths_hash": experiment.paths_hash,
+        "samples": experiment.samples,
+        "overrides": experiment.overrides,
+        "model_sources": json.dumps(dict(experiment.files)) if experiment.files else None,
+        "model_code": _code(experiment),
+        "expect": experiment.expect,
+        "profile": experiment.profile,
+        "source_digest": NUMBERS_DIGEST,
+    }
+
+
+def _code(experiment: specs.Experiment) -> str | None:
+    """What identifies the code of the models that are not built in, JSON of case and digest; None if there are none."""
+    digests = {case.name: modules.digest(type(undamped(case.model))) for case in experiment.cases}
+    foreign = {case: digest for case, digest in digests.items() if digest is not None}
+    return json.dumps(foreign) if foreign else None
+
+
+def _stored_modules(experiment: specs.Experiment) -> str | None:
+    """The texts of the stored modules of the models, JSON of name and text; None if there are none."""
+    classes = {type(undamped(case.model)) for case in experiment.cases}
+    texts = {cls.__module__: modules.text_of(cls) for cls in classes if modules.is_stored(cls)}
+    return json.dumps(texts, sort_keys=True) if texts else None
+
+
+def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
+    return {
+        **identity(experiment),
+        "model_modules": _stored_modules(experiment),
+        "kind": experiment.kind,
+        "title": experiment.title,
+        "asks": experiment.asks,
+        "figure": experiment.figure,
+        "seed": experiment.cases[0].seed,
+        "stream_version": STREAM_VERSION,
+        "spi_version": __version__,
+        "complete": True,
+        **storage.provenance(),
+    }
+
+
+def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
+    """The results file of a spec file; StorageError if there is none or if it was made from another spec.
+
+    Results of a profile or with overrides count as those of the spec file.
+    """
+    path = Path(out) / f"{Path(spec_path).stem}.h5"
+    attributes = storage.read(path).attributes
+    if "model_sources" in attributes or attributes["spec"] != Path(spec_path).read_text(encoding="utf-8"):
+        profile = attributes["profile"]
+        if load(spec_path, profile).hash != attributes["spec_hash"]:
+            raise storage.StorageError(
+                f"{path}: holds results of another spec than {spec_path}; "
+                f"run `spi run {shlex.quote(str(spec_path))}` first"
+            )
+    return path
+
+
+def cost(experiment: specs.Experiment) -> Cost:
+    """The cost of an experiment from the steps to be taken and typical times of one step."""
+    return cost_of(experiment, plans(experiment))

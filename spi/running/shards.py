@@ -1,0 +1,108 @@
+"""An experiment divided among several runs, on one machine or many, without anything that would have to schedule them.
+
+Each run computes one shard of the chunks that are wanted for now and keeps their sums in a file of its own; merging
+puts the files together.  Shards may be run in any order, at the same time or not, and again after a loss.
+"""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from .. import specs, storage
+from ..kinds.state import State
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
+from .run import NOBODY, USUAL, Session, Watch
+from .workers import Task, advance_some_here, settle
+
+
+def run_shard(
+    experiment: specs.Experiment,
+    one: Shard,
+    out: str | Path = "results",
+    fresh: bool = False,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+) -> Path:
+    """Compute one shard of what an experiment wants for now, and return the path of the file it is kept in.
+
+    With `fresh` its file is not looked at.  Raises StorageError and Stopped as :func:`spi.running.run.run` does.
+    """
+    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
+    checkpoint = session.checkpoint
+    checkpoint.take(sums_path(experiment, out))  # of earlier rounds
+    mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
+    if not fresh:
+        checkpoint.take(checkpoint.path, with_more=False)
+    with checkpoint.kept():
+        if mine.intersection(checkpoint.missing()):
+            session.compile()
+        advance_some_here(checkpoint.states, mine, session.tick)
+        checkpoint.save()
+    return checkpoint.path
+
+
+def merge(
+    experiment: specs.Experiment,
+    out: str | Path = "results",
+    fresh: bool = False,
+    watch: Watch = NOBODY,
+    limits: Limits = USUAL,
+) -> Path:
+    """Put the shards that :func:`run_shard` computed together, write the results file and return its path.
+
+    Raises StorageError as ``spi.running.run.run`` does, or if there are no shards; Stopped if some are missing, or if
+    a multilevel estimator, now that it knows the variances, wants further paths: then they are to be run again.
+    """
+    session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
+    checkpoint = session.checkpoint
+    checkpoint.resume()
+    with checkpoint.kept():
+        _need_all(checkpoint)
+        for state in checkpoint.states:
+            while not state.missing() and settle(state):
+                pass
+        if left := checkpoint.missing():
+            checkpoint.save()
+            for file in checkpoint.shards().values():
+                storage.remove_sums(file)
+            raise Stopped(
+                f"all shards of this round are complete, and further chunks are needed ({len(left)}): run all shards "
+                f"of {experiment.called} again, then `spi merge`"
+            )
+        return session.finish()
+
+
+def _need_all(checkpoint: Checkpoint) -> None:
+    """Raise Stopped, with the names of the shards to which missing chunks belong, if there are any."""
+    missing, found, called = set(checkpoint.missing()), checkpoint.shards(), checkpoint.experiment.called
+    if not missing:
+        return
+    if not found:
+        raise storage.StorageError(
+            f"{checkpoint.path.parent}: no shards of {called} here; "
+            f"`spi run {shlex.quote(called)} --shard 1/4` computes the first of four"
+        )
+    count = max(one.count for one in found)
+    lacking = []
+    for number, chunks in enumerate(_shards(checkpoint.states, count), 1):
+        if left := missing.intersection(chunks):
+            state = "unfinished" if Shard(number, count) in found else "missing"
+            lacking.append(f"shard {number} of {count} is {state} ({len(left)} of its {len(chunks)} chunks)")
+    raise Stopped(f"{'; '.join(lacking)}: run it, then `spi merge` again")
+
+
+def _shards(states: Sequence[State], count: int) -> list[list[Task]]:
+    """The chunks that are wanted for now, in `count` shards of about equal work: (number of a part, chunk)."""
+    tasks, work = [], []
+    for number, state in enumerate(states):
+        for i, path_set in enumerate(state.path_sets):
+            for chunk in path_set.chunks(i):
+                tasks.append((number, chunk))
+                work.append(chunk.blocks / path_set.chunk_blocks)
+    middles = np.cumsum(work) - np.array(work) / 2
+    found: list[list[Task]] = [[] for _ in range(count)]
+    for task, place in zip(tasks, middles / max(sum(work), 1e-300) * count, strict=True):
+        found[min(int(place), count - 1)].append(task)
+    return found

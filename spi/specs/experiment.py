@@ -1,0 +1,296 @@
+"""A spec file as an experiment: its layers laid over one another, read and checked.
+
+Later layers override earlier ones, key by key (and a model parameter by parameter, unless it names another model):
+
+    the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
+
+so that a profile or ``--set`` has the last word in every case.  ``expect`` is overridden claim by claim, see
+:mod:`spi.specs.expect`; other mappings, ``functions`` and ``compositions``, are replaced whole.  All profiles of a file
+are checked, whichever is asked for.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial, reduce
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
+
+from ..statistics import claims
+from . import sweep
+from .cases import BaseCase
+from .conversion import converted
+from .document import Document, Faults, Location, SpecError, override, text_of
+from .files import Files
+from .keys import Keys, entries_in, shown, suggestion
+from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+
+__all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
+
+Layer = tuple[Document, Location]  #: a mapping that overrides others: where it stands in a document
+Owner = tuple[Location, str]  #: of a case: where it stands in the file, and its title
+
+
+class Experiment(NamedTuple):
+    """A valid spec file under one profile."""
+
+    path: Path
+    name: str  #: of the file, without its ending
+    title: str
+    asks: str | None  #: the question that the experiment answers; it decides nothing, just as the title
+    figure: int | None  #: of the paper
+    kind: str
+    profile: str
+    cases: tuple[BaseCase, ...]
+    text: str  #: the file as it stands
+    hash: str  #: SHA-256 of `effective` as canonical JSON
+    effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
+    overrides: tuple[str, ...] = ()  #: such as "samples=100"
+    expect: str | None = (
+        None  #: the claims of all cases, as ``spi.statistics.claims.of_text`` reads them; None if there are none
+    )
+    files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
+    called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
+
+    @property
+    def samples(self) -> tuple[int, ...]:
+        """The number of samples of each case, 0 where there is none."""
+        return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
+
+    @property
+    def paths_hash(self) -> str:
+        """As `hash`, but the same whatever the numbers of samples: paths are the same then."""
+        return _hash(_without_samples(self.effective))
+
+
+def _without_samples(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_samples(inner) for key, inner in value.items() if key != "samples"}
+    return [_without_samples(inner) for inner in value] if isinstance(value, list) else value
+
+
+def _canonical(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _hash(value: Any) -> str:
+    return hashlib.sha256(_canonical(value).encode()).hexdigest()
+
+
+def load(
+    path: str | Path,
+    kinds: Layers,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    text: str | None = None,
+    files: Iterable[tuple[str, str]] | None = None,
+    called: str | None = None,
+) -> Experiment:
+    """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
+
+    Messages begin with ``path:line:``, or with ``called: line n:`` if the file is `called` by a name.
+
+    With `text`, that stands in the place of what is in the file, which is not read; with `files`, as in
+    :class:`Experiment`, these stand in the place of the other files that it names.
+
+    `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
+    so, as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
+    """
+    told = called or str(path)
+    if profile not in PROFILES:
+        raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
+    text, overrides = text_of(path) if text is None else text, tuple(overrides)
+    document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
+    named, faults = Files(path, files), Faults()
+    file: Any = None
+    with faults:
+        file = _valid(kinds.file.validate_python, document.data, [(document, ())])
+    faults.raise_all()
+    title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
+    owners = _owners(document, title)
+    profiles: dict[str, list[Layer]] = {
+        name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
+    }
+    last = _last(kinds.profiles[file.kind], told, overrides, faults)
+    faults.raise_all()
+    read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
+    each = [read(above) for above in ([], *profiles.values())]
+    cases = read(profiles.get(profile, []) + last)
+    faults.raise_all()
+    used = {name for built in (*each, cases) for case in built for name in case.schemes_used}
+    within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
+    _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
+    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
+    deciding = {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
+    effective = json.loads(_canonical({"kind": file.kind, "cases": deciding}))
+    return Experiment(
+        path=Path(path),
+        name=Path(path).stem,
+        title=title,
+        asks=file.asks,
+        figure=file.figure,
+        kind=file.kind,
+        profile=profile,
+        cases=cases,
+        text=text,
+        hash=_hash(effective),
+        effective=effective,
+        overrides=overrides,
+        expect=claims.as_text(claim for case in cases for claim in case.claims),
+        files=tuple(sorted(named.texts.items())),
+        called=told,
+    )
+
+
+def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:
+    """The text of an experiment as plain data; `place` is what stands before the number of a line in messages."""
+    document = Document(text, lambda line: f"{place}{line}:")
+    if document.data is None:
+        document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
+    if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
+        document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
+    return document
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Layers, from low to high
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def _owners(document: Document, title: str) -> dict[str, Owner]:
+    """name of a case -> (its location, its title); the file itself is case "main" if there is no other."""
+    owners: dict[str, Owner] = {}
+    for n, case in enumerate(document.data.get("cases") or ()):
+        if case["name"] in owners:
+            document.fail(("cases", n, "name"), f"is '{case['name']}' in two cases; names must differ")
+        owners[case["name"]] = ("cases", n), case.get("title") or case["name"]
+    return owners or {"main": ((), title)}
+
+
+def _last(profile_class: type[Keys], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
+    """The layers that overrides are; adds to `faults` what is wrong with any of them."""
+    layers: list[Layer] = []
+    for one in overrides:
+        with faults:
+            layer = override(told, one), ()
+            _valid(profile_class.model_validate, layer[0].data, [layer])
+            layers.append(layer)
+    return layers
+
+
+def _cases(
+    case_class: type[BaseCase],
+    files: Files,
+    file: Document,
+    owners: dict[str, Owner],
+    faults: Faults,
+    above: Sequence[Layer],
+) -> tuple[BaseCase, ...]:
+    """The records of all cases of a file, with the layers `above`, but for those with `faults`."""
+    built, read = [], partial(case_class.model_validate, context=files)
+    for name, (owner, title) in owners.items():
+        with faults:
+            layers: list[Layer] = [(file, ()), (file, owner)]
+            for document, loc in above:
+                by_name = document.at(loc).get("cases", {})
+                if other := next((other for other in by_name if other not in owners), None):
+                    document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
+                layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
+            merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+            data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
+            unread = (
+                sweep.PLACES if "sweep" in case_class.model_fields and not isinstance(data.get("sweep"), dict) else ()
+            )
+            built.append(_swept(read, data, layers) or _valid(read, data, layers, unread))
+    return tuple(built)
+
+
+def _check_used(used: set[str], layers: Iterable[Layer]) -> None:
+    """A composition that no case uses, under any profile, is a mistake."""
+    for document, loc in layers:
+        cases = document.at(loc).get("cases", {})
+        within = [(*loc, "cases", name) for name in cases] if isinstance(cases, dict) else []
+        for place in (loc, *within):
+            for name in document.at(place).get("compositions", {}):
+                if name not in used:
+                    document.fail((*place, "compositions", name), "is used nowhere; list it under schemes or remove it")
+
+
+def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequence[Layer]) -> BaseCase | None:
+    """The record of a case in which a word is swept, with those of all values in it; None if there is none."""
+    if not isinstance(data.get("sweep"), dict):
+        return None
+    document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
+    try:
+        sweep.check(data)
+    except PydanticCustomError as error:
+        document.fail((*top, "sweep"), error.message())
+    found = [_valid(read, version, layers) for version in sweep.versions(data)]
+    ((word, values),) = found[0].sweep.items()
+    return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Errors
+# ---------------------------------------------------------------------------------------------------------------------
+
+#: type of an error of pydantic -> what would be right, where its own words are not those of a spec file
+_RIGHT = {
+    "bool_type": "must be true or false",
+    "string_type": "must be text",
+    "string_pattern_mismatch": "must consist of letters, digits, _ and -",
+    **dict.fromkeys(("tuple_type", "list_type"), "must be a list in square brackets"),
+    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a mapping, lines of key: value"),
+}
+
+
+def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unread: Sequence[str] = ()) -> Any:
+    """What pydantic reads from `data`, which the layers together make up; SpecError with all that is wrong.
+
+    Of the keys `unread` it cannot be told, since a mistake elsewhere leaves open what they mean.
+    """
+    try:
+        return read(data)
+    except ValidationError as invalid:
+        errors = invalid.errors(include_url=False)
+    found: dict[Location, str] = {}
+    for error in errors:
+        loc, message = _explained(error, errors, data)
+        if loc[:1] and loc[0] in unread:
+            continue
+        if any(loc[: len(other)] == other or other[: len(loc)] == loc for other in found):
+            continue  # one mistake, seen as each of the things that may stand there
+        document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
+        found[loc] = document.message(top + loc, message)
+    raise SpecError(*found.values())
+
+
+def _explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, str]:
+    """Where in `data` an error of pydantic is, and what is wrong there; `errors` are all of them."""
+    kind, context = error["type"], error.get("ctx", {})
+    loc: Location = ()
+    value = data
+    keys = context.get("keys") or (context.get("discriminator", "").strip("'"),)
+    for step in (*error["loc"], *keys):
+        if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
+            loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing
+    if kind == "spec":
+        message = error["msg"]
+        loc += tuple(key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,))
+    elif kind in ("literal_error", "union_tag_invalid"):
+        known = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
+        message = f"is {shown(value)}; {suggestion(value, known)}"
+    elif kind in ("missing", "too_long"):
+        missing = [int(e["loc"][-1]) for e in errors if e["type"] == "missing" and e["loc"][:-1] == error["loc"][:-1]]
+        count = context["max_length"] if context else 1 + max(missing)
+        message = f"has {entries_in(len(value))}; must have {count}"
+    else:
+        right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", error["msg"])
+        right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
+        message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
+    return loc, message

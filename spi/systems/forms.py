@@ -1,0 +1,80 @@
+"""What formulas of a system are: linear in the variables, of which degree, and what may be a name in them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import sympy
+
+from .brackets import Linear
+from .keys import DefinitionError
+from .symbolics import Symbolics
+from .text import FUNCTIONS, NumberError, Symbols
+
+
+def degree_of(value: Any, world: Symbolics) -> int | None:
+    """The degree of a homogeneous polynomial; None for another function."""
+    if not value.is_polynomial(*world.variables):
+        return None
+    return sympy.Poly(value, *world.variables).homogeneous_order()
+
+
+def check_name(name: str, key: str) -> None:
+    """DefinitionError if formulas cannot name a parameter or a size so."""
+    is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
+    if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
+        raise DefinitionError(
+            "is not a valid name; use letters from a to z and digits, and not the name of a function", key, name
+        )
+
+
+def linear(value: Any, formulas: Symbols) -> Linear:
+    """A linear form of the variables, as factors by component; NumberError if it is none."""
+    symbols = list(formulas.variables.values())
+    expanded = sympy.expand(value)
+    if not expanded.is_polynomial(*symbols):
+        raise NumberError("a bracket must be linear in the variables")
+    poly = sympy.Poly(expanded, *symbols)
+    found: Linear = {}
+    for monomial, c in poly.terms():
+        if c == 0:
+            continue
+        if sum(monomial) != 1:
+            right = (
+                "for a constant add a variable that commutes with all others"
+                if not sum(monomial)
+                else "only Lie-Poisson brackets are known"
+            )
+            raise NumberError(f"a bracket must be linear in the variables; {right}")
+        found[monomial.index(1)] = c
+    return found
+
+
+def shortened(text: Any) -> str:
+    """At most 60 characters of a text."""
+    text = str(text)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[Any, Any]) -> None:
+    """DefinitionError if the parameters make one of some Hamiltonians infinite or complex everywhere."""
+    for function in functions:
+        for y in world.used(function):
+            derivative = sympy.diff(function, world.variables[y])
+            for factor in derivative.atoms(sympy.Pow):
+                if not factor.exp.is_negative or factor.free_symbols & set(world.variables):
+                    continue
+                value = factor.base.xreplace(world.parameters).xreplace(constants)
+                if value == 0:
+                    name = next((str(s) for s in sorted(factor.base.free_symbols, key=str)), "")
+                    raise DefinitionError(
+                        f"makes the Hamiltonian infinite, '{world.name(factor.base)}' is 0; take another value",
+                        *(
+                            ["parameters", name]
+                            if any(name == str(symbol) for symbol in world.parameters)
+                            else ["hamiltonian"]
+                        ),
+                    )
+        if function.xreplace(dict(world.parameters)).has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
+            name = world.name(function)
+            what = f"has no finite real value at these parameters: '{shortened(name)}'"
+            raise DefinitionError(f"{what}; take others", "parameters")

@@ -1,0 +1,264 @@
+"""The command line where something around it is odd: encodings, folders, signals, and files that are no specs."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from damage import call
+from strong_results import strong, strong_group
+
+from spi import cli, storage
+from spi.cli import progress
+
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+TINY = ["--set", "final_time=1/8", "--set", "step=1/8", "--set", "schemes=[splitting]"]
+PATH = EXPERIMENTS / "rigid_body_qualitative.yaml"
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def program(*arguments, before="", out=subprocess.PIPE, **variables):
+    """A command line of its own: `before` is run first, and variables that are None are not set."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", **variables}
+    environment = {name: value for name, value in environment.items() if value is not None}
+    source = f"import sys\nsys.argv[0] = 'spi'\n{before}\nfrom spi.cli import main\nmain()"
+    command = [sys.executable, "-c", source, *map(str, arguments)]
+    return subprocess.run(command, env=environment, stdout=out, stderr=subprocess.PIPE, timeout=120)
+
+
+def refusal(*arguments):
+    """The one line that a command ends with, exit code 2."""
+    code, out, err = call(*arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1), (code, out, err)
+    return err
+
+
+# --- output ----------------------------------------------------------------------------------------------------------
+
+
+#: More commands, in the process of another: to start one takes longer than to run it.
+MORE = """
+from spi.cli import main
+for command in (["list"], ["schema"], ["show", "r.h5", "--format", "csv"]):
+    arguments, sys.argv[1:] = sys.argv[1:], command
+    try:
+        main()
+    except SystemExit as end:
+        assert end.code in (None, 0)
+    sys.argv[1:] = arguments
+"""
+
+
+@pytest.mark.share(1)
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_an_output_that_is_not_unicode(encoding):
+    storage.write("r.h5", strong(strong_group("splitting", case_title="σ → Ĥ"), title="Ĥ ± µ"))
+    done = program("show", "r.h5", PYTHONIOENCODING=encoding)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert done.stdout.decode(encoding).startswith("H +- u" if encoding == "ascii" else "H ± µ")
+    rows = json.loads(program("show", "r.h5", "--format", "json", PYTHONIOENCODING=encoding).stdout.decode(encoding))
+    assert len(rows) == 9
+    done = program("check", "σ.yaml", before=MORE, PYTHONIOENCODING=encoding)
+    assert done.returncode == 2 and b"Traceback" not in done.stderr
+    assert len(done.stdout.splitlines()) > 50  # of the others
+
+
+def test_without_a_home_folder():
+    no_home = "import pwd\ndef nobody(uid): raise KeyError(uid)\npwd.getpwuid = nobody"
+    none = {"HOME": None, "XDG_CACHE_HOME": None, "SPI_CACHE_DIR": None, "MPLCONFIGDIR": None}
+    done = program("run", PATH, *TINY, before=no_home, **none)
+    assert done.returncode == 0
+    first, *_, last = done.stderr.decode().splitlines()
+    assert "home" in first and "cannot be saved" in first
+    assert last.startswith("results: ")
+
+
+def test_a_backend_that_matplotlib_does_not_know_and_no_folder_for_its_settings():
+    storage.write("r.h5", strong(strong_group("splitting")))
+    done = program("plot", "r.h5", MPLBACKEND="nonsense", MPLCONFIGDIR=str(Path("r.h5").absolute()))
+    assert (done.returncode, done.stderr.decode().split()) == (0, ["wrote", "r.pdf", "wrote", "r.png"])
+    assert sorted(p.name for p in Path().iterdir()) == ["r.h5", "r.pdf", "r.png"]
+
+
+def test_the_backend_of_a_notebook_is_kept():
+    asked = "import spi.drawing, matplotlib, os; print(matplotlib.rcParams['backend'], os.environ['MPLBACKEND'])"
+    done = subprocess.run(
+        [sys.executable, "-c", asked], env={**os.environ, "MPLBACKEND": "svg"}, capture_output=True, text=True
+    )
+    assert done.stdout.split() == ["svg", "svg"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_an_output_that_cannot_be_written_ends_in_one_line():
+    with open("/dev/full", "w") as full:
+        done = program("list", out=full)
+    assert done.returncode == 1
+    assert done.stderr.count(b"\n") == 1 and done.stderr.startswith(b"spi: ")
+
+
+def test_control_characters_do_not_reach_the_terminal():
+    storage.write("r.h5", strong(strong_group("splitting", case_title="b\x1b[2Jc"), title="a\x1b[2Jb"))
+    assert "\x1b" not in call("show", "r.h5")[1]
+    assert "\x1b" not in refusal("show", "a\x1b[2Jb.h5")
+    assert "\x1b" not in refusal("check", "a\x1b[2Jb.yaml")
+    Path("experiments").mkdir()
+    Path("experiments", "a\x1b[2Jb.yaml").write_bytes(PATH.read_bytes())
+    for arguments in (("list",), ("check", "experiments/a\x1b[2Jb.yaml")):
+        code, out, err = call(*arguments)
+        assert (code, err) == (0, "") and "\x1b" not in out and "[2Jb.yaml" in out
+
+
+# --- specs -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("character", ["\\0", "\\ud800", "\\e", "\\x9b"])
+@pytest.mark.parametrize("line", ['title: "a{}b"', 'cases: [{{name: one, title: "{}"}}]'])
+def test_what_cannot_be_stored_is_refused_when_the_spec_is_read(character, line):
+    lines = [old for old in PATH.read_text(encoding="utf-8").splitlines() if not old.startswith("title:")]
+    Path("s.yaml").write_text("\n".join([*lines, line.format(character)]), encoding="utf-8")
+    message = refusal("check", "s.yaml")
+    assert message.startswith(f"spi: s.yaml:{len(lines) + 1}: ") and "title: has the character U+" in message
+
+
+def test_a_file_that_is_too_large_is_not_parsed():
+    Path("s.yaml").write_text("[" * 2_000_000)
+    began = time.perf_counter()
+    assert refusal("check", "s.yaml") == "spi: s.yaml: has more than 200 kB; give the YAML file of an experiment\n"
+    assert time.perf_counter() - began < 2
+
+
+def test_the_name_of_an_experiment_gives_a_hint_of_its_file():
+    Path("experiments").mkdir()
+    Path("experiments", PATH.name).write_bytes(PATH.read_bytes())
+    Path("mine.yaml").write_bytes(PATH.read_bytes())
+    assert call("check", PATH.stem)[0] == 0  # it comes with the program
+    for name, meant in (
+        (PATH.name, f"experiments/{PATH.name}"),
+        ("rigid_body_qualitativ", f"experiments/{PATH.name}"),
+        ("mine", "mine.yaml"),
+    ):
+        assert refusal("run", name) == f"spi: {name}: no such file; did you mean {meant}?\n"
+
+
+def test_a_message_names_the_option_that_was_given():
+    for arguments, named in (
+        (("--samples", "5"), "--samples: samples: is not a known key"),
+        (("--set", "samples=5"), "--set samples: is not a known key"),
+        (("--seed", "x"), "--seed: seed: is 'x'"),
+    ):
+        message = refusal("check", PATH, *arguments)
+        assert f"{PATH}: {named}" in message and ("--set" in message) == ("--set" in arguments)
+
+
+def test_what_is_wrong_with_any_of_several_specs_is_told_at_once():
+    Path("bad.yaml").write_text("kind: nonsense")
+    Path("empty.yaml").write_text("")
+    code, out, err = call("check", "bad.yaml", str(PATH), "empty.yaml", "absent.yaml")
+    assert (code, out) == (2, "")
+    assert [line.split(":")[1].strip() for line in err.splitlines()] == ["bad.yaml", "empty.yaml", "absent.yaml"]
+    assert "did you mean 'weak'" in refusal("check", str(PATH), str(PATH), "--as", "weakk")  # once, not for each
+
+
+def test_a_wrong_word_is_told_without_the_words_of_a_library():
+    assert refusal("list", "model").startswith("spi: Invalid value for 'models|schemes|experiments': 'model' is not")
+
+
+@pytest.mark.parametrize(("problem", "kept"), [("", True), ("/cache: permission denied", False)])
+def test_kernels_are_not_said_to_be_kept_where_they_cannot_be(monkeypatch, capsys, problem, kept):
+    monkeypatch.setattr(progress, "CACHE_PROBLEM", problem)
+    progress.ProgressLine("mine").report_compiling(1, 2, "splitting")
+    told = capsys.readouterr().err
+    assert "mine: compiling 2 kernels, some seconds each" in told and ("saved for later runs" in told) == kept
+
+
+WEAK = """\
+kind: weak
+model: {name: MODEL}
+initial: [1, 2, 3]
+final_time: 1
+steps: 2^-2 .. 2^-5
+reference_step: 2^-8
+schemes: [SCHEME]
+functions: {phi: sin(2*pi*y1) + y2^2}
+estimators: [ESTIMATOR]
+"""
+SOLVED = {"MODEL": "maxwell_bloch", "SCHEME": "splitting", "ESTIMATOR": "kolmogorov"}
+BODY = {**SOLVED, "MODEL": "rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]"}
+CONTROLLED = {**SOLVED, "SCHEME": "ap_splitting", "ESTIMATOR": "multilevel], seconds: 1, eps: [0.1"}
+
+
+def weak(words, *overrides):
+    text = WEAK
+    for old, new in words.items():
+        text = text.replace(old, new)
+    text = text.replace("], seconds: 1, eps: [0.1]", "]\nseconds: 1\neps: [0.1]")
+    Path("s.yaml").write_text(text)
+    return "check", "s.yaml", *(part for override in overrides for part in ("--set", override))
+
+
+@pytest.mark.parametrize(
+    ("words", "override", "why"),
+    [
+        (SOLVED, "model.sigma=[1, 1e150]", "would need a grid of"),
+        (SOLVED, "initial=[1, 2e4, 3]", "would need a grid of"),
+        (SOLVED, "final_time=1e5", "would need a grid of"),
+        (CONTROLLED, "initial=[1, 2e4, 3]", "'ap_splitting' would need a grid of"),
+        (BODY, "initial=[1e5, 0, 1]", "s are the most"),
+        (BODY, "initial=[1e200, 0, 1]", "would take for ever"),
+        (BODY, "model.sigma=[1, 1e150, 1]", "s are the most"),
+        (BODY, "model.sigma=[1, 1e200, 1]", "would take for ever"),
+        (BODY, "functions=sin(1e3*y1)", "waves"),
+        (BODY, "functions=exp(1e3*y1)", "needs functions that are finite"),
+    ],
+)
+def test_what_a_solver_without_sampling_cannot_do_is_refused_by_name(words, override, why):
+    assert call(*weak(words))[0] == 0
+    message = refusal(*weak(words, override))
+    assert message.startswith("spi: s.yaml:9: estimators: has '") and why in message
+    assert "; decrease " in message
+
+
+def test_the_cost_of_a_solver_depends_on_the_parameters():
+    def seconds(*overrides):
+        code, out, err = call(*weak(BODY, *overrides))
+        assert (code, err) == (0, "")
+        return float(out.split("about ")[1].split(" s ")[0])
+
+    usual = seconds("initial=[1, 0, 1]")
+    assert usual < 20
+    assert seconds("initial=[100, 0, 1]", "functions=y1^2") > 2 * usual
+    assert seconds("initial=[10, 0, 1]") > 5 * usual
+    assert seconds("initial=[1e9, 0, 0]") < usual  # at rest
+
+
+# --- signals ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no such signals here")
+def test_a_signal_before_anything_is_done_stops_with_the_code_of_a_stop():
+    """While the program still imports what it needs."""
+    before = "import os, signal, spi.cli\nfrom importlib import abc\n"
+    before += "class Kill(abc.MetaPathFinder):\n    def find_spec(self, name, *_):\n"
+    before += "        if name == 'pydantic': os.kill(os.getpid(), signal.SIGTERM)\nsys.meta_path.insert(0, Kill())"
+    done = program("run", PATH, *TINY, before=before)
+    assert (done.returncode, done.stdout, done.stderr) == (3, b"", b"spi: stopped\n")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="no such signals here")
+@pytest.mark.parametrize("specs", [1, 2])
+def test_a_signal_after_everything_is_written_changes_nothing(specs):
+    """After the last experiment the exit code is 0; between two it is that of a stop."""
+    before = "import os, signal, spi.cli.running as cli\ntold = cli.tell\n"
+    before += "def tell(text):\n    told(text)\n"
+    before += "    if text.startswith('results'): os.kill(os.getpid(), signal.SIGTERM)\ncli.tell = tell"
+    Path("other.yaml").write_bytes(PATH.read_bytes())
+    done = program("run", *[PATH, "other.yaml"][:specs], *TINY, before=before)
+    assert done.returncode == (0 if specs == 1 else cli.STOPPED), done.stderr
+    assert done.stderr.count(b"\nresults: ") == 1 and (b"stopped" in done.stderr) == (specs == 2)

@@ -1,0 +1,27 @@
+"""What guessing adds to a spec."""
+
+from typing import Any
+
+from spi.ensemble.protocol import Positive
+from spi.specs.cases import need
+from spi.specs.keys import Keys as BaseKeys
+from spi.specs.keys import key_of
+
+LABEL = "guess"
+LOOK = ("s", "#000000")
+
+
+class Keys(BaseKeys):
+    """What is guessed."""
+
+    per_step: key_of(Positive | None, "the weak error over the step size", "value") = None
+
+
+def check(case: Any) -> None:
+    """There must be a guess."""
+    need(case, "guess", "per_step")
+
+
+def can_do(case: Any, scheme: str) -> bool:
+    """It says something of every scheme."""
+    return True

@@ -1,0 +1,70 @@
+"""Errors c h, as the spec says."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.kinds.plans import Cost, Done, PartPlan, State
+from spi.kinds.weak.results import Unsampled, WeakErrors
+from spi.kinds.weak.study.fields import result_steps, weak_errors
+from spi.statistics.tallies import Chunk, PathSet
+from spi.storage.records import Order, Part
+
+
+class Guess(NamedTuple):
+    """Nothing (0 paths) or a guess (1)."""
+
+    paths: int
+    seconds: float = 0.0
+
+    def plus(self, later: "Guess") -> "Guess":
+        """There is only one."""
+        raise TypeError("a guess is made at once")
+
+
+def plan(case: Any, part: Part) -> "GuessPlan":
+    """The plan for one scheme of a case."""
+    return GuessPlan(case=case, part=part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuessPlan(PartPlan):
+    """Errors of one scheme, guessed."""
+
+    def cost(self) -> Cost:
+        """Nothing."""
+        return Cost(0, 0.0, 0)
+
+    def path_sets(self, more: Any) -> Sequence[PathSet]:
+        """All at once, as if it were one path."""
+        return (PathSet(1, 1),)
+
+    def empty(self, number: int) -> Guess:
+        """Nothing is guessed."""
+        return Guess(0)
+
+    def advance(self, chunks: Sequence[Chunk], known: Guess | None) -> Iterator[list[tuple[Chunk, Guess]]]:
+        """Guess."""
+        yield [(chunks[0], Guess(1))]
+
+    def progress(self, state: State) -> Done:
+        """0 or 1 of 1."""
+        return Done(state.tally().paths, 1, float("nan"))
+
+    def results(self, state: State) -> WeakErrors:
+        """The same error for each test function."""
+        count = len(self.case.functions)
+        error = np.outer(np.ones(count), self.case.per_step * result_steps(self))
+        nothing, ones = np.zeros(count), np.ones_like(error)
+        return weak_errors(
+            self,
+            state.seconds,
+            error=error,
+            expectation=error,
+            resolved=ones > 0,
+            orders=(Order(1.0, 1.0, 1.0, error.shape[1]),) * count,
+            unsampled=Unsampled(error_bound=0 * ones, expectation_bound=ones, limit=nothing, limit_bound=nothing + 1),
+            cpu_seconds=0.0,
+        )

@@ -1,0 +1,174 @@
+"""Many systems written in YAML: the generic checks, and each flow by SciPy's exponential; wrong modules are found."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+import yaml_cases
+from yaml_cases import SYSTEMS, exponential, functions, made, structure
+
+from spi.checks import model_checks
+from spi.checks.model_checks import check_model
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.protocol import casimirs, drift_flow, drift_gradient, noise_flow, noise_gradient
+from spi.ensemble.protocol import structure as applied
+from spi.numerics.angles import ANY_ANGLES
+
+
+@pytest.fixture(params=SYSTEMS)
+def custom(request):
+    """(the system, c of its bracket)."""
+    text, c = SYSTEMS[request.param]
+    return made(text), c
+
+
+@pytest.fixture(autouse=True)
+def plain():
+    with uncompiled():
+        yield
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Nothing asks the compiler for the types of the words."""
+    monkeypatch.setattr(model_checks, "obstacle", lambda record: None)
+
+
+def states(d, count=2, seed=1, size=1.0):
+    return (size * np.random.default_rng(seed).standard_normal((count, d))).tolist()
+
+
+def test_the_generic_checks_pass(custom, quick):
+    system, c = custom
+    assert check_model(system.record, [tuple(y) for y in states(len(c))]) == []
+
+
+@pytest.mark.parametrize("name", ["so(2,1) with cross terms", "spirals"])
+def test_the_compiler_takes_the_module(name):
+    text, _ = SYSTEMS[name]
+    assert model_checks.obstacle(made(text).record) is None
+
+
+def test_the_bracket_is_that_of_the_matrices(custom):
+    system, c = custom
+    for y in states(len(c)):
+        columns = [applied(system.record, tuple(y), tuple(e)) for e in np.eye(len(c)).tolist()]
+        assert np.allclose(np.transpose(columns), structure(c, y), rtol=0.0, atol=1e-14)
+
+
+def test_the_pieces_add_up_to_the_hamiltonian(custom):
+    system, c = custom
+    total = sum(flow.expression for flow in system.system.flows)
+    _, gradients = functions(system.system, [total, system.system.hamiltonian])
+    for y in states(len(c)):
+        pieces, whole = gradients(y)
+        assert np.allclose(pieces, whole, rtol=1e-13, atol=1e-13)
+        assert np.allclose(drift_gradient(system.record, tuple(y)), whole, rtol=1e-13, atol=1e-13)
+
+
+def all_flows(system, y):
+    """(act, gradient) of the flows of H and of the noises at a state y."""
+    moves = [(drift_flow, k) for k in range(len(system.system.flows))]
+    moves += [(noise_flow, k) for k in range(len(system.system.noises))]
+    _, gradients = functions(system.system, [f.expression for f in (*system.system.flows, *system.system.noises)])
+    for (word, k), gradient in zip(moves, gradients(y), strict=True):
+        yield lambda t, y, word=word, k=k: word(system.record, k, t, tuple(y), ANY_ANGLES), gradient
+
+
+@pytest.mark.parametrize(("t", "tolerance"), [(1.0, 1e-12), (-0.37, 1e-13), (1e-6, 1e-15), (5.0, 1e-11)])
+def test_the_flows_are_exponentials(custom, t, tolerance):
+    """The gradient is constant along a flow of a function of commuting linear functions, so its field is linear."""
+    system, c = custom
+    for y in states(len(c), seed=3, size=0.7):
+        for act, gradient in all_flows(system, y):
+            there = exponential(c, gradient, t, y)
+            assert np.linalg.norm(np.subtract(act(t, y), there)) < tolerance * max(1.0, np.linalg.norm(there))
+
+
+def test_the_gradients_of_the_noises(custom):
+    system, c = custom
+    _, gradients = functions(system.system, [flow.expression for flow in system.system.noises])
+    for y in states(len(c)):
+        for k, gradient in enumerate(gradients(y)):
+            assert np.allclose(noise_gradient(system.record, k, tuple(y)), gradient, rtol=1e-13, atol=1e-13)
+
+
+def test_the_casimir_functions_have_gradients_in_the_kernel(custom):
+    system, c = custom
+    _, gradients = functions(system.system, [one.expression for one in system.system.casimirs])
+    for y in states(len(c)):
+        found = gradients(y)
+        if found:
+            assert np.allclose(structure(c, y) @ np.transpose(found), 0.0, atol=1e-12)
+            # independent of each other, so that none is a function of the others
+            assert np.linalg.matrix_rank(np.array(found), tol=1e-6) == len(found)
+        values, _ = functions(system.system, [one.expression for one in system.system.casimirs])
+        assert np.allclose(casimirs(system.record, tuple(y)), values(y), rtol=1e-13, atol=1e-13)
+
+
+def test_there_are_as_many_casimir_functions_as_the_bracket_has():
+    """All these have polynomials of degree 4 and less, except the spirals."""
+    for name, (text, c) in SYSTEMS.items():
+        (y,) = states(len(c), 1)
+        missing = len(c) - np.linalg.matrix_rank(structure(c, y)) - len(made(text).system.casimirs)
+        assert missing == (3 if name == "spirals" else 0), name
+
+
+def changed_signs(text):
+    """The module with one sign changed, for each sign between two terms in the motions; and the line."""
+    head, line, body = text.partition("\nclass ")
+    for match in re.finditer(r" ([+-]) ", head):
+        other = {"+": "-", "-": "+"}[match[1]]
+        number = head.count("\n", 0, match.start())
+        if not head.splitlines()[number].lstrip().startswith(("z", "w", "u", "f", "q", "m", "g")):
+            continue
+        yield f"{head[: match.start(1)]}{other}{head[match.end(1) :]}{line}{body}", head.splitlines()[number]
+
+
+@pytest.mark.parametrize("name", ["heavy top", "so(2,1)", "Toda", "spirals"])
+def test_a_wrong_sign_in_a_motion_is_found(name, quick):
+    text, c = SYSTEMS[name]
+    system = made(text)
+    (y,) = states(len(c), 1)
+    mutants = list(changed_signs(system.text))
+    assert len(mutants) > 5
+    for mutant, line in mutants[:: max(1, len(mutants) // 12)]:
+        assert check_model(system.with_text(mutant), [tuple(y)]), line
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "complaint"),
+    [
+        ("heavy top", "return abs(a1)", "return 0.99 * abs(a1)", "drift_angle, k = 0, is"),
+        ("heavy top", "conserved = 2", "conserved = 1", "casimirs has 2 functions"),
+        ("heavy top", "y[0] * y[3] +", "y[0] * y[3] -", "is not a Casimir function"),
+        ("heavy top", "t * model.weight", "t * 2.0 * model.weight", "drift_flow: its derivatives at t = 0"),
+        ("so(2,1)", "sinh_coshm1(a1)", "sinh_coshm1(1.001 * a1)", "does not solve its equation"),
+        ("Toda", "expm1(", "(1.0 + 1e-6) * expm1(", "noise_flow, k = 0, is not a flow"),
+        ("bracket with parameters", "model.a * y[2]", "model.b * y[2]", ""),
+    ],
+)
+def test_other_wrong_lines_are_found(name, old, new, complaint, quick):
+    text, c = SYSTEMS[name]
+    system = made(text)
+    assert old in system.text
+    (y,) = states(len(c), 1)
+    found = check_model(system.with_text(system.text.replace(old, new)), [tuple(y)])
+    assert any(complaint in one for one in found), found
+
+
+def test_another_bracket_or_time_is_no_exponential_of_these():
+    """The comparison with SciPy can fail."""
+    text, c = SYSTEMS["heavy top"]
+    system, (y,) = made(text), states(6, 1)
+    for (act, gradient), wrong in itertools.product(all_flows(system, y), (1.001, -1.0)):
+        assert not np.allclose(act(1.0, y), exponential(wrong * c, gradient, 1.0, y), rtol=1e-9)
+
+
+def test_the_brackets_of_the_cases_are_brackets():
+    """Jacobi's identity of what the flows are compared with."""
+    for name, (_, c) in yaml_cases.SYSTEMS.items():
+        assert np.array_equal(c, -c.transpose(1, 0, 2)), name
+        terms = np.einsum("ijm,mkn->ijkn", c, c)
+        assert np.allclose(terms + terms.transpose(1, 2, 0, 3) + terms.transpose(2, 0, 1, 3), 0.0), name
