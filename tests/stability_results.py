@@ -54,7 +54,6 @@ def stability_group(scheme, case="free", casimirs=1, panels=("regimes",), values
         "samples": 512,
         "reference_step": 2.0**-14,
         "panels": panels,
-        "seconds": 12.5,
     }
     told = {"scheme_label": LABELS[scheme], "case_title": f"case {case}, $5"} | more
     return group_of(Stability, case, scheme, told, **fields)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from spi.ensemble.invariants import empty_invariants, invariants
-from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest
+from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest, thread_count
 from spi.ensemble.protocol import in_kernels, large
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
@@ -133,6 +133,10 @@ class PartPlan:
     def description(self) -> Description:
         """What is integrated."""
         return Description.describe(self.case, self.row, self.part)
+
+    def whole(self, state: State) -> dict[str, Any]:
+        """The fields that every record has: what was integrated, and what it took."""
+        return {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
         """None."""

@@ -137,20 +137,21 @@ class Description(NamedTuple):
     def of(cls, group: Group) -> "Description":
         """What a group tells; KeyError if it is not of this layout."""
         a = group.attributes
+        parameters = {key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)}
         return cls(
             case=group.case,
-            case_title=a["case_title"],
             variant=group.variant,
+            estimator=group.estimator,
+            parameters=parameters,
+            case_title=a["case_title"],
             scheme=a["scheme"],
             scheme_label=a["scheme_label"],
-            eps=a.get("eps"),
-            estimator=group.estimator,
             seed=a["seed"],
             model=a["model"],
-            parameters={key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)},
-            variables=tuple(a.get("variables") or ()),
+            eps=a.get("eps"),
             initial=a.get("initial"),
             final_time=a.get("final_time"),
+            variables=tuple(a.get("variables") or ()),
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=int(a.get("extrapolate") or 0),
         )

@@ -113,6 +113,15 @@ class Field(NamedTuple):
         return isinstance(self.type, type) and issubclass(self.type, Described)
 
 
+def _field(hint: Any, one: Any) -> Field:
+    meaning = Meaning()
+    if get_origin(hint) is Annotated:
+        hint, meaning = get_args(hint)[:2]
+    members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    (kind,) = (member for member in members if member is not type(None))
+    return Field(one.name, kind, len(members) > 1, one.default, meaning)
+
+
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 class Described:
     """A class whose fields say what they hold; each subclass is a frozen dataclass."""
@@ -130,6 +139,8 @@ class Stored(Described):
     """What one part of an experiment gives, and a group of a results file holds."""
 
     about: Description
+    wall_seconds: Annotated[float, fact("wall-clock time of the part", "s")] = 0.0
+    threads: Annotated[int, fact("number of threads")] = 1
 
     def group(self) -> Group:
         """What a file keeps of it."""
@@ -150,15 +161,6 @@ class Stored(Described):
     def of(cls, group: Group) -> Self:
         """The record in a group; KeyError, with its name, if the group lacks what the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))
-
-
-def _field(hint: Any, one: Any) -> Field:
-    meaning = Meaning()
-    if get_origin(hint) is Annotated:
-        hint, meaning = get_args(hint)[:2]
-    members = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    (kind,) = (member for member in members if member is not type(None))
-    return Field(one.name, kind, len(members) > 1, one.default, meaning)
 
 
 def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:

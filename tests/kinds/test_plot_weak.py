@@ -220,7 +220,7 @@ def test_only_schemes_with_prefixes_have_panels_of_seconds():
 
 
 def test_panels_that_cannot_be_drawn():
-    with pytest.raises(ValueError, match="no panel 'sphere'; known panels: errors, samples, seconds"):
+    with pytest.raises(ValueError, match="'sphere' is not a known panel; known panels: errors, samples, seconds"):
         views.figure(weak(weak_group("splitting", "multilevel", panels=("sphere",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
         views.figure(weak(weak_group("splitting", "multilevel", panels=("samples",))))

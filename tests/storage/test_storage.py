@@ -195,13 +195,15 @@ def test_what_cannot_be_stored(tmp_path):
 
 
 def test_files_that_are_not_ours(tmp_path):
-    text, foreign, sums, newer, half = (tmp_path / n for n in ("t.h5", "f.h5", "s.h5", "n.h5", "half.h5"))
+    names = ("t.h5", "f.h5", "s.h5", "n.h5", "o.h5", "half.h5")
+    text, foreign, sums, newer, older, half = (tmp_path / name for name in names)
     text.write_text("not HDF5")
     with h5py.File(foreign, "w") as file:
         file["x"] = 1
     storage.write_sums(sums, {"spec_hash": "abc"}, {"main/midpoint": {"n": 1}})
-    with h5py.File(newer, "w") as file:
-        file.attrs[storage.results.MARK] = 99
+    for path, version in ((newer, 99), (older, 2)):
+        with h5py.File(path, "w") as file:
+            file.attrs[storage.results.MARK] = version
     storage.write(half, results())
     half.write_bytes(half.read_bytes()[:5000])
     expected = {
@@ -211,7 +213,8 @@ def test_files_that_are_not_ours(tmp_path):
         half: "not a whole HDF5 file",
         foreign: "not of ours",
         sums: "not a whole HDF5 file",
-        newer: "layout 99",
+        newer: "a later version of spi (layout 99",
+        older: "an earlier version of spi (layout 2, this one reads 3); run the experiment again with --fresh",
     }
     for path, words in expected.items():
         text = message(storage.read, path)
@@ -344,7 +347,7 @@ def test_sums_that_are_no_use(tmp_path, monkeypatch):
     path.rmdir()
     path.write_bytes(whole)
     assert storage.read_sums(path) is not None
-    monkeypatch.setattr(storage.sums, "VERSION", 2)  # written by another version of the program
+    monkeypatch.setattr(storage.sums, "VERSION", 99)  # written by another version of the program
     assert storage.read_sums(path) is None and storage.about_sums(path) is None
 
 

@@ -65,8 +65,6 @@ class LongTimes(Stored):
     steps_each: Annotated[int, fact("number of steps of each path")]
     snapshots: Annotated[int, fact("snapshots of each path that count for the law")]
     panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
-    wall_seconds: Annotated[float, fact("wall-clock time", "s")]
-    threads: Annotated[int, fact("number of threads")]
 
     @property
     def casimir_count(self) -> int:

@@ -75,8 +75,6 @@ class Stability(Stored):
     reference_step: Annotated[float, fact("step size of the reference", "time", column=True)]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     panels: Annotated[tuple[str, ...], fact("what the figure shows")]
-    seconds: Annotated[float, fact("wall-clock time", "s", name="wall_seconds")]
-    threads: Annotated[int, fact("number of threads")]
 
     @property
     def all_finite(self) -> np.ndarray:

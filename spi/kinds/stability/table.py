@@ -127,7 +127,7 @@ def _remarks(readings: Sequence[Stability]) -> Iterator[str]:
         f"h: the largest step size at which this holds, as at all smaller ones; {kept}"
         f"accurate: root mean square error at T <= {first.accurate:g} |y_0|; all else: worst over h"
     )
-    seconds = sum(reading.seconds for reading in readings)
+    seconds = sum(reading.wall_seconds for reading in readings)
     yield (
         f"{first.samples} paths each; errors against the scheme at {power_of_two(first.reference_step)}; "
         f"{seconds:.3g} s on {first.threads} threads"

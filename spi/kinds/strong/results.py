@@ -34,8 +34,6 @@ class StrongErrors(Stored):
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")]
     reference_casimir_drift: Annotated[tuple[float, ...], fact("largest changes of the Casimirs on the reference")]
-    wall_seconds: Annotated[float, fact("wall-clock time", "s")]
-    threads: Annotated[int, fact("number of threads")]
     note: Annotated[str, fact("what is to be said of points that are not resolved")] = ""
 
 

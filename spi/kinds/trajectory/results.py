@@ -44,8 +44,6 @@ class Trajectory(Stored):
     largest_angle: Annotated[float, fact("largest angle of a rotation; 0 up to pi/4", "rad")] = 0.0
     solver: Annotated[SolverMeans | None, nested(prefix="solver_")] = None
     surface: Annotated[str | None, fact("where y is a vorticity", name="lattice")] = None
-    wall_seconds: Annotated[float, fact("wall-clock time", "s")]
-    threads: Annotated[int, fact("number of threads")]
 
     @property
     def shown(self) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import growth, invariants_of
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns, thread_count
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import REPORT, decay_rates, large
 from spi.kinds.plans import Cost, Done, PathsPlan, State
@@ -130,7 +130,7 @@ class TrajectoryPlan(PathsPlan):
             change = conserved * growth(self.model, t) - conserved[0]
             drift = np.abs(change).max(axis=0)
         return Trajectory(
-            about=self.description(),
+            **self.whole(state),
             t=t,
             y=path.y,
             hamiltonian=energy,
@@ -145,8 +145,6 @@ class TrajectoryPlan(PathsPlan):
             times=case.times or (),
             preserves=self.row.preserves,
             surface=None if lattice_of(case.model) is None else "torus",
-            wall_seconds=state.seconds,
-            threads=thread_count(),
             **_reported(path.report),
         )
 

@@ -128,8 +128,6 @@ class WeakErrors(Stored):
     differences: Annotated[Differences | None, nested(prefix="difference_")] = None
     formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
     cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
-    wall_seconds: Annotated[float, fact("wall-clock time", "s")] = 0.0
-    threads: Annotated[int, fact("number of threads")] = 1
     reference_step: Annotated[float, fact("step size of the reference", "time")]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0

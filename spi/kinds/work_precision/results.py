@@ -42,8 +42,6 @@ class WorkPrecision(Stored):
     reference_step: Annotated[float, fact("step size of the reference", "time")]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    wall_seconds: Annotated[float, fact("wall-clock time", "s")]
-    threads: Annotated[int, fact("number of threads")]
     note: Annotated[str, fact("what is to be said of points that are not resolved")] = ""
 
     @property

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from spi.ensemble.loop import thread_count
 from spi.exact.sphere_law import BINS, SphereLaw
 from spi.kinds.plans import State
 from spi.kinds.solver import reported
@@ -25,7 +24,7 @@ def results(p: "LongTimePlan", state: State) -> LongTimes:
     totals = [state.total(i) for i in range(len(p.case.steps))]
     casimir = np.array([of_one.casimir for of_one in totals])
     return LongTimes(
-        about=p.description(),
+        **p.whole(state),
         h=np.array(p.case.steps),
         n=p.records,
         **_errors(casimir),
@@ -37,8 +36,6 @@ def results(p: "LongTimePlan", state: State) -> LongTimes:
         steps_each=p.case.step_count,
         snapshots=totals[0].snapshots,
         panels=p.case.panels,
-        wall_seconds=state.seconds,
-        threads=thread_count(),
     )
 
 

@@ -35,7 +35,7 @@ def results(p: "StabilityPlan", state: State) -> Stability:
         reference_step=case.reference_step,
         reference_scheme=case.reference_scheme,
         panels=case.panels,
-        seconds=state.seconds,
+        wall_seconds=state.seconds,
         threads=thread_count(),
     )
 

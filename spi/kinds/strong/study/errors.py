@@ -6,7 +6,6 @@ import numpy as np
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import noise_field, noise_field_derivative
-from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import in_kernels, large, noise_groups, noise_indices
 from spi.kinds.plans import State
 from spi.kinds.solver import reported
@@ -74,7 +73,7 @@ def results(p: "StrongPlan", state: State) -> StrongErrors:
     together = found.sup <= _LOST * np.linalg.norm(case.initial)
     own_reference = 0.0 if case.reference_scheme else case.reference_step
     return StrongErrors(
-        about=p.description(),
+        **p.whole(state),
         h=h,
         error=found.sup,
         error_stderr=stderr,
@@ -94,8 +93,6 @@ def results(p: "StrongPlan", state: State) -> StrongErrors:
         reference_scheme=case.reference_scheme,
         reference_nonfinite=int(totals.nonfinite[0]),
         reference_casimir_drift=tuple(totals.drift[0].tolist()),
-        wall_seconds=state.seconds,
-        threads=thread_count(),
         note=_note(found.sup, stderr, resolved, case.samples),
     )
 
