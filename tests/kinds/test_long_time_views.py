@@ -157,7 +157,7 @@ def test_the_figure_knows_the_panels_of_a_spec():
 
 
 def test_what_is_asked_must_be_known():
-    with pytest.raises(ValueError, match="no panel 'regimes'; known panels: growth, law"):
+    with pytest.raises(ValueError, match="'regimes' is not a known panel; known panels: growth, law"):
         views.figure(long_time(long_time_group("splitting", panels=("regimes",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
         views.figure(long_time(long_time_group("splitting", panels=("law",), law=False)))

@@ -251,7 +251,7 @@ def test_axes_and_negative_populations_in_the_phase_plane():
 def test_panels_that_cannot_be_drawn():
     with pytest.raises(ValueError, match="the panel 'phase' needs two components"):
         views.figure(trajectories(path_group("splitting", on_circle(2)[:, :1], np.ones((101, 1)), panels=("phase",))))
-    with pytest.raises(ValueError, match="no panel 'energy'; known panels: casimirs, "):
+    with pytest.raises(ValueError, match="'energy' is not a known panel; known panels: casimirs, "):
         views.figure(trajectories(*prey(("energy",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
         views.figure(trajectories(*prey(("casimirs",))))

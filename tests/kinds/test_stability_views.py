@@ -154,7 +154,7 @@ def test_maps_above_lines_and_cases_in_rows():
 
 def test_what_is_asked_must_be_known():
     assert WORDS == PANELS  # what a figure can draw, and what a spec may ask for
-    with pytest.raises(ValueError, match="no panel 'casimirs'; known panels: regimes, finite, casimir"):
+    with pytest.raises(ValueError, match="'casimirs' is not a known panel; known panels: regimes, finite, casimir"):
         views.figure(stability(stability_group("splitting", panels=("casimirs",))))
 
 
