@@ -57,7 +57,7 @@ def test_populations_stay_positive_only_by_splitting(case_of):
     case = case_of(PREDATORS)
     for scheme in case.schemes:
         found, _ = study(case, scheme)
-        assert found["casimir_worst"].shape == (2, 3, 0)
+        assert "casimir_worst" not in found  # there is no Casimir function
         assert np.isnan(found["truth"]).all() and np.isnan(found["law_distance"]).all()
         for i, point in enumerate(case.sweep.cases):
             paths = paths_by_hand(point, scheme)
