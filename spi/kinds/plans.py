@@ -130,6 +130,11 @@ class PartPlan:
         """The record of the scheme."""
         return self.row.record
 
+    @property
+    def stream(self) -> RandomStream:
+        """The increments of the paths of the case's seed."""
+        return brownian(self.case.seed)
+
     def description(self) -> Description:
         """What is integrated."""
         return Description.describe(self.case, self.row, self.part)
@@ -161,27 +166,16 @@ class PartPlan:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SchemePlan(PartPlan):
-    """The head of every plan that integrates so many paths of one scheme for one case."""
+class PathsPlan(PartPlan):
+    """The head of every plan of so many paths of one scheme that are integrated on one grid."""
 
     samples: int  #: number of paths
-
-    @property
-    def stream(self) -> RandomStream:
-        """The increments of the paths of the case's seed."""
-        return brownian(self.case.seed)
+    grid: Grid  #: times and step sizes
 
     @property
     def blocks(self) -> int:
         """How many blocks of LANES paths there are, the last one perhaps partly idle."""
         return -(-self.samples // LANES)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathsPlan(SchemePlan):
-    """The head of every plan whose paths are integrated on one grid."""
-
-    grid: Grid  #: times and step sizes
 
     @property
     def steps(self) -> np.ndarray:
