@@ -20,7 +20,8 @@ from helpers import (
 )
 from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
-from spi.ensemble.loop import add_reports, report_columns
+from spi.ensemble.loop import add_reports, brownian, integrated, nested_grid, report_columns
+from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import REPORT, needs_areas
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
@@ -100,7 +101,13 @@ def test_paths_do_not_depend_on_the_number_of_samples(samples):
     everything, _ = simulate(scheme, blocks=2, samples=2 * LANES, **SMALL)
     states, _ = simulate(scheme, blocks=-(-samples // LANES), samples=samples, **SMALL)
     assert np.array_equal(states[..., :samples], everything[..., :samples])
-    assert np.all(np.isnan(states[..., samples:]))  # an observer is told which lanes count
+
+
+def test_distances_of_idle_lanes_do_not_count():
+    times = nested_grid(2.0**-4, 2.0**-6, [2.0**-5], True, None)
+    observer = path_observer(RIGID_BODY, INITIAL, times, 1, squares=True)
+    integrated(SCHEMES["splitting"].record, RIGID_BODY, INITIAL, times, brownian(1), 0, 1, 3, observer)
+    assert np.all(observer.rows[..., :3] > 0) and not observer.rows[..., 3:].any()
 
 
 TWIN = {"h": 2.0**-5, "steps": 8, "doublings": (0, 2), "truncate": True, "first_block": 2}

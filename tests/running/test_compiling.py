@@ -213,16 +213,15 @@ _HEAD = f"""
 title: t
 model: {MODEL}
 initial: [cos(1.1), 0, sin(1.1)]
-final_time: 1
 schemes: [euler_maruyama]
 """
-_ERRORS = "steps: [2^-4, 2^-5]\nreference_step: 2^-7\nsamples: 64\n"
+_ERRORS = "final_time: 1\nsteps: [2^-4, 2^-5]\nreference_step: 2^-7\nsamples: 64\n"
 #: The same scheme and model in experiments of all kinds.
 KINDS = {
     "strong": _ERRORS,
     "weak": _ERRORS + "functions: {f: y1, g: sin(2*pi*y2)}\nestimators: [plain]\n",
-    "trajectory": "step: 2^-4\n",
-    "stability": _ERRORS + "sweep: {sigma: [0.1, 1]}\nfunctions: {f: y1}\n",
+    "trajectory": "final_time: 1\nstep: 2^-4\npanels: [components]\n",
+    "stability": _ERRORS + "sweep: {scale: [0.1, 1]}\nfunctions: {f: y1}\n",
     "long_time": "steps: [0.1]\nstep_count: 2^8\nsamples: 64\n",
     "work_precision": _ERRORS,
 }
@@ -231,6 +230,7 @@ KINDS = {
 def _missing_types(text, spec, known):
     """The types for which a run would compile a kernel, but for those that are known."""
     found = set()
+    text = text.replace("cos(1.1)", "scale*cos(1.1)") if "sweep" in text else text
     for plan in runs.plans(spec(text)):
         for call in plan.kernel_calls():
             found.add((call.kernel, types_of(call.kernel, call.arguments)))
