@@ -39,8 +39,8 @@ class State:
 
     def so_far(self, number: int = 0) -> Any:
         """The sums over those paths of a path set that are known."""
-        found = self.tally(number).so_far()
-        return self.plan.empty(number) if found is None else found
+        sums = self.tally(number).so_far()
+        return self.plan.empty(number) if sums is None else sums
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
@@ -87,16 +87,14 @@ class State:
         if with_more:
             self.more = _rebuilt(self.more, plain["more"])
         path_sets = self.path_sets
-        for told in plain["path_sets"]:
-            number = told["number"]
-            if number >= len(path_sets):
-                continue
-            empty = self.plan.empty(number)
-            nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in told["nodes"]}
-            short = {index: _rebuilt(empty, sums) for index, sums in told["short"]}
-            known = Tally(nodes, short).within(path_sets[number])
-            self.tallies[number] = self.tally(number).merged(known)
-            self.digests.setdefault(number, {}).update(dict(told["digests"]))
+        for other in plain["path_sets"]:
+            number = other["number"]
+            if number < len(path_sets):
+                empty = self.plan.empty(number)
+                nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in other["nodes"]}
+                short = {index: _rebuilt(empty, sums) for index, sums in other["short"]}
+                self.tallies[number] = self.tally(number).merged(Tally(nodes, short).within(path_sets[number]))
+                self.digests.setdefault(number, {}).update(dict(other["digests"]))
 
 
 def _plain(record: Any) -> dict[str, Any]:
