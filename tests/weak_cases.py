@@ -92,7 +92,7 @@ def values_by_hand(case, scheme, seed=None):
 
 def levels_after(p, blocks):
     """The sums over the levels then."""
-    return multilevel.snapshot(p, after_blocks(p, blocks))
+    return p.level_sums(after_blocks(p, blocks))
 
 
 def after_blocks(p, blocks, calls=1):

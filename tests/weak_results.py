@@ -100,7 +100,7 @@ def _levels(functions, order):
         mean_rate=(Order(order, order - 0.1, order + 0.1, 7),) * functions,
         variance_rate=(Order(2.0, 1.9, 2.1, 7),) * functions,
         cost_rate=0.95,
-        twins=order == 2,
+        antithetic=order == 2,
     )
 
 
@@ -118,7 +118,7 @@ def by_differences(scheme="splitting", functions=2, **attributes):
         seconds=3e-8 / H,
         variance_rate=(Order(1.0, 0.9, 1.1, 6),) * functions,
     )
-    levels = replace(_levels(functions, ORDER[scheme]), twins=True)
+    levels = replace(_levels(functions, ORDER[scheme]), antithetic=True)
     return weak_group(scheme, "multilevel", functions=functions, differences=differences, levels=levels, **attributes)
 
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.kinds.plans import Cost, Done, PartPlan, State
+from spi.kinds.plans import Cost, Done, State
 from spi.kinds.weak.results import Unsampled, WeakErrors
-from spi.kinds.weak.study.fields import result_steps, weak_errors
+from spi.kinds.weak.study.plans import WeakPlan
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order, Part
 
@@ -30,7 +30,7 @@ def plan(case: Any, part: Part) -> "GuessPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuessPlan(PartPlan):
+class GuessPlan(WeakPlan):
     """Errors of one scheme, guessed."""
 
     def cost(self) -> Cost:
@@ -56,10 +56,9 @@ class GuessPlan(PartPlan):
     def results(self, state: State) -> WeakErrors:
         """The same error for each test function."""
         count = len(self.case.functions)
-        error = np.outer(np.ones(count), self.case.per_step * result_steps(self))
+        error = np.outer(np.ones(count), self.case.per_step * self.h)
         nothing, ones = np.zeros(count), np.ones_like(error)
-        return weak_errors(
-            self,
+        return self.weak_errors(
             state.seconds,
             error=error,
             expectation=error,

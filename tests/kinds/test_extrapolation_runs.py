@@ -11,7 +11,6 @@ from weak_cases import SPEC
 from spi.exact.kolmogorov import expectations
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.estimators.multilevel.extrapolated import errors_at_steps, shares, shares_above
 from spi.kinds.work_precision import study as work_precision
 from spi.running.run import load
 from spi.schemes.splitting import SYMMETRIC
@@ -49,18 +48,19 @@ def test_shares_of_the_levels():
     for levels in (0, 1, 2):
         case = symmetric(*COARSE, f"extrapolate={levels}")
         p = weak.plan(case, Part("splitting_symmetric", "multilevel", extrapolate=levels))
-        differences = np.random.default_rng(5).standard_normal((2, len(p.levels) - 1, 1))
-        found = errors_at_steps(p, differences)
-        np.testing.assert_allclose(found[:, 0], differences[..., 0] @ shares(p).T, rtol=1e-12)
+        combine, count = p.combination, len(p.levels) - 1
+        shares, differences = combine.shares(), np.random.default_rng(5).standard_normal((2, count, 1))
+        found = combine.errors(differences)
+        np.testing.assert_allclose(found[:, 0], differences[..., 0] @ shares.T, rtol=1e-12)
         h = case.reference_step * 2.0 ** np.arange(len(p.levels))
         values = 5 + 2 * h**2 - h**4 + 0.5 * h**6
         reached = Extrapolation.of(list(h[::-1]), (2, 4, 6)[:levels]).combined(values[::-1])
-        expected = reached[: len(shares(p))] - reached[-1]  # those of the steps of the case, less that of h_ref
-        np.testing.assert_allclose(errors_at_steps(p, np.diff(values)[:, None])[0], expected, rtol=1e-9)
-        to_reference, to_steps = shares_above(p)
+        expected = reached[: len(shares)] - reached[-1]  # those of the steps of the case, less that of h_ref
+        np.testing.assert_allclose(combine.errors(np.diff(values)[:, None])[0], expected, rtol=1e-9)
+        to_reference, to_steps = combine.shares_above()
         np.testing.assert_allclose(values[-1] - to_reference @ np.diff(values), reached[-1], rtol=1e-12)
         np.testing.assert_allclose(values[-1] - to_steps @ np.diff(values), reached[: len(to_steps)], rtol=1e-12)
-        assert levels == 0 or np.abs(shares(p)).max() > 1
+        assert levels == 0 or np.abs(shares).max() > 1
 
 
 @compiled_only

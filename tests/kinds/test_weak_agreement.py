@@ -63,7 +63,7 @@ def variance_rates(system, scheme, reversals=None):
     ],
     ids=["splitting", "antithetic", "not antithetic", "coins turned only"],
 )
-def test_the_variance_of_a_level_falls_with_the_square_of_the_step_with_twins_and_else_linearly(
+def test_the_variance_of_a_level_falls_with_the_square_of_the_step_if_antithetic_and_else_linearly(
     system, scheme, reversals, expected
 ):
     rate, low, high, finest = variance_rates(system, scheme, reversals)

@@ -77,7 +77,7 @@ def test_differences_are_what_plain_numpy_finds():
     found, attributes = group.arrays, group.attributes
     levels, base, differences = samples_by_hand(case, "splitting", blocks)
     # the levels, and so whether they have antithetic paths, are those of the other scheme
-    assert attributes["compared_with"] == "splitting_order2" and attributes["twins"]
+    assert attributes["compared_with"] == "splitting_order2" and attributes["antithetic"]
     assert attributes["samples"] == sum(blocks) * LANES
     assert found["difference_samples"].tolist() == [LANES * n for n in blocks[3:]]
     assert found["level_samples"].tolist() == [LANES * n for n in blocks[:2]]

@@ -18,7 +18,6 @@ from weak_cases import (
 )
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.estimators.multilevel import estimates
 from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import LEVELS
@@ -33,13 +32,13 @@ def levels_by_hand(case, scheme, blocks):
 
     Arrays [function, path]; with antithetic paths for the scheme of order 2.
     """
-    record, twins, levels = SCHEMES[scheme].record, scheme == "splitting_order2", []
+    record, antithetic, levels = SCHEMES[scheme].record, scheme == "splitting_order2", []
     count = round(math.log2(max(case.steps) / case.reference_step))
     for j in range(count + 1):
         h = case.reference_step * 2**j
-        doublings, reversals = ((0, 0, 1, 1), TWINS) if twins else ((0, 1), (AS_TOSSED,) * 2)
+        doublings, reversals = ((0, 0, 1, 1), TWINS) if antithetic else ((0, 1), (AS_TOSSED,) * 2)
         if j == count:
-            doublings, reversals = ((0, 0), (AS_TOSSED, COINS_TURNED)) if twins else ((0,), (AS_TOSSED,))
+            doublings, reversals = ((0, 0), (AS_TOSSED, COINS_TURNED)) if antithetic else ((0,), (AS_TOSSED,))
         y = final_states(
             record,
             case.model,
@@ -71,7 +70,7 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
     coordinates, found, attributes = group.coordinates, group.arrays, group.attributes
     levels, base, alone = levels_by_hand(case, scheme, blocks)
     differences = [d for d, _ in levels]
-    assert attributes["twins"] == (scheme == "splitting_order2")
+    assert attributes["antithetic"] == (scheme == "splitting_order2")
     assert attributes["samples"] == sum(blocks) * LANES
     assert list(coordinates["level"]) == [case.reference_step * 2**j for j in range(1, len(blocks))]
     assert found["level_samples"].tolist() == [LANES * n for n in blocks[:-1]]
@@ -112,7 +111,7 @@ def test_standard_errors_of_multilevel_leave_out_groups():
     case = case_of("seed=5", *([] if COMPILED else ["steps=[2^-1, 2^-2]", "reference_step=2^-3"]))
     p = levels_plan_of(case, "splitting")
     blocks = [ROUND] * len(p.levels)
-    error, without, counts = estimates.errors(p, levels_after(p, blocks))
+    error, without, counts = p.errors(levels_after(p, blocks))
     found = p.results(after_blocks(p, blocks)).group().arrays["error_stderr"]
     assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
     levels, *_ = levels_by_hand(case, "splitting", blocks)
@@ -131,7 +130,7 @@ def test_multilevel_goes_on_from_every_state(scheme):
     p = plan_of(case_of("seconds=0.01"), scheme, "multilevel")
     whole, found = finished(p, 2), snapshots(p, 2)
     assert whole.more.allocations == len(multilevel.SHARES)
-    assert np.all(multilevel.snapshot(p, whole).blocks == whole.more.targets)
+    assert np.all(p.level_sums(whole).blocks == whole.more.targets)
     assert len({tuple(plain["more"]["targets"]) for plain in found}) >= 3
     fulfilled = [plain for plain in found if not taken(p, plain).missing()]
     assert len(fulfilled) >= len(multilevel.SHARES)
@@ -150,10 +149,10 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
     case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "seconds=null", wish)
     p = levels_plan_of(case, scheme)
     pilot = levels_after(p, 2 * ROUND)
-    variance = estimates.moments(p, pilot).variance.max(axis=1)[:-1]
+    variance = pilot.moments().variance.max(axis=1)[:-1]
     cost = np.array([level.steps for level in p.levels])[:-1]
     for share in (0.5, 1.0):
-        blocks = multilevel.allocation(p, pilot, share)
+        blocks = p.allocation(pilot, share)
         assert np.all(blocks % ROUND == 0)
         ratio = blocks[:-1] / np.sqrt(variance / cost)
         # rounded up to whole rounds
@@ -167,7 +166,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
             hoped = math.sqrt((variance / (blocks[:-1] * LANES)).sum())
             assert 0.8 * 0.0005 < hoped * math.sqrt(share) <= 0.0005 * 1.001
     state = finished(p)
-    levels, found = multilevel.snapshot(p, state), p.results(state).group().arrays
+    levels, found = p.level_sums(state), p.results(state).group().arrays
     assert np.all(levels.blocks >= 2 * ROUND)
     stderr = found["error_stderr"][:, 0].max()
     if "seconds" in wish:

@@ -51,13 +51,13 @@ def test_stages_and_levels(three):
     levels = multilevel.levels
     assert levels.mean.shape == levels.consistency.shape == (2, 7) and levels.seconds.shape == (7,)
     assert levels.variance_rate == (Order(2.0, 1.9, 2.1, 7),) * 2
-    assert not levels.twins and levels.cost_rate == 0.95 and multilevel.differences is None
+    assert not levels.antithetic and levels.cost_rate == 0.95 and multilevel.differences is None
 
 
 def test_differences():
     reading = WeakErrors.of(by_differences())
     found = reading.differences
-    assert found.scheme == "splitting_order2" and reading.levels.twins
+    assert found.scheme == "splitting_order2" and reading.levels.antithetic
     assert found.mean.shape == found.consistency.shape == (2, len(H)) and found.seconds.shape == (len(H),)
     assert found.variance_rate == (Order(1.0, 0.9, 1.1, 6),) * 2
 

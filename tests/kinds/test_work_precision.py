@@ -175,7 +175,7 @@ def test_whole_paths_are_integrated(spec, text):
     seen, integrate = [], work_precision.integrate
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(work_precision, "integrate", lambda *arguments: (seen.append(arguments), integrate(*arguments)))
-        paths, run = work_precision._job(work_precision.plan(case, part), h)
+        paths, run = work_precision.plan(case, part).job(h)
         run()
     states, observer, report = seen[0][2], seen[0][5], seen[0][6]
     assert paths == LANES == seen[0][8]

@@ -96,7 +96,7 @@ def test_a_palindrome_has_antithetic_paths():
     own = [f"compositions={{own: {PALINDROME}, crooked: {CROOKED}}}", "schemes=[own, crooked]"]
     case = weak_case(*own, "steps=2^-1 .. 2^-4", "reference_step=2^-6", "seconds=2", "functions=y1^2")
     found, attributes = results_of(case, "own", "multilevel")
-    assert attributes["twins"] and not has_antithetic_path(case.row("crooked").record)
+    assert attributes["antithetic"] and not has_antithetic_path(case.row("crooked").record)
     assert np.all(np.abs(found["level_variance_rate"] - 2) < 0.4)
     assert has_order(found, 2) and not has_order(found, 1)
     exact = expectations(

@@ -86,7 +86,7 @@ class Levels(Described):
         tuple[Order, ...] | None, array("function", "rate of the variances", formula="p in variance = C h^p")
     ] = None
     cost_rate: Annotated[float, fact("p in seconds = C h^-p")]
-    twins: Annotated[bool, fact("whether sampled with antithetic paths", name="twins")]
+    antithetic: Annotated[bool, fact("whether sampled with antithetic paths", name="antithetic")]
     control: Annotated[str, fact("what is subtracted to reduce the variance", name="control")] = ""
     control_bound: Annotated[float, fact("numerical error of its expectations", "value", name="control_bound")] = 0.0
 

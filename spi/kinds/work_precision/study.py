@@ -22,7 +22,6 @@ from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.results import WeakErrors
-from spi.kinds.weak.study.fields import result_steps
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
@@ -61,11 +60,23 @@ class Times(NamedTuple):
         return self.of_errors.seconds + self.timing_seconds
 
 
+class _Job(NamedTuple):
+    """What is timed at one step size."""
+
+    paths: int
+    run: Callable[[], Any]  #: integrates so many whole paths from 0 to T
+
+
 @dataclass(frozen=True, kw_only=True)
 class WorkPlan(PartPlan):
     """Errors of one scheme, and then the time of a path at each step size."""
 
     errors: Any  #: the plan of the strong or weak errors
+
+    @property
+    def h(self) -> np.ndarray:
+        """(S,) the steps of the results, from large to small."""
+        return self.errors.h if self.case.functions else np.array(self.case.steps)
 
     def cost(self) -> Cost:
         """The cost of the errors; the times take some seconds more."""
@@ -73,7 +84,7 @@ class WorkPlan(PartPlan):
 
     def begin(self) -> Times:
         """No time has been measured."""
-        times = np.full((self.case.repeats, len(result_steps(self))), np.nan)
+        times = np.full((self.case.repeats, len(self.h)), np.nan)
         return Times(of_errors=self.errors.begin(), times=times, timing_seconds=0.0)
 
     def path_sets(self, more: Times) -> Sequence[PathSet]:
@@ -99,18 +110,53 @@ class WorkPlan(PartPlan):
         own.more, own.tallies = state.more.of_errors, state.tallies
         return own
 
-    @property
-    def _shortest(self) -> tuple[float, int]:
-        """A step size, and how many steps of it there must be at least."""
-        return float(result_steps(self)[0]), 2**self.part.extrapolate
-
     def kernel_calls(self) -> list[KernelCall]:
-        """Those of the errors, and one step of one block as it is timed."""
-        return [*self.errors.kernel_calls(), KernelCall(integrate, _arguments(self, *self._shortest, 1))]
+        """Those of the errors, and as few steps of one block as can be, as they are timed."""
+        timed = self._arguments(float(self.h[0]), 2**self.part.extrapolate, 1)
+        return [*self.errors.kernel_calls(), KernelCall(integrate, timed)]
 
     def finish(self, state: State) -> Iterator[Times]:
-        """Measure the times that are left."""
-        yield from _timings(self, state.more)
+        """Measure the times that are left; yields after each repeat."""
+        more = state.more
+        left = np.flatnonzero(np.isnan(more.times).any(axis=1))
+        if not len(left):
+            return
+        began = time.perf_counter()
+        jobs = [self.job(h) for h in self.h.tolist()]
+        _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
+        for repeat in left:
+            times = more.times.copy()
+            times[repeat] = _seconds_per_path(jobs)
+            now = time.perf_counter()
+            more = more._replace(times=times, timing_seconds=more.timing_seconds + now - began)
+            began = now
+            yield more
+
+    @property
+    def path_steps(self) -> int:
+        """How many steps of paths are timed at once: fewer of a large model, of which they take about 0.1 s."""
+        return min(_PATH_STEPS, int(1e8 / typical_ns(self.row, self.model))) if large(self.model) else _PATH_STEPS
+
+    def job(self, h: float) -> _Job:
+        """Whole paths at step size h, with nothing else to be done than to keep, or to look at, their ends."""
+        steps = round(self.case.final_time / h)
+        blocks = max(1, self.path_steps // (LANES * steps))
+        scheme, model, start, *others = self._arguments(h, steps, blocks)
+        return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
+
+    def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
+        """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
+
+        With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
+        """
+        case, sizes = self.case, self.part.extrapolate + 1
+        reference = case.reference_record(self.part.eps)
+        paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
+        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h)
+        times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
+        observer = None if case.functions else path_observer(self.model, self.initial, times, blocks)
+        what = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
+        return arguments_of(*what)
 
     def progress(self, state: State) -> Done:
         """How far the errors are and, from the first repeat on, the times, in seconds of typical speed."""
@@ -118,7 +164,7 @@ class WorkPlan(PartPlan):
         measured = int(np.isfinite(state.more.times).all(axis=1).sum())
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.row, self.model) * _path_steps(self) * len(result_steps(self))
+        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * len(self.h)
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def results(self, state: State) -> WorkPrecision:
@@ -126,7 +172,7 @@ class WorkPlan(PartPlan):
         case, found = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(found) if isinstance(found, StrongErrors) else _of_weak(found)
         low, median, high = np.quantile(state.more.times, (0.25, 0.5, 0.75), axis=0)
-        steps = case.final_time / result_steps(self) * sum(0.5**i for i in range(self.part.extrapolate + 1))
+        steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(
             about=found.about._replace(estimator=""),
@@ -139,59 +185,6 @@ class WorkPlan(PartPlan):
             repeats=case.repeats,
             targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )
-
-
-def _path_steps(p: WorkPlan) -> int:
-    """How many steps of paths are timed at once: fewer of a large model, of which they take about 0.1 s."""
-    return min(_PATH_STEPS, int(1e8 / typical_ns(p.row, p.model))) if large(p.model) else _PATH_STEPS
-
-
-class _Job(NamedTuple):
-    """What is timed at one step size."""
-
-    paths: int
-    run: Callable[[], Any]  #: integrates so many whole paths from 0 to T
-
-
-def _job(p: WorkPlan, h: float) -> _Job:
-    """Whole paths at step size h, with nothing else to be done than to keep, or to look at, their ends."""
-    case = p.case
-    steps = round(case.final_time / h)
-    blocks = max(1, _path_steps(p) // (LANES * steps))
-    scheme, model, start, *others = _arguments(p, h, steps, blocks)
-    return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
-
-
-def _arguments(p: "WorkPlan", h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-    """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
-
-    With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
-    """
-    case, sizes = p.case, p.part.extrapolate + 1
-    reference = case.reference_record(p.part.eps)
-    paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
-    paths["area_terms"] = fourier_terms(p.model, [p.scheme], h)
-    times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
-    observer = None if case.functions else path_observer(p.model, p.initial, times, blocks)
-    what = p.scheme, p.model, p.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
-    return arguments_of(*what)
-
-
-def _timings(p: WorkPlan, known: Times) -> Iterator[Times]:
-    """Measure what is left of the times; yields after each repeat."""
-    left = np.flatnonzero(np.isnan(known.times).any(axis=1))
-    if not len(left):
-        return
-    began = time.perf_counter()
-    jobs = [_job(p, h) for h in result_steps(p).tolist()]
-    _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
-    for repeat in left:
-        times = known.times.copy()
-        times[repeat] = _seconds_per_path(jobs)
-        now = time.perf_counter()
-        known = known._replace(times=times, timing_seconds=known.timing_seconds + now - began)
-        began = now
-        yield known
 
 
 def _seconds_per_path(jobs: Iterable[_Job]) -> list[float]:

@@ -67,7 +67,7 @@ def level_warnings(levels: Levels, f: int) -> Iterator[str]:
     if math.isfinite(levels.cost_rate):
         told.append(f"cost h^-{levels.cost_rate:.2f}")
     if told:
-        yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.twins else ''}"
+        yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.antithetic else ''}"
     yield from _doubts(levels.h, levels, f, "the means of neighbouring levels disagree")
 
 

@@ -13,13 +13,13 @@ from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import dimension
 from spi.exact.kolmogorov import Expectations, demands, expectations
 from spi.expressions import as_numpy, canonical, functions_of
-from spi.kinds.plans import Cost, Done, PartPlan, State
+from spi.kinds.plans import Cost, Done, State
 from spi.schemes.stages import compositions
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order, Part
 
 from ...results import Unsampled, WeakErrors
-from ...study.fields import extrapolation, result_steps, weak_errors
+from ...study.plans import WeakPlan
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
@@ -49,7 +49,7 @@ def plan(case: Any, part: Part) -> "KolmogorovPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class KolmogorovPlan(PartPlan):
+class KolmogorovPlan(WeakPlan):
     """Weak errors of one splitting scheme from its backward operators."""
 
     def cost(self) -> Cost:
@@ -104,9 +104,9 @@ class KolmogorovPlan(PartPlan):
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
-        found, combine = state.total(), extrapolation(self)
+        found, combine = state.total(), self.extrapolation
         error, bound = combine.combined(found.error), combine.combined_bounds(found.error_bound)
-        h, resolved = result_steps(self), np.abs(error) >= _CLEAR * bound
+        h, resolved = self.h, np.abs(error) >= _CLEAR * bound
         unsampled = Unsampled(
             error_bound=bound,
             expectation_bound=combine.combined_bounds(found.value_bound),
@@ -115,8 +115,7 @@ class KolmogorovPlan(PartPlan):
             notes=found.notes,
         )
         each = zip(error, bound, resolved, strict=True)
-        return weak_errors(
-            self,
+        return self.weak_errors(
             state.seconds,
             error=error,
             resolved=resolved,

@@ -29,12 +29,12 @@ from spi.schemes.splitting import has_antithetic_path
 from spi.storage.records import Part
 
 from ...results import Differences, Sampled, WeakErrors
-from ...study.fields import sampled_errors, weak_errors
+from ...study.plans import sampled_errors
 from ...study.sums import values_of_blocks
-from . import estimates
-from .estimates import Errors
+from .decisions import Errors
 from .levels import DIFFERENCE, VALUE, Level
-from .plans import Levels, MultilevelPlan, Rows, snapshot
+from .plans import MultilevelPlan, Rows
+from .sums import LevelSums
 
 #: The scheme of weak order 2.
 ORDER_2 = "splitting_order2"
@@ -83,14 +83,14 @@ class DifferencesPlan(MultilevelPlan):
     def kernel_calls(self) -> list[KernelCall]:
         """Those of both schemes."""
         difference = self.levels[-1]
-        return [*self.order2.kernel_calls(), *self.calls_of_a_step(_with_sides(self, difference), difference.stream)]
+        return [*self.order2.kernel_calls(), *self.calls_of_a_step(self._with_sides(difference), difference.stream)]
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks of one level."""
         if number <= self.base:
             return self.order2.rows(number, first, blocks, end)
         level = self.levels[number]
-        grids = (self.order2, level.grid), (self, _with_sides(self, level))
+        grids = (self.order2, level.grid), (self, self._with_sides(level))
         values = [values_of_blocks(p, times, level.stream, first, blocks, end)[0] for p, times in grids]
         return Rows(np.concatenate(values, axis=1), level.weights)
 
@@ -107,79 +107,71 @@ class DifferencesPlan(MultilevelPlan):
         share = variance[differences] / of_differences if of_differences > 0 else np.zeros(len(self.case.steps))
         return root + float(of_differences), np.append(per_root, share)
 
-    def errors(self, levels: Levels) -> Errors:
+    def errors(self, levels: LevelSums) -> Errors:
         """Those of the scheme of weak order 2, with the differences added."""
-        base, differences = estimates.errors(self.order2, self.without_differences(levels)), self.base + 1
-        mean, without = estimates.averages(self, levels)
-        error = base.error + mean[differences:].T
-        return Errors(error, base.without + np.moveaxis(without[:, differences:], 1, 2), base.counts)
+        own, differences = self._divided(levels)
+        base, (mean, without) = self.order2.errors(own), differences.averages()
+        return Errors(base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts)
 
-    def without_differences(self, levels: Levels) -> Levels:
-        """The levels of the scheme of weak order 2 alone."""
-        kept = slice(self.base + 1)
-        more = levels.more._replace(targets=levels.more.targets[kept], known=levels.more.known[kept])
-        arrays = {name: getattr(levels, name)[kept] for name in ("blocks", "sums", "nonfinite", "cpu_seconds")}
-        return Levels(**arrays, more=more)
+    def _divided(self, levels: LevelSums) -> tuple[LevelSums, LevelSums]:
+        """The levels of the scheme of weak order 2, and the differences."""
+        return levels.only(slice(self.base + 1)), levels.only(slice(self.base + 1, None))
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state; its levels are those of the other scheme."""
-        levels, first = snapshot(self, state), self.base + 1
-        order2 = estimates.results(self.order2, self.without_differences(levels), state.seconds)
-        found, samples = estimates.moments(self, levels), estimates.samples_of(levels)[first:]
-        mean, variance = found.mean[first:].T, found.variance[first:].T
-        fields, sampled = sampled_errors(np.array(self.case.steps), *self.errors(levels))
+        levels = self.level_sums(state)
+        own, differences = self._divided(levels)
+        order2, moments = self.order2.results_of(own, state), differences.moments()
+        fields, sampled = sampled_errors(self.h, *self.errors(levels))
         of_order2: Any = order2.sampled
-        steps = np.array([level.steps for level in self.levels])
+        steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
         sampled |= {
-            "expectation_stderr": np.hypot(of_order2.expectation_stderr, np.sqrt(variance / samples)),
+            "expectation_stderr": np.hypot(of_order2.expectation_stderr, moments.stderr.T),
             **{name: getattr(of_order2, name) for name in ("reference", "sd")},
-            "samples": int(levels.blocks.sum()) * LANES,
-            "ns_per_step": 1e9 * float(levels.cpu_seconds.sum() / (steps @ levels.blocks * LANES)),
+            "samples": int(levels.samples.sum()),
+            "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),
         }
-        return weak_errors(
-            self,
+        return self.weak_errors(
             state.seconds,
             **fields,
-            expectation=order2.expectation + mean,
+            expectation=order2.expectation + moments.mean.T,
             sampled=Sampled(**sampled),
             **{name: getattr(order2, name) for name in ("levels", "history")},
-            differences=_table(self, levels),
-            cpu_seconds=float(levels.cpu_seconds.sum()),
+            differences=Differences(
+                scheme=ORDER_2,
+                mean=moments.mean.T,
+                variance=moments.variance.T,
+                kurtosis=moments.kurtosis.T,
+                consistency=self._consistency(own, differences),
+                samples=differences.samples,
+                nonfinite=differences.nonfinite,
+                seconds=differences.cpu_seconds / differences.samples,
+                variance_rate=differences.variance_rates(self.h),
+            ),
+            cpu_seconds=cpu_seconds,
         )
 
+    def _consistency(self, own: LevelSums, differences: LevelSums) -> np.ndarray:
+        """|a - b| / (3 (sd a + sd b)), above 1 with probability 0.3 % at most, (F, S).
 
-def _table(p: DifferencesPlan, levels: Levels) -> Differences:
-    """The differences, and how fast their variances fall."""
-    h, first, found = np.array(p.case.steps), p.base + 1, estimates.moments(p, levels)
-    sums, blocks, beta = levels.sums[first:], levels.blocks[first:], np.zeros(len(h))
-    samples, functions = estimates.samples_of(levels)[first:], range(len(p.case.functions))
-    return Differences(
-        scheme=ORDER_2,
-        mean=found.mean[first:].T,
-        variance=found.variance[first:].T,
-        kurtosis=found.kurtosis[first:].T,
-        consistency=_consistency(p, levels),
-        samples=samples,
-        nonfinite=levels.nonfinite[first:],
-        seconds=levels.cpu_seconds[first:] / samples,
-        variance_rate=tuple(estimates.variance_rate(h, sums[:, :, :, f], blocks, beta) for f in functions),
-    )
+        a and b are the means of phi(z) at a step on the paths of its difference and on those of the levels of z.
+        """
+        level = self.combination.below
+        quantity = np.where(level == self.base, DIFFERENCE, VALUE)  # of the last level, which has one step, the mean
+        on_levels = np.swapaxes(own.means_of_powers()[quantity, :2, level], 0, 1), own.samples[level]
+        on_differences = differences.means_of_powers()[VALUE][:2], differences.samples
+        with np.errstate(invalid="ignore", divide="ignore"):
+            (b, sd_b), (a, sd_a) = (
+                (mean, np.sqrt(np.maximum(square - mean**2, 0.0) / n.reshape(-1, 1)))
+                for (mean, square), n in (on_levels, on_differences)
+            )
+            return (np.abs(a - b) / (3.0 * (sd_b + sd_a))).T
 
-
-def _consistency(p: DifferencesPlan, levels: Levels) -> np.ndarray:
-    """|a - b| / (3 (sd a + sd b)), above 1 with probability 0.3 % at most, (F, S).
-
-    a and b are the means of phi(z) at a step on the paths of its difference and on those of the levels of z.
-    """
-    powers, n = estimates.means_of_powers(p, levels)[:, :2], estimates.samples_of(levels).reshape(-1, 1)
-    level = np.array([round(np.log2(h / p.case.reference_step)) for h in p.case.steps])
-    quantity = np.where(level == p.base, DIFFERENCE, VALUE)  # of the last level, which has one step size, the mean
-    mean, square = np.swapaxes(powers[quantity, :, level], 0, 1)
-    own_mean, own_square = powers[VALUE][:, p.base + 1 :]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sd = np.sqrt(np.maximum(square - mean**2, 0.0) / n[level])
-        own_sd = np.sqrt(np.maximum(own_square - own_mean**2, 0.0) / n[p.base + 1 :])
-        return (np.abs(own_mean - mean) / (3.0 * (sd + own_sd))).T
+    def _with_sides(self, level: Level) -> Grid:
+        """The grid of the paths of the scheme itself, at the step of a difference."""
+        sides, times = _sides(self.scheme), level.grid
+        doublings = [0] * len(sides)
+        return grid(times.reference_step, times.reference_steps, doublings, truncate=times.truncate, reversals=sides)
 
 
 def _difference(case: Any, h: float, sides: int) -> Level:
@@ -197,15 +189,3 @@ def _difference(case: Any, h: float, sides: int) -> Level:
 def _sides(record: Any) -> tuple[int, ...]:
     """What the paths of a scheme do with its coins: as tossed, and turned if there are any."""
     return _BOTH_SIDES if tosses(record) else _BOTH_SIDES[:1]
-
-
-def _with_sides(p: DifferencesPlan, level: Level) -> Grid:
-    """The grid of the paths of the scheme itself, at the step of a difference."""
-    sides = _sides(p.scheme)
-    return grid(
-        level.grid.reference_step,
-        level.grid.reference_steps,
-        [0] * len(sides),
-        truncate=level.grid.truncate,
-        reversals=sides,
-    )

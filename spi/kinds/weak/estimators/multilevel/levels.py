@@ -26,20 +26,20 @@ class Level(NamedTuple):
     steps: int  #: of all paths of a sample
 
 
-def levels_of(case: Any, scheme: Any, twins: bool, limit: tuple | None) -> tuple[Level, ...]:
+def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> tuple[Level, ...]:
     """Level j compares the steps 2^(j+1) h_ref and 2^j h_ref, the last one has the largest step alone.
 
-    `scheme` is the record of the scheme, `twins` says whether paths are antithetic, and `limit` is the record
+    `scheme` is the record of the scheme, `antithetic` says whether paths are antithetic, and `limit` is the record
     of the scheme that is the control, None without control.
     """
     count = round(np.log2(max(case.steps) / case.reference_step))
-    differences = [_level(case, scheme, j, limit, *_two_steps(twins, limit)) for j in range(count)]
-    return *differences, _level(case, scheme, count, limit, *_one_step(twins, limit))
+    differences = [_level(case, scheme, j, limit, *_two_steps(antithetic, limit)) for j in range(count)]
+    return *differences, _level(case, scheme, count, limit, *_one_step(antithetic, limit))
 
 
-def _two_steps(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
+def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
     """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
-    if twins:
+    if antithetic:
         shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
         return shape, [[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]]
     if limit is not None:
@@ -48,9 +48,9 @@ def _two_steps(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[l
     return {"doublings": (0, 1)}, [[-1.0, 1.0], [1.0, 0.0]]
 
 
-def _one_step(twins: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
+def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
     """The same for the last level."""
-    if twins:
+    if antithetic:
         return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
     if limit is not None:
         return {"doublings": (0, 0), "by_reference": (0, 1)}, [[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]

@@ -28,7 +28,7 @@ import numpy as np
 from spi.ensemble.protocol import dimension, noise_indices
 from spi.exact.kolmogorov import can_solve
 from spi.kinds.blocks import Blockwise
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.asymptotic import AsymptoticPreserving
@@ -37,34 +37,18 @@ from spi.statistics.estimators import GROUPS, jackknife_stderr
 from spi.statistics.tallies import PathSet, chunk_blocks
 from spi.storage.records import Part
 
-from ...results import WeakErrors
-from ...study.fields import result_steps
-from ...study.sums import ROUND, values_of_blocks, with_powers
+from ...results import History, Sampled, WeakErrors
+from ...study.plans import WeakPlan, sampled_errors
+from ...study.sums import ROUND, standard_deviation, values_of_blocks, with_powers
 from ..kolmogorov.study import solution
-from .estimates import Errors, errors, moments, results
-from .extrapolated import shares
-from .levels import Level, levels_of
+from .combination import Combination
+from .decisions import PILOT, SHARES, Decisions, Errors
+from .levels import VALUE, Level, levels_of
+from .sums import EQUAL, LevelSums, Totals
 
-PILOT = 2 * ROUND  #: blocks of each level before the first allocation
-SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
 _POWERS = 4
 _BATCH_BYTES = 64e6
-
-
-class Totals(NamedTuple):
-    """What is known of some samples of one level, for F test functions."""
-
-    paths: int  #: samples, each of them all paths of the level
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    sums: np.ndarray  #: (powers, quantities, F, GROUPS), the quantities as in levels.py
-    nonfinite: int
-
-    def plus(self, later: "Totals") -> "Totals":
-        """These samples and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        return Totals(**{name: mine[name] + others[name] for name in self._fields})
 
 
 class Rows(NamedTuple):
@@ -74,32 +58,8 @@ class Rows(NamedTuple):
     weights: np.ndarray  #: of the level
 
 
-class Decisions(NamedTuple):
-    """What is known besides sums over paths, of F test functions at S step sizes."""
-
-    seconds: float  #: wall clock
-    cpu_seconds: float
-    allocations: int  #: how many have been made
-    targets: np.ndarray  #: (levels,) blocks that the current allocation wants
-    known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
-    control_bound: float  #: the largest estimate of their numerical error
-    history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
-    history_error_stderr: np.ndarray  #: (allocations, F, S)
-    history_cpu_seconds: np.ndarray  #: (allocations,)
-
-
-class Levels(NamedTuple):
-    """The totals of all levels, and the decisions so far."""
-
-    blocks: np.ndarray  #: (levels,)
-    sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS)
-    nonfinite: np.ndarray  #: (levels,)
-    cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
-    more: Decisions
-
-
 @dataclass(frozen=True, kw_only=True)
-class MultilevelPlan(Blockwise, PartPlan):
+class MultilevelPlan(Blockwise, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
     levels: tuple[Level, ...]
@@ -120,9 +80,10 @@ class MultilevelPlan(Blockwise, PartPlan):
         return np.array([1e-9 * ns * level.steps * LANES for level in self.levels])
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """(F, S): test functions and step sizes."""
-        return len(self.case.functions), len(result_steps(self))
+    def combination(self) -> Combination:
+        """How differences make errors."""
+        below = [round(np.log2(h / self.case.reference_step)) for h in self.case.steps]
+        return Combination(self.extrapolation, np.array(below))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed (NaN if there is no budget), and bytes of memory."""
@@ -133,18 +94,7 @@ class MultilevelPlan(Blockwise, PartPlan):
 
     def begin(self) -> Decisions:
         """The pilot is wanted."""
-        levels, functions, allocations = len(self.levels), self.shape[0], len(SHARES)
-        return Decisions(
-            seconds=0.0,
-            cpu_seconds=0.0,
-            allocations=0,
-            targets=np.full(levels, PILOT),
-            known=np.full((levels, functions), np.nan if self.control else 0.0),
-            control_bound=0.0,
-            history_error=np.zeros((allocations, *self.shape)),
-            history_error_stderr=np.zeros((allocations, *self.shape)),
-            history_cpu_seconds=np.zeros(allocations),
-        )
+        return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
 
     def path_sets(self, more: Decisions) -> Sequence[PathSet]:
         """The samples of each level that the current allocation wants."""
@@ -155,7 +105,7 @@ class MultilevelPlan(Blockwise, PartPlan):
 
     def empty(self, number: int) -> Totals:
         """The totals over no samples."""
-        sums = np.zeros((_POWERS, 4 if self.control else 2, self.shape[0], GROUPS))
+        sums = np.zeros((_POWERS, 4 if self.control else 2, len(self.case.functions), GROUPS))
         return Totals(paths=0, seconds=0.0, cpu_seconds=0.0, sums=sums, nonfinite=0)
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -190,18 +140,44 @@ class MultilevelPlan(Blockwise, PartPlan):
         """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
         more = state.more
         if self.control and np.isnan(more.known).any():
-            return _with_known(self, self.control, more)
-        levels = snapshot(self, state)
-        if more.allocations > 0 and not more.history_cpu_seconds[more.allocations - 1]:
-            more = _with_history(self, levels)
+            return self._with_control(self.control, more)
+        levels = self.level_sums(state)
+        if not more.recorded:
+            more = more.with_errors(self.errors(levels), levels.cpu_seconds.sum())
         if more.allocations == len(SHARES):
             return more if more is not state.more else None
-        targets = np.maximum(levels.blocks, allocation(self, levels, SHARES[more.allocations]))
+        targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[more.allocations]))
         return more._replace(targets=targets, allocations=more.allocations + 1)
+
+    def _with_control(self, control: tuple, more: Decisions) -> Decisions:
+        """The decisions with the expectations of the control, rows of flows, from the finest level to the last."""
+        began, cpu_began = time.perf_counter(), time.process_time()
+        steps = self.case.reference_step * 2.0 ** np.arange(self.base, -1, -1)
+        exact = solution(self.case, control, steps)
+        differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
+        return more._replace(
+            seconds=more.seconds + time.perf_counter() - began,
+            cpu_seconds=more.cpu_seconds + time.process_time() - cpu_began,
+            known=np.concatenate([differences, exact.value[:, :1].T]),
+            control_bound=float(exact.weak_error_bound.max()),
+        )
+
+    def level_sums(self, state: State) -> LevelSums:
+        """The sums of all levels: over all paths that are wanted, or those that are there."""
+        totals = [state.so_far(j) for j in range(len(self.levels))]
+        cpu_seconds = np.array([one.cpu_seconds for one in totals])
+        cpu_seconds[-1] += state.more.cpu_seconds
+        return LevelSums(
+            blocks=np.array([one.paths // LANES for one in totals]),
+            sums=np.array([one.sums for one in totals]),
+            nonfinite=np.array([one.nonfinite for one in totals]),
+            cpu_seconds=cpu_seconds,
+            known=state.more.known,
+        )
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error at the largest step."""
-        levels = snapshot(self, state)
+        levels = self.level_sums(state)
         done, total = (float(blocks @ self.seconds_per_block) for blocks in (levels.blocks, state.more.targets))
         if levels.blocks.min() < ROUND:
             return Done(done, total, float("nan"))
@@ -219,77 +195,89 @@ class MultilevelPlan(Blockwise, PartPlan):
         level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
         square of what of the level is in the error at the largest step.
         """
-        variance = variance * np.append(shares(self)[0] ** 2, 1.0)
+        variance = variance * np.append(self.combination.shares()[0] ** 2, 1.0)
         return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
 
-    def errors(self, levels: Levels) -> Errors:
-        """The errors that the levels tell."""
-        return errors(self, levels)
+    def allocation(self, levels: LevelSums, share: float) -> np.ndarray:
+        """Blocks of each level, a multiple of ROUND, as :meth:`least_work` shares out the work.
+
+        As many as `share` of the budget allows, or `share` of what the target asks for, if that is less.  The variance
+        is the largest over the test functions; a level whose values are not finite gets no more.
+        """
+        with np.errstate(invalid="ignore"):
+            variance = np.nan_to_num(levels.moments().variance.max(axis=1), nan=0.0, posinf=0.0)
+        cost = self.seconds_per_block / LANES
+        root, per_root = self.least_work(variance, cost)
+        samples = np.zeros(len(self.levels))
+        if root > 0 and noise_indices(self.model):  # without noise one path is all, whatever rounding says
+            budget, target = self.case.seconds or np.inf, self.case.standard_error
+            work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / target**2 if target else np.inf)
+            samples = work / root * per_root
+            samples[self.base] = work * _BASE_SHARE / cost[self.base]
+        return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
+
+    def errors(self, levels: LevelSums) -> Errors:
+        """The errors that the differences of the levels make."""
+        mean, without = levels.averages()
+        combine, extension = self.combination.errors, self.extension
+        return Errors(combine(mean[:-1]) * extension, combine(without[:, :-1]) * extension, EQUAL)
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
-        return results(self, snapshot(self, state), state.seconds)
+        return self.results_of(self.level_sums(state), state)
+
+    def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
+        """The results from the sums over these levels, which may be fewer than the state has."""
+        steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
+        errors, more = self.errors(levels), state.more
+        fields, sampled = sampled_errors(self.h, *errors)
+        expectation, of_expectation = self._expectations(levels, errors.error)
+        cpu_seconds = float(levels.cpu_seconds.sum())
+        work: Any = {"samples": int(levels.samples.sum()), "ns_per_step": 1e9 * float(cpu_seconds / steps)}
+        return self.weak_errors(
+            state.seconds,
+            **fields,
+            expectation=expectation,
+            sampled=Sampled(**sampled, **of_expectation, **work),
+            levels=levels.table(self._coarse, has_antithetic_path(self.scheme), more.control_bound),
+            history=History(
+                allocations=np.arange(1, len(SHARES) + 1),
+                error=more.history_error,
+                error_stderr=more.history_error_stderr,
+                cpu_seconds=more.history_cpu_seconds,
+            ),
+            cpu_seconds=cpu_seconds,
+        )
+
+    @property
+    def _coarse(self) -> np.ndarray:
+        """(levels - 1,) the coarse steps of the differences."""
+        return self.case.reference_step * 2.0 ** np.arange(1, self.base + 1)
+
+    def _expectations(self, levels: LevelSums, error: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+        """E phi at all steps: at the largest one from the last level, at the others by the differences between levels.
+
+        Beside it the fields of Sampled that state its uncertainty.
+        """
+        h, coarse, moments = np.array(self.case.steps), self._coarse, levels.moments()
+        last, variances = moments.stderr[-1] ** 2, moments.stderr[:-1] ** 2
+        fine, square = levels.means_of_powers()[VALUE][:2, -1]
+        differences, largest = error / self.extension, error[:, :1] / self.extension[:1]
+        if self.part.extrapolate:
+            to_reference, to_steps = self.combination.shares_above()
+            largest = (to_reference @ moments.mean[:-1])[:, np.newaxis]
+            spread = np.sqrt(last + to_steps**2 @ variances).T
+        else:
+            above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
+            spread = np.array([np.sqrt(last + variances[used].sum(axis=0)) for used in above]).T
+        return moments.mean[-1][:, np.newaxis] - largest + differences, {
+            "expectation_stderr": spread,
+            "reference": moments.mean[-1] - largest[:, 0],
+            "sd": standard_deviation(fine, square),
+        }
 
 
 def _control(case: Any, record: Any) -> tuple | None:
     """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
-    known = can_solve(case.model) and not case.truncate_noise
-    return record.stages if known and isinstance(record, AsymptoticPreserving) else None
-
-
-def snapshot(p: MultilevelPlan, state: State) -> Levels:
-    """What is known of all levels: of all paths that are wanted, or of those that are there."""
-    totals = [state.so_far(j) for j in range(len(p.levels))]
-    cpu_seconds = np.array([one.cpu_seconds for one in totals])
-    cpu_seconds[-1] += state.more.cpu_seconds
-    return Levels(
-        blocks=np.array([one.paths // LANES for one in totals]),
-        sums=np.array([one.sums for one in totals]),
-        nonfinite=np.array([one.nonfinite for one in totals]),
-        cpu_seconds=cpu_seconds,
-        more=state.more,
-    )
-
-
-def _with_known(p: MultilevelPlan, control: tuple, more: Decisions) -> Decisions:
-    """The decisions with the expectations of the control, rows of flows, from the finest level to the last."""
-    began, cpu_began = time.perf_counter(), time.process_time()
-    steps = p.case.reference_step * 2.0 ** np.arange(len(p.levels) - 1, -1, -1)
-    found = solution(p.case, control, steps)
-    known = np.concatenate([(found.weak_error[:, :-1] - found.weak_error[:, 1:]).T[::-1], found.value[:, :1].T])
-    return more._replace(
-        seconds=more.seconds + time.perf_counter() - began,
-        cpu_seconds=more.cpu_seconds + time.process_time() - cpu_began,
-        known=known,
-        control_bound=float(found.weak_error_bound.max()),
-    )
-
-
-def allocation(p: MultilevelPlan, levels: Levels, share: float) -> np.ndarray:
-    """Blocks of each level, a multiple of ROUND, as :meth:`MultilevelPlan.least_work` shares out the work.
-
-    As many as `share` of the budget allows, or `share` of what the target asks for, if that is less.  The variance is
-    the largest over the test functions; a level whose values are not finite gets no more.
-    """
-    with np.errstate(invalid="ignore"):
-        variance = np.nan_to_num(moments(p, levels).variance.max(axis=1), nan=0.0, posinf=0.0)
-    cost = p.seconds_per_block / LANES
-    root, per_root = p.least_work(variance, cost)
-    samples = np.zeros(len(p.levels))
-    if root > 0 and noise_indices(p.model):  # without noise one path is all, whatever rounding says
-        budget, target = p.case.seconds or np.inf, p.case.standard_error
-        work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / target**2 if target else np.inf)
-        samples = work / root * per_root
-        samples[p.base] = work * _BASE_SHARE / cost[p.base]
-    return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
-
-
-def _with_history(p: MultilevelPlan, levels: Levels) -> Decisions:
-    """The decisions with the errors of the allocation that has been fulfilled."""
-    more = levels.more
-    found, i = p.errors(levels), more.allocations - 1
-    error, stderr, seconds = (
-        values.copy() for values in (more.history_error, more.history_error_stderr, more.history_cpu_seconds)
-    )
-    error[i], stderr[i], seconds[i] = found.error, jackknife_stderr(*found), levels.cpu_seconds.sum()
-    return more._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
+    solvable = can_solve(case.model) and not case.truncate_noise
+    return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None

@@ -21,7 +21,7 @@ from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
-from ...study.fields import extension, extrapolation, result_steps, sampled_errors, weak_errors
+from ...study.plans import WeakPlan, sampled_errors
 from ...study.sums import mean_over_paths, standard_deviation, values_of_blocks, with_powers
 
 _BATCH_BYTES = 64e6
@@ -70,7 +70,7 @@ def plan(case: Any, part: Part) -> "PlainPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainPlan(BlocksPlan):
+class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
     @property
@@ -81,7 +81,7 @@ class PlainPlan(BlocksPlan):
     @property
     def shape(self) -> tuple[int, int]:
         """(L, F): step sizes of the results, the reference included, and test functions."""
-        return 1 + len(result_steps(self)), len(self.case.functions)
+        return 1 + len(self.h), len(self.case.functions)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
@@ -111,7 +111,7 @@ class PlainPlan(BlocksPlan):
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks."""
         values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
-        return Rows(_extrapolated(self, values), report)
+        return Rows(self._extrapolated(values), report)
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
         """The totals with the rows `at`, of which the first is that of block `first`."""
@@ -147,20 +147,26 @@ class PlainPlan(BlocksPlan):
         if not known.paths:
             return Done(0, self.samples, float("nan"))
         counts = group_counts(known.paths)
-        error, without = errors(self, known.differences, counts)
+        error, without = self.errors(known.differences, counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
-        totals = state.total()
-        fields, sampled = _of_all_paths(self, totals)
-        return weak_errors(
-            self,
+        totals, counts = state.total(), group_counts(self.samples)
+        mean, without = mean_over_paths(totals.values[0], counts)
+        expectation = _by_step(mean)
+        fields, sampled = sampled_errors(self.h, *self.errors(totals.differences, counts), counts)
+        return self.weak_errors(
             state.seconds,
             **fields,
-            prefixes=_of_prefixes(self, totals),
+            expectation=expectation,
+            nonfinite=totals.nonfinite[:0:-1],
+            prefixes=self._of_prefixes(totals) if self.prefixes else None,
             sampled=Sampled(
                 **sampled,
+                expectation_stderr=jackknife_stderr(expectation, _by_step(without), counts),
+                reference=mean[0],
+                sd=standard_deviation(*totals.values[:, -1].sum(axis=-1) / self.samples),
                 samples=self.samples,
                 ns_per_step=float(1e9 * totals.cpu_seconds / (self.steps.sum() * self.samples)),
             ),
@@ -168,57 +174,38 @@ class PlainPlan(BlocksPlan):
             reference_nonfinite=int(totals.nonfinite[0]),
         )
 
+    def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Errors (F, S) from the largest step to the smallest, and their leave-one-out values (groups, F, S)."""
+        mean, without = map(_by_step, mean_over_paths(differences[0], counts))
+        return mean * self.extension, without * self.extension
 
-def errors(p: PlainPlan, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (F, S) from the largest step to the smallest, and their leave-one-out values (groups, F, S)."""
-    mean, without = map(_by_step, mean_over_paths(differences[0], counts))
-    return mean * extension(p), without * extension(p)
+    def _extrapolated(self, values: np.ndarray) -> np.ndarray:
+        """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, L, F, LANES)."""
+        weights, smallest = self.extrapolation.weights.tolist(), self.case.reference_step
+        if len(weights) == 1:
+            return values
+        sizes = (smallest * 2.0**self.grid.doublings).tolist()
+        wanted = [smallest, *reversed(self.h.tolist())]
+        with np.errstate(invalid="ignore", over="ignore"):
+            each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights))
+            return np.sum(list(each), axis=0)
 
-
-def _extrapolated(p: PlainPlan, values: np.ndarray) -> np.ndarray:
-    """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, L, F, LANES)."""
-    weights = extrapolation(p).weights
-    if len(weights) == 1:
-        return values
-    sizes = (p.case.reference_step * 2.0**p.grid.doublings).tolist()
-    wanted = [p.case.reference_step, *reversed(result_steps(p).tolist())]
-    with np.errstate(invalid="ignore", over="ignore"):
-        each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights.tolist()))
-        return np.sum(list(each), axis=0)
+    def _of_prefixes(self, totals: Totals) -> Prefixes:
+        """What the first so many paths give."""
+        errors, stderrs = [], []
+        for samples, differences in zip(self.prefixes, totals.prefix_differences, strict=True):
+            counts = group_counts(samples)
+            error, without = self.errors(differences, counts)
+            errors.append(error)
+            stderrs.append(jackknife_stderr(error, without, counts))
+        return Prefixes(
+            samples=np.array(self.prefixes, np.int64),
+            error=np.array(errors),
+            error_stderr=np.array(stderrs),
+            cpu_seconds=totals.prefix_cpu_seconds,
+        )
 
 
 def _by_step(x: np.ndarray) -> np.ndarray:
     """(..., L, F) as (..., F, S): without the reference, from the largest step to the smallest."""
     return np.moveaxis(x, -1, -2)[..., :0:-1]
-
-
-def _of_all_paths(p: PlainPlan, totals: Totals) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What all paths together give, fields of WeakErrors and of Sampled."""
-    counts = group_counts(p.samples)
-    mean, without = mean_over_paths(totals.values[0], counts)
-    expectation = _by_step(mean)
-    fields, sampled = sampled_errors(result_steps(p), *errors(p, totals.differences, counts), counts)
-    coarsest = totals.values[:, -1].sum(axis=-1) / p.samples
-    return fields | {"expectation": expectation, "nonfinite": totals.nonfinite[:0:-1]}, sampled | {
-        "expectation_stderr": jackknife_stderr(expectation, _by_step(without), counts),
-        "reference": mean[0],
-        "sd": standard_deviation(*coarsest),
-    }
-
-
-def _of_prefixes(p: PlainPlan, totals: Totals) -> Prefixes | None:
-    """What the first so many paths give; None if no results of them are asked for."""
-    if not p.prefixes:
-        return None
-    found, stderrs = [], []
-    for samples, differences in zip(p.prefixes, totals.prefix_differences, strict=True):
-        counts = group_counts(samples)
-        error, without = errors(p, differences, counts)
-        found.append(error)
-        stderrs.append(jackknife_stderr(error, without, counts))
-    return Prefixes(
-        samples=np.array(p.prefixes, np.int64),
-        error=np.array(found),
-        error_stderr=np.array(stderrs),
-        cpu_seconds=totals.prefix_cpu_seconds,
-    )

@@ -1,0 +1,83 @@
+"""The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from spi.ensemble.loop import thread_count
+from spi.expressions import canonical
+from spi.kinds.plans import PartPlan
+from spi.schemes import has_theory, weak_exponents
+from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
+from spi.statistics.richardson import Extrapolation
+
+from ..results import WeakErrors
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeakPlan(PartPlan):
+    """The head of every plan of weak errors of one scheme, extrapolated or not."""
+
+    @property
+    def extrapolation(self) -> Extrapolation:
+        """How the values at the steps of the case make those of the results, whose steps are :attr:`h`."""
+        count = self.part.extrapolate
+        exponents = weak_exponents(self.row, self.model, count) if count else None
+        return Extrapolation.of(self.case.steps, exponents or ())
+
+    @property
+    def h(self) -> np.ndarray:
+        """(S,) the steps of the results, from large to small; with extrapolation 2h, ... are steps of the case, too."""
+        return np.array(self.case.steps)[self.extrapolation.chosen]
+
+    @property
+    def expected_order(self) -> float | None:
+        """The weak order of the scheme, after extrapolation; None where theory says nothing."""
+        if not self.part.extrapolate:
+            return self.row.weak_order if has_theory(self.row, self.model) else None
+        exponents = weak_exponents(self.row, self.model, self.part.extrapolate + 1)
+        return exponents[-1] if exponents else None
+
+    @property
+    def extension(self) -> np.ndarray:
+        """(S,) by how much to multiply E phi(y_h) - E phi(y_ref), which is (1 - (h_ref/h)^p) C h^p, to have C h^p.
+
+        With extrapolation both are extrapolated, and p is the order that they have then.  1 where the reference is
+        another scheme, whose own error is not of this form, or where theory states no order p.
+        """
+        order = None if self.case.reference_scheme else self.expected_order
+        return 1.0 / (1.0 - (self.case.reference_step / self.h) ** order) if order else np.ones_like(self.h)
+
+    def weak_errors(self, seconds: float, **estimated: Any) -> WeakErrors:
+        """What the estimator estimated, and what all estimators state of a case; `seconds` is the wall-clock time."""
+        case = self.case
+        return WeakErrors(
+            about=self.description(),
+            functions=tuple(case.functions),
+            h=self.h,
+            formulas=tuple(canonical(e) for e in case.expressions),
+            expected_order=self.expected_order,
+            reference_step=case.reference_step,
+            reference_scheme=case.reference_scheme,
+            panels=case.panels or ("errors",),
+            wall_seconds=seconds,
+            threads=thread_count(),
+            **estimated,
+        )
+
+
+def sampled_errors(
+    h: np.ndarray, error: np.ndarray, without: np.ndarray, counts: np.ndarray
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What is fitted to errors (F, S) by every estimator that samples: fields of WeakErrors, and of Sampled.
+
+    `without` is (groups, F, S).
+    """
+    stderr = jackknife_stderr(error, without, counts)
+    resolved = is_resolved(np.abs(error), stderr)
+    orders = tuple(
+        fit_order(h, np.abs(error[f]), np.abs(without[:, f]), counts, resolved[f], stderr=stderr[f])
+        for f in range(len(error))
+    )
+    return {"error": error, "resolved": resolved, "orders": orders}, {"error_stderr": stderr, "error_without": without}
