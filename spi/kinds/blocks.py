@@ -86,6 +86,6 @@ class Blockwise(Protocol):
 class BlocksPlan(PathsPlan, Blockwise):
     """The head of every plan with one set of paths, on one grid, that are summed up block after block."""
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
         return (PathSet(self.samples, chunk_blocks(int(self.steps.sum()), dimension(self.model))),)

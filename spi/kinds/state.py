@@ -20,14 +20,15 @@ class State:
 
     def __init__(self, plan: "Plan") -> None:
         self.plan = plan
-        self.more: Any = plan.begin()  #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
+        #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
+        self.extra: Any = plan.initial_extra()
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         self.digests: dict[int, dict[int, str]] = {}  #: of all chunks that are done, by path set and index
 
     @property
     def path_sets(self) -> Sequence[PathSet]:
         """The paths that are wanted for now."""
-        return self.plan.path_sets(self.more)
+        return self.plan.path_sets(self.extra)
 
     def tally(self, number: int = 0) -> Tally:
         """What is known of one path set."""
@@ -62,12 +63,12 @@ class State:
     @property
     def seconds(self) -> float:
         """Wall-clock time spent so far."""
-        return float(self.more.seconds + sum(tally.seconds for tally in self.tallies.values()))
+        return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
 
     def plain(self) -> dict[str, Any]:
         """All that is known as dicts, lists, arrays, numbers and texts, for a file."""
         return {
-            "more": _plain(self.more),
+            "extra": _plain(self.extra),
             "path_sets": [
                 {
                     "number": number,
@@ -79,13 +80,13 @@ class State:
             ],
         }
 
-    def take(self, plain: dict[str, Any], with_more: bool = True) -> None:
+    def merge(self, plain: dict[str, Any], with_extra: bool = True) -> None:
         """Add what another state of the same part knew, as :meth:`plain` told it; ValueError if it does not fit.
 
         Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
         """
-        if with_more:
-            self.more = _rebuilt(self.more, plain["more"])
+        if with_extra:
+            self.extra = _rebuilt(self.extra, plain["extra"])
         path_sets = self.path_sets
         for other in plain["path_sets"]:
             number = other["number"]

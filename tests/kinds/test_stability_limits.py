@@ -99,7 +99,7 @@ def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     state = State(plan)
     workers.advance_here([state], ignore)
     assert np.isnan(study(case, "splitting", state)[0]["truth"]).all()
-    workers.finish([state], ignore)
+    workers.finalise([state], ignore)
     found, _ = study(case, "splitting", state)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3

@@ -83,7 +83,7 @@ class LongTimePlan(PartPlan):
         of_a_block = sum(np.asarray(v).nbytes for v in self.empty(0, 1))
         return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps))
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths of each step size."""
         return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 

@@ -76,14 +76,14 @@ class StabilityPlan(PartPlan):
         of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
-    def begin(self) -> Truth:
+    def initial_extra(self) -> Truth:
         """No expectation has been found."""
         nothing = np.full((len(self.points), len(self.case.functions)), np.nan)
         return Truth(0.0, nothing, nothing)
 
-    def path_sets(self, more: Truth) -> Sequence[PathSet]:
+    def path_sets(self, extra: Truth) -> Sequence[PathSet]:
         """All paths for each value."""
-        return tuple(path_set for point in self.points for path_set in point.path_sets(more))
+        return tuple(path_set for point in self.points for path_set in point.path_sets(extra))
 
     def empty(self, number: int) -> Paths:
         """No paths for a value."""
@@ -97,15 +97,15 @@ class StabilityPlan(PartPlan):
         """Compute consecutive chunks of one value, see :class:`~spi.kinds.plans.Plan`."""
         return self.points[chunks[0].path_set].advance(chunks, known)
 
-    def finish(self, state: State) -> Iterator[Truth]:
+    def finalise(self, state: State) -> Iterator[Truth]:
         """Find the true expectations for each value."""
-        more, functions = state.more, tuple(map(canonical, self.case.expressions))
-        for i in np.flatnonzero(np.isnan(more.truth).any(axis=1)) if self.has_truth else ():
-            began, truth, bound = time.perf_counter(), more.truth.copy(), more.truth_bound.copy()
+        extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
+        for i in np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ():
+            began, truth, bound = time.perf_counter(), extra.truth.copy(), extra.truth_bound.copy()
             model, initial = self.points[i].model, self.points[i].initial
             truth[i], bound[i] = true_expectations(model, initial, self.case.final_time, functions)
-            more = Truth(more.seconds + time.perf_counter() - began, truth, bound)
-            yield more
+            extra = Truth(extra.seconds + time.perf_counter() - began, truth, bound)
+            yield extra
 
     def progress(self, state: State) -> Done:
         """Paths done of all values, all of them, and no standard error."""
@@ -159,5 +159,5 @@ class StabilityPlan(PartPlan):
             arrays["largest_angle"] = report[..., REPORT.index("largest_angle")]
         if self.case.functions:
             names = tuple(self.case.functions)
-            arrays["law"] = state.more.law(names, of["expectation"], of["expectation_stderr"])
+            arrays["law"] = state.extra.law(names, of["expectation"], of["expectation_stderr"])
         return arrays

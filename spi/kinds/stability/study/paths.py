@@ -25,7 +25,7 @@ class Paths(NamedTuple):
     cpu_seconds: float
     casimir: np.ndarray  #: (levels, C, paths)
     square: np.ndarray  #: (levels, paths)
-    least: np.ndarray  #: (levels, paths)
+    smallest: np.ndarray  #: (levels, paths)
     y: np.ndarray  #: (levels, d, paths)
     report: np.ndarray  #: (levels, columns)
 
@@ -40,7 +40,7 @@ class Paths(NamedTuple):
         )
 
 
-_OF_PATHS = ("casimir", "square", "least", "y")
+_OF_PATHS = ("casimir", "square", "smallest", "y")
 
 
 def _joined(paths: Paths, later: dict[str, np.ndarray]) -> dict[str, Any]:
@@ -69,7 +69,7 @@ class ValuePlan(BlocksPlan):
             cpu_seconds=0.0,
             casimir=np.zeros((levels, len(casimirs(self.model, self.initial)), 0)),
             square=np.zeros((levels, 0)),
-            least=np.zeros((levels, 0)),
+            smallest=np.zeros((levels, 0)),
             y=np.zeros((levels, len(self.initial), 0)),
             report=empty_report(1, levels)[0],
         )
@@ -90,7 +90,7 @@ class ValuePlan(BlocksPlan):
         extremes, count = rows.extremes[at], end - first * LANES
         lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
         y = paths_of(rows.states[at], len(self.initial))[..., :count]
-        later = {"casimir": lanes[:, :-2], "square": lanes[:, -2], "least": lanes[:, -1], "y": y}
+        later = {"casimir": lanes[:, :-2], "square": lanes[:, -2], "smallest": lanes[:, -1], "y": y}
         return sums._replace(report=add_reports(sums.report, rows.report[at]), **_joined(sums, later))
 
     def summary(self, paths: Paths) -> dict[str, np.ndarray]:
@@ -112,7 +112,7 @@ class ValuePlan(BlocksPlan):
             "casimir_worst": worse.max(axis=2, initial=0.0),
             "casimir_median": median,
             "largest_norm": norm.max(axis=1),
-            "positive": (paths.least[1:] > 0.0).mean(axis=1),
+            "positive": (paths.smallest[1:] > 0.0).mean(axis=1),
             "error": error,
             "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
             "expectation": expectation,

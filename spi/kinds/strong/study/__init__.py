@@ -78,7 +78,7 @@ class StrongPlan(BlocksPlan):
         seconds = steps * 1e-9 * typical_ns(self.row, self.model)
         return Cost(steps, seconds, int(_BATCH_BYTES) + 8 * GROUPS * self.points)
 
-    def begin(self) -> Times:
+    def initial_extra(self) -> Times:
         """No time has been measured."""
         return Times(0.0, np.full(len(self.steps) - 1, np.nan))
 
@@ -126,12 +126,12 @@ class StrongPlan(BlocksPlan):
             report=add_reports(sums.report, rows.report[at]),
         )
 
-    def finish(self, state: State) -> Iterator[Times]:
+    def finalise(self, state: State) -> Iterator[Times]:
         """Measure the time of a step at each step size."""
-        for i in np.flatnonzero(np.isnan(state.more.ns_per_step)) if self.timed_steps else ():
-            began, ns = time.perf_counter(), state.more.ns_per_step.copy()
+        for i in np.flatnonzero(np.isnan(state.extra.ns_per_step)) if self.timed_steps else ():
+            began, ns = time.perf_counter(), state.extra.ns_per_step.copy()
             ns[i] = self.nanoseconds_per_step(self.case.steps[i])
-            yield Times(state.more.seconds + time.perf_counter() - began, ns)
+            yield Times(state.extra.seconds + time.perf_counter() - began, ns)
 
     def nanoseconds_per_step(self, h: float) -> float:
         """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
@@ -170,7 +170,7 @@ class StrongPlan(BlocksPlan):
 
     def results(self, state: State) -> StrongErrors:
         """The results of one scheme of a case, from its final state."""
-        case, totals, times = self.case, state.total(), state.more.ns_per_step
+        case, totals, times = self.case, state.total(), state.extra.ns_per_step
         h, counts = np.array(case.steps), group_counts(totals.paths)
         error = errors(totals.squares, counts, self.steps[1:])
         down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
