@@ -35,7 +35,7 @@ from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
 from ..results import LongTimes
-from . import outcome
+from .outcome import casimir_errors, law_of_states
 from .paths import OF_PATHS, Paths
 
 #: About how many snapshots of each path.
@@ -52,8 +52,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "LongTimePlan":
     """The plan for one scheme of a case."""
-    known = obstacle(case.model, case.initial) is None
-    law = SphereLaw.of(case.model, case.initial) if known else None
+    law = None if obstacle(case.model, case.initial) else SphereLaw.of(case.model, case.initial)
     return LongTimePlan(case=case, part=part, law=law)
 
 
@@ -178,11 +177,10 @@ class LongTimePlan(PartPlan):
             **self.whole(state),
             h=np.array(case.steps),
             n=self.records,
-            **outcome.errors(casimir),
-            **outcome.growth(self.records, casimir),
+            **casimir_errors(self.records, casimir),
             nonfinite=np.array([paths.nonfinite for paths in totals]),
             **reported(np.array([paths.report for paths in totals])),
-            law=outcome.law_of_states(self.law, totals) if self.law else None,
+            law=law_of_states(self.law, totals) if self.law else None,
             samples=case.samples,
             steps_each=case.step_count,
             snapshots=totals[0].snapshots,

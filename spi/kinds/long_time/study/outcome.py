@@ -14,21 +14,11 @@ from .paths import Paths
 _FIT_FROM = 2**12  # steps, before which rounding errors are too few to fit their growth
 
 
-def errors(casimir: np.ndarray) -> dict[str, Any]:
-    """Relative errors of the Casimirs over time, from those of each path (levels, records, C, paths)."""
-    with np.errstate(all="ignore"):
-        return {
-            "casimir_mean": casimir.mean(axis=3),
-            "casimir_rms": np.sqrt((casimir**2).mean(axis=3)),
-            "casimir_worst": np.abs(casimir).max(axis=3, initial=0.0),
-            "casimir_one": casimir[..., 0],
-        }
+def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
+    """What becomes of the relative errors of the Casimirs over time, from those of each path after n (records,) steps.
 
-
-def growth(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
-    """The exponent with which errors of the Casimirs grow, with its 95 % interval, and their bias in a step.
-
-    The errors (levels, records, C, paths) are those after n (records,) steps.
+    The errors (levels, records, C, paths) themselves, the exponent with which they grow, with its 95 % interval, and
+    their bias in a step.
     """
     levels, _, conserved, _ = casimir.shape
     growth, low, high = (np.full((levels, conserved), np.nan) for _ in range(3))
@@ -36,8 +26,17 @@ def growth(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
         for i, c in np.ndindex(levels, conserved):
             growth[i, c], low[i, c], high[i, c] = _exponent(n, casimir[i, :, c])
         in_a_step = casimir[:, -1] / n[-1]
-        ends = {"growth": growth, "growth_low": low, "growth_high": high}
-        return {**ends, "bias": in_a_step.mean(axis=2), "bias_stderr": stderr_of_mean(in_a_step)}
+        return {
+            "casimir_mean": casimir.mean(axis=3),
+            "casimir_rms": np.sqrt((casimir**2).mean(axis=3)),
+            "casimir_worst": np.abs(casimir).max(axis=3, initial=0.0),
+            "casimir_one": casimir[..., 0],
+            "growth": growth,
+            "growth_low": low,
+            "growth_high": high,
+            "bias": in_a_step.mean(axis=2),
+            "bias_stderr": stderr_of_mean(in_a_step),
+        }
 
 
 def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
@@ -50,8 +49,8 @@ def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
         return np.nan, np.nan, np.nan
     without = np.sqrt(np.maximum(squares.sum(axis=0) - squares, 0.0) / (paths - 1))
     # in 1/n, because where the points bend, those of the largest steps are left out: here those of early times
-    found = fit_order(1.0 / n, value, without, np.ones(paths), use)
-    return -found.order, -found.high, -found.low
+    order = fit_order(1.0 / n, value, without, np.ones(paths), use)
+    return -order.order, -order.high, -order.low
 
 
 def law_of_states(law: SphereLaw, totals: Sequence[Paths]) -> Law:

@@ -122,9 +122,9 @@ class ValuePlan(BlocksPlan):
 
 def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
     """Means of the test functions over the states y (levels, d, paths), and their standard errors, (levels, F)."""
-    found = np.empty((2, len(y), len(functions)))
+    means = np.empty((2, len(y), len(functions)))
     for f, tree in enumerate(functions):
         with np.errstate(all="ignore"):
             values = np.broadcast_to(as_numpy(tree)(np.moveaxis(y, 1, 0)), y[:, 0].shape)
-            found[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
-    return found
+            means[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
+    return means

@@ -160,13 +160,13 @@ class StrongPlan(BlocksPlan):
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
-        known = state.tally()
-        if not known.paths:
+        tally = state.tally()
+        if not tally.paths:
             return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
+        counts = group_counts(tally.paths)
         # of one time alone: sums over all of them are large, and this is asked after each batch
-        value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in known.each], axis=0), counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(value, without, counts)))
+        value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in tally.each], axis=0), counts)
+        return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def results(self, state: State) -> StrongErrors:
         """The results of one scheme of a case, from its final state."""
