@@ -6,7 +6,7 @@ from states import finished
 
 from spi.ensemble.loop import RandomStream, grid, integrated, states_at
 from spi.kinds.long_time import study as long_time
-from spi.kinds.long_time.study import paths
+from spi.kinds.long_time.study.paths import OF_PATHS
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.running.run import load
 from spi.storage.records import Part
@@ -61,7 +61,7 @@ def rows_after(scheme, model, rows, h, first, steps, seed=3):
 
 def paths_done(plan, chunk, casimir=None):
     """The paths of a chunk as if all steps were done: no counts, and these errors of the Casimirs, or none known."""
-    start = paths.paths_at_start(plan, chunk.blocks)
-    of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in paths.OF_PATHS}
+    start = plan.empty(chunk.path_set, chunk.blocks)
+    of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in OF_PATHS}
     done = start._replace(paths=chunk.paths, n=plan.case.step_count, y=start.y[:0], **of_paths)
     return done if casimir is None else done._replace(casimir=casimir)

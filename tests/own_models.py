@@ -27,7 +27,7 @@ def check_other_processes(experiment, file, edited):
     load.plans_of.cache_clear()
     (plan,) = load.plans_of(source)
     assert type(plan.case.model) is type(experiment.cases[0].model)
-    (chunk,) = plan.path_sets(plan.begin())[0].chunks(0)
+    (chunk,) = plan.path_sets(plan.initial_extra())[0].chunks(0)
     assert compute(source, 0, chunk, 1).paths == chunk.paths
     load.plans_of.cache_clear()
     with pytest.raises(SpecError, match=r"means something else to a worker on .*; install the same versions"):

@@ -134,7 +134,8 @@ def main():
     wrong = 0
     for path in map(Path, sys.argv[1:]) if len(sys.argv) > 1 else sorted(EXPERIMENTS.glob("*.yaml")):
         experiment, found = load(path, "quick"), {}
-        chunks = sum(len(p.chunks(0)) for plan in runner.plans(experiment) for p in plan.path_sets(plan.begin()))
+        plans = runner.plans(experiment)
+        chunks = sum(len(p.chunks(0)) for plan in plans for p in plan.path_sets(plan.initial_extra()))
         for way, run in WAYS.items():
             with tempfile.TemporaryDirectory() as folder:
                 results = run(experiment, Path(folder))

@@ -50,7 +50,7 @@ def finished(plan, most=None, state=None, tick=ignore):
     state = State(plan) if state is None else state
     with nullcontext() if most is None else batches_of(most):
         workers.advance_here([state], tick)
-        workers.finish([state], tick)
+        workers.finalise([state], tick)
     return state
 
 
@@ -66,7 +66,7 @@ def begun(plan, blocks, number=0):
 def taken(plan, plain):
     """The state that knows what another one told."""
     state = State(plan)
-    state.take(plain)
+    state.merge(plain)
     return state
 
 
@@ -105,9 +105,9 @@ def numbers(known):
         known = known.plain()
     if hasattr(known, "_asdict"):
         known = known._asdict()
-    if isinstance(known, dict) and set(known) == {"more", "path_sets"}:
+    if isinstance(known, dict) and set(known) == {"extra", "path_sets"}:
         path_sets = {f"path_set {one['number']}": one for one in known["path_sets"]}
-        known = {"more": known["more"]} | {name: _of_a_path_set(one) for name, one in path_sets.items()}
+        known = {"extra": known["extra"]} | {name: _of_a_path_set(one) for name, one in path_sets.items()}
     if not isinstance(known, dict):
         return {"": np.asarray(known)}
     return {

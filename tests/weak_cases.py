@@ -98,7 +98,7 @@ def levels_after(p, blocks):
 def after_blocks(p, blocks, calls=1):
     """The state of multilevel after so many blocks of each level, at least in so many calls for each."""
     state = State(p)
-    state.more = state.more._replace(targets=np.broadcast_to(blocks, len(p.levels)))
+    state.extra = state.extra._replace(targets=np.broadcast_to(blocks, len(p.levels)))
     with batches_of(-(-np.max(blocks) // calls)):
         workers.advance_some_here([state], [(0, chunk) for chunk in state.missing()], ignore)
     assert not state.missing()

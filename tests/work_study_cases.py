@@ -43,7 +43,7 @@ def few_steps(monkeypatch):
     """A repetition is one block."""
     monkeypatch.setattr(work_precision, "_PATH_STEPS", 1)
     if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 def group_of(experiment, scheme):

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from spi.ensemble.loop import in_batches
 from spi.ensemble.protocol import dimension
@@ -22,31 +22,26 @@ class _Batch(NamedTuple):
     added: list[tuple[Chunk, Any]]
 
 
-class Blockwise:
+class Blockwise(Protocol):
     """How a plan advances that sums up paths block after block."""
 
     def kernel_calls(self) -> list[KernelCall]:
         """The calls that have all kernels compiled, see :class:`Plan`."""
-        raise NotImplementedError
 
     def empty(self, number: int) -> Any:
         """The sums over no paths of a path set."""
-        raise NotImplementedError
 
     def most_blocks(self, number: int) -> int:
         """How many blocks of a path set a batch may have, because of memory."""
-        raise NotImplementedError
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
         """What `blocks` blocks of a path set contribute, from block `first` on; paths from number `end` on are idle."""
-        raise NotImplementedError
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
         """The sums with the rows `at`, of which the first is that of block `first`; times are added elsewhere.
 
         One row after the other, so that the bits do not depend on how blocks are divided into batches.
         """
-        raise NotImplementedError
 
     def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
         """The sums with the time that `blocks` blocks took, from block `first` on."""
@@ -69,20 +64,20 @@ class Blockwise:
         number, end = chunks[0].path_set, chunks[-1].end
         rows = self.rows(number, before.block, blocks, end)
         size = chunks[0].blocks  # only the last chunk of a path set can have fewer
-        found: list[tuple[Chunk, int, int, Any]] = []
+        pieces: list[tuple[Chunk, int, int, Any]] = []
         first, stop, sums = before.block, before.block + blocks, before.sums
         while first < stop:
             chunk = chunks[(first - chunks[0].first) // size]
             last = min(stop, chunk.first + chunk.blocks)
-            known = self.empty(number) if first == chunk.first else sums
-            sums = self.added(known, rows, slice(first - before.block, last - before.block), first, end)
+            sums = self.empty(number) if first == chunk.first else sums
+            sums = self.added(sums, rows, slice(first - before.block, last - before.block), first, end)
             sums = sums._replace(paths=min(last * LANES, end) - chunk.first * LANES)
-            found.append((chunk, first, last, sums))
+            pieces.append((chunk, first, last, sums))
             first = last
         spent = (time.perf_counter() - began) / blocks, (time.process_time() - cpu_began) / blocks
         added = [
             (chunk, self.timed(sums, first, last - first, *((last - first) * one for one in spent)))
-            for chunk, first, last, sums in found
+            for chunk, first, last, sums in pieces
         ]
         return _Batch(stop, added[-1][1], added)
 
@@ -91,6 +86,6 @@ class Blockwise:
 class BlocksPlan(PathsPlan, Blockwise):
     """The head of every plan with one set of paths, on one grid, that are summed up block after block."""
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
         return (PathSet(self.samples, chunk_blocks(int(self.steps.sum()), dimension(self.model))),)

@@ -2,8 +2,8 @@
 
 A part is computed in three steps.  Its paths belong to path sets, which fall into chunks of fixed content
 (``spi.statistics.tallies``); a chunk can be computed by any process, and what is known of its paths is summed up
-in a fixed order.  Once all chunks are in, the plan may **settle** on further paths, as a multilevel estimator does.
-When there are none, it **finishes**: it measures times, or finds what needs no paths.
+in a fixed order.  Once all chunks are in, the plan may ask for further paths, its **next allocation**, as a
+multilevel estimator does.  When there are none, it **finalises**: it measures times, or finds what needs no paths.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -68,11 +68,11 @@ class Plan(Protocol):
         not among them is compiled when it is needed.
         """
 
-    def begin(self) -> Any:
+    def initial_extra(self) -> Any:
         """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
-        """The paths that are wanted for now; `more` is what is known besides sums over paths."""
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
+        """The paths that are wanted for now; `extra` is what is known besides sums over paths."""
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths of a path set."""
@@ -83,11 +83,11 @@ class Plan(Protocol):
         Yields after each batch of about half a second what it added: chunks with what is now known of them.
         """
 
-    def settle(self, state: State) -> Any | None:
+    def next_allocation(self, state: State) -> Any | None:
         """Once all chunks are in: what is then known besides them, if that asks for more; None if nothing is left."""
 
-    def finish(self, state: State) -> Iterator[Any]:
-        """Measure, or find, what is left when all paths are done; yields `more` after each step of it."""
+    def finalise(self, state: State) -> Iterator[Any]:
+        """Measure, or find, what is left when all paths are done; yields `extra` after each step of it."""
 
     def progress(self, state: State) -> Done:
         """How far a state is."""
@@ -130,6 +130,11 @@ class PartPlan:
         """The record of the scheme."""
         return self.row.record
 
+    @property
+    def stream(self) -> RandomStream:
+        """The increments of the paths of the case's seed."""
+        return brownian(self.case.seed)
+
     def description(self) -> Description:
         """What is integrated."""
         return Description.describe(self.case, self.row, self.part)
@@ -147,41 +152,30 @@ class PartPlan:
         step = arguments_of(self.scheme, self.model, self.initial, shortest(times), stream, 0, 1, LANES)
         return [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
 
-    def begin(self) -> Any:
+    def initial_extra(self) -> Any:
         """Nothing."""
         return Nothing()
 
-    def settle(self, state: State) -> Any | None:
+    def next_allocation(self, state: State) -> Any | None:
         """Nothing is left."""
         return None
 
-    def finish(self, state: State) -> Iterator[Any]:
+    def finalise(self, state: State) -> Iterator[Any]:
         """Nothing is left."""
         yield from ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class SchemePlan(PartPlan):
-    """The head of every plan that integrates so many paths of one scheme for one case."""
+class PathsPlan(PartPlan):
+    """The head of every plan of so many paths of one scheme that are integrated on one grid."""
 
     samples: int  #: number of paths
-
-    @property
-    def stream(self) -> RandomStream:
-        """The increments of the paths of the case's seed."""
-        return brownian(self.case.seed)
+    grid: Grid  #: times and step sizes
 
     @property
     def blocks(self) -> int:
         """How many blocks of LANES paths there are, the last one perhaps partly idle."""
         return -(-self.samples // LANES)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathsPlan(SchemePlan):
-    """The head of every plan whose paths are integrated on one grid."""
-
-    grid: Grid  #: times and step sizes
 
     @property
     def steps(self) -> np.ndarray:

@@ -20,14 +20,15 @@ class State:
 
     def __init__(self, plan: "Plan") -> None:
         self.plan = plan
-        self.more: Any = plan.begin()  #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
+        #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
+        self.extra: Any = plan.initial_extra()
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         self.digests: dict[int, dict[int, str]] = {}  #: of all chunks that are done, by path set and index
 
     @property
     def path_sets(self) -> Sequence[PathSet]:
         """The paths that are wanted for now."""
-        return self.plan.path_sets(self.more)
+        return self.plan.path_sets(self.extra)
 
     def tally(self, number: int = 0) -> Tally:
         """What is known of one path set."""
@@ -39,8 +40,8 @@ class State:
 
     def so_far(self, number: int = 0) -> Any:
         """The sums over those paths of a path set that are known."""
-        found = self.tally(number).so_far()
-        return self.plan.empty(number) if found is None else found
+        sums = self.tally(number).so_far()
+        return self.plan.empty(number) if sums is None else sums
 
     def missing(self) -> list[Chunk]:
         """The chunks that are wanted and not done, path set by path set."""
@@ -62,12 +63,12 @@ class State:
     @property
     def seconds(self) -> float:
         """Wall-clock time spent so far."""
-        return float(self.more.seconds + sum(tally.seconds for tally in self.tallies.values()))
+        return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
 
     def plain(self) -> dict[str, Any]:
         """All that is known as dicts, lists, arrays, numbers and texts, for a file."""
         return {
-            "more": _plain(self.more),
+            "extra": _plain(self.extra),
             "path_sets": [
                 {
                     "number": number,
@@ -79,24 +80,22 @@ class State:
             ],
         }
 
-    def take(self, plain: dict[str, Any], with_more: bool = True) -> None:
+    def merge(self, plain: dict[str, Any], with_extra: bool = True) -> None:
         """Add what another state of the same part knew, as :meth:`plain` told it; ValueError if it does not fit.
 
         Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
         """
-        if with_more:
-            self.more = _rebuilt(self.more, plain["more"])
+        if with_extra:
+            self.extra = _rebuilt(self.extra, plain["extra"])
         path_sets = self.path_sets
-        for told in plain["path_sets"]:
-            number = told["number"]
-            if number >= len(path_sets):
-                continue
-            empty = self.plan.empty(number)
-            nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in told["nodes"]}
-            short = {index: _rebuilt(empty, sums) for index, sums in told["short"]}
-            known = Tally(nodes, short).within(path_sets[number])
-            self.tallies[number] = self.tally(number).merged(known)
-            self.digests.setdefault(number, {}).update(dict(told["digests"]))
+        for other in plain["path_sets"]:
+            number = other["number"]
+            if number < len(path_sets):
+                empty = self.plan.empty(number)
+                nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in other["nodes"]}
+                short = {index: _rebuilt(empty, sums) for index, sums in other["short"]}
+                self.tallies[number] = self.tally(number).merged(Tally(nodes, short).within(path_sets[number]))
+                self.digests.setdefault(number, {}).update(dict(other["digests"]))
 
 
 def _plain(record: Any) -> dict[str, Any]:

@@ -101,15 +101,15 @@ class Checkpoint:
 
     def resume(self) -> None:
         """Take what is known from the file and from those of shards; else of a run with other numbers of samples."""
-        known = [self.take(self.path), *(self.take(file, with_more=False) for file in self.shards().values())]
+        known = [self.merge(self.path), *(self.merge(file, with_extra=False) for file in self.shards().values())]
         if not any(known):
             others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
             sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
             for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
-                if self.take(other):
+                if self.merge(other):
                     return
 
-    def take(self, path: Path, with_more: bool = True) -> bool:
+    def merge(self, path: Path, with_extra: bool = True) -> bool:
         """Add what a file of sums knows of the very same paths; whether it could be read and belongs to them."""
         read = storage.read_sums(path)
         if read is None or not self._same_paths(read[0]):
@@ -117,7 +117,7 @@ class Checkpoint:
         for name, state in self.by_name.items():
             if name in read[1]:
                 with contextlib.suppress(ValueError, LookupError, TypeError):  # of a file that somebody edited
-                    state.take(read[1][name], with_more)
+                    state.merge(read[1][name], with_extra)
         return True
 
     def save(self, finished: bool = False) -> None:

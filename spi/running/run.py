@@ -20,7 +20,7 @@ from ..storage.records import Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, sums_path
 from .load import Source, headings, layers, load, plans, reports, sources
-from .workers import Workers, advance_here, advance_with, finish
+from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
     "Cost",
@@ -167,7 +167,7 @@ class Session:
     def finish(self) -> Path:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         experiment, checkpoint = self.experiment, self.checkpoint
-        finish(checkpoint.states, self.tick)
+        finalise(checkpoint.states, self.tick)
         checkpoint.save(finished=True)
         replaced = storage.replaced_hash(self.target)
         if not self.fresh:  # another run may have written there in the meantime

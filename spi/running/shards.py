@@ -14,7 +14,7 @@ from .. import specs, storage
 from ..kinds.state import State
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
 from .run import NOBODY, USUAL, Session, Watch
-from .workers import Task, advance_some_here, settle
+from .workers import Task, advance_some_here, allocate
 
 
 def run_shard(
@@ -31,10 +31,10 @@ def run_shard(
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
     checkpoint = session.checkpoint
-    checkpoint.take(sums_path(experiment, out))  # of earlier rounds
+    checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
     mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
     if not fresh:
-        checkpoint.take(checkpoint.path, with_more=False)
+        checkpoint.merge(checkpoint.path, with_extra=False)
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()
@@ -61,7 +61,7 @@ def merge(
     with checkpoint.kept():
         _need_all(checkpoint)
         for state in checkpoint.states:
-            while not state.missing() and settle(state):
+            while not state.missing() and allocate(state):
                 pass
         if left := checkpoint.missing():
             checkpoint.save()

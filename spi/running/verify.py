@@ -65,7 +65,7 @@ def verify(
 
 def _chunk(plan: Plan, path_set: int, index: int, paths: int) -> Chunk:
     """The chunk of so many paths; a path set may have grown since the plan began."""
-    size = plan.path_sets(plan.begin())[path_set].chunk_blocks
+    size = plan.path_sets(plan.initial_extra())[path_set].chunk_blocks
     return Chunk.of(path_set, index, size, paths)
 
 

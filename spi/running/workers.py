@@ -180,7 +180,7 @@ def advance_here(states: Sequence[State], tick: Tick) -> None:
         tick(number)
         while True:
             _advance_chunks(number, state, state.missing(), tick)
-            if not settle(state):
+            if not allocate(state):
                 break
             tick(number)
 
@@ -235,7 +235,7 @@ class _Queue:
         """A chunk that can be computed now; None if there is none until others are done."""
         for number, state in enumerate(self.states):
             while not (self.left[number] or self.under_way[number] or self.finished[number]):
-                self.finished[number] = not settle(state)
+                self.finished[number] = not allocate(state)
                 self.left[number] = state.missing()[::-1]
             if self.left[number]:
                 self.under_way[number] += 1
@@ -247,20 +247,20 @@ class _Queue:
         self.under_way[number] -= 1
 
 
-def finish(states: Sequence[State], tick: Tick) -> None:
+def finalise(states: Sequence[State], tick: Tick) -> None:
     """Do what remains when all paths are done, in this process alone."""
     for number, state in enumerate(states):
-        for more in state.plan.finish(state):
-            state.more = more
+        for extra in state.plan.finalise(state):
+            state.extra = extra
             tick(number)
 
 
-def settle(state: State) -> bool:
+def allocate(state: State) -> bool:
     """Ask the plan for further paths; whether it said something new."""
-    more = state.plan.settle(state)
-    if more is not None:
-        state.more = more
-    return more is not None
+    extra = state.plan.next_allocation(state)
+    if extra is not None:
+        state.extra = extra
+    return extra is not None
 
 
 def _advance_chunks(number: int, state: State, missing: Sequence[Chunk], tick: Tick) -> None:

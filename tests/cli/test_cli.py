@@ -36,7 +36,7 @@ def spi(tmp_path, monkeypatch, capfd):
     (tmp_path / "experiments" / EXPERIMENT.name).write_bytes(EXPERIMENT.read_bytes())
     monkeypatch.chdir(tmp_path)
     if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
     def call(*arguments):
         capfd.readouterr()

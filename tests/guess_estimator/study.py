@@ -37,7 +37,7 @@ class GuessPlan(WeakPlan):
         """Nothing."""
         return Cost(0, 0.0, 0)
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All at once, as if it were one path."""
         return (PathSet(1, 1),)
 

@@ -100,8 +100,8 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
             for added in p.advance([chunk], None):
                 state.put(*added[0])
         times = 10.0 ** np.arange(len(steps)) * np.array([[1.0], [2.0], [3.0]])
-        assert state.more.times.shape == times.shape
-        state.more = state.more._replace(times=times)
+        assert state.extra.times.shape == times.shape
+        state.extra = state.extra._replace(times=times)
         found = p.results(state).group()
         assert found.coordinates["h"].tolist() == list(steps)
         np.testing.assert_allclose(found.arrays["seconds_per_path"], times[1])

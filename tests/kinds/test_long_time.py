@@ -11,7 +11,6 @@ from states import check_going_on, finished, same_numbers, taken
 
 from spi.ensemble.protocol import memory_size
 from spi.kinds.long_time import study as long_time
-from spi.kinds.long_time.study import paths
 from spi.kinds.state import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
 from spi.schemes import scheme_entry
@@ -94,7 +93,7 @@ def test_stops_are_records_and_then_snapshots(case_of):
     assert plan.records.tolist() == [*(2**k for k in range(7, 25)), 2**24 + 128]
     stops = [0]
     while stops[-1] < plan.case.step_count:
-        stops.append(paths.next_stop(plan, stops[-1]))
+        stops.append(plan.next_stop(stops[-1]))
     del stops[0]
     assert stops[:6] == [128, 256, 512, 1024, 2048, 4096]
     assert set(plan.records) <= set(stops)

@@ -11,7 +11,6 @@ from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
 from spi.ensemble.protocol import hamiltonian
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.long_time import study as long_time
-from spi.kinds.long_time.study import paths
 from spi.kinds.state import State
 from spi.models import RigidBodySharedNoise, SineEuler
 from spi.numerics.rng import LANES
@@ -186,4 +185,4 @@ def test_cost(case_of):
     steps, seconds, needed = plan.cost()
     assert steps == 2 * 640 * 2 * LANES
     assert 1e-9 < seconds / steps < 1e-7
-    assert needed >= sum(np.asarray(v).nbytes for _ in case.steps for v in paths.paths_at_start(plan, plan.blocks))
+    assert needed >= sum(np.asarray(v).nbytes for _ in case.steps for v in plan.empty(0, 2))

@@ -57,7 +57,7 @@ def test_populations_stay_positive_only_by_splitting(case_of):
     case = case_of(PREDATORS)
     for scheme in case.schemes:
         found, _ = study(case, scheme)
-        assert found["casimir_worst"].shape == (2, 3, 0)
+        assert "casimir_worst" not in found  # there is no Casimir function
         assert np.isnan(found["truth"]).all() and np.isnan(found["law_distance"]).all()
         for i, point in enumerate(case.sweep.cases):
             paths = paths_by_hand(point, scheme)
@@ -99,7 +99,7 @@ def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     state = State(plan)
     workers.advance_here([state], ignore)
     assert np.isnan(study(case, "splitting", state)[0]["truth"]).all()
-    workers.finish([state], ignore)
+    workers.finalise([state], ignore)
     found, _ = study(case, "splitting", state)
     assert (np.abs(found["truth"][0] - wanted.limit) <= found["truth_bound"][0] + wanted.limit_bound).all()
     assert found["truth_bound"].max() < 1e-3

@@ -14,12 +14,12 @@ from spi.storage.records import Part
 def test_what_differs_from_value_to_value_is_not_described(spec):
     """A swept eps is no eps of the scheme; one that is the same for all values is."""
     swept = stability.plan(spec(EPS).cases[0], Part("ap_splitting"))
-    assert "eps" not in swept.description() and swept.description()["model_sigma"] == (1.0, 1.0, 0.5)
+    assert swept.description().eps is None and swept.description().parameters["sigma"] == (1.0, 1.0, 0.5)
     assert [point.scheme.eps for point in swept.points] == [0.0, 0.6]
     fixed = spec(RIGID, overrides=["schemes=[ap_splitting, splitting]", "eps=0.6"]).cases[0]
     told = [stability.plan(fixed, part).description() for part in stability.parts(fixed)]
-    assert [one["eps"] for one in told] == [0.6, None] and not any("model_sigma" in one for one in told)
-    assert [one["scheme_label"] for one in told] == ["AP splitting", "splitting"]
+    assert [one.eps for one in told] == [0.6, None] and not any("sigma" in one.parameters for one in told)
+    assert [one.scheme_label for one in told] == ["AP splitting", "splitting"]
 
 
 WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"

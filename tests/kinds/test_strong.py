@@ -16,7 +16,7 @@ from spi.storage.records import Part
 @pytest.fixture(autouse=True)
 def _no_stopwatch_without_the_compiler(monkeypatch):
     if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 def group_of_paths(samples):

@@ -129,9 +129,9 @@ def test_multilevel_goes_on_from_every_state(scheme):
     """Also from one just after an allocation, or before."""
     p = plan_of(case_of("seconds=0.01"), scheme, "multilevel")
     whole, found = finished(p, 2), snapshots(p, 2)
-    assert whole.more.allocations == len(multilevel.SHARES)
-    assert np.all(p.level_sums(whole).blocks == whole.more.targets)
-    assert len({tuple(plain["more"]["targets"]) for plain in found}) >= 3
+    assert whole.extra.allocations == len(multilevel.SHARES)
+    assert np.all(p.level_sums(whole).blocks == whole.extra.targets)
+    assert len({tuple(plain["extra"]["targets"]) for plain in found}) >= 3
     fulfilled = [plain for plain in found if not taken(p, plain).missing()]
     assert len(fulfilled) >= len(multilevel.SHARES)
     for plain in found[:: max(1, len(found) // 6)] + fulfilled:

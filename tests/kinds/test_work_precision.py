@@ -10,7 +10,6 @@ from work_study_cases import STRONG, WEAK, Clock, group_of, same
 from spi.ensemble.loop import thread_count
 from spi.kinds.state import State
 from spi.kinds.strong import study as strong
-from spi.kinds.strong.study import paths as strong_paths
 from spi.kinds.work_precision import study as work_precision
 from spi.schemes import SCHEMES
 from spi.storage.records import Part
@@ -95,7 +94,7 @@ def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypat
         assert work_precision._targets(np.array(errors)) == pytest.approx(expected, rel=1e-15)
     monkeypatch.setattr(work_precision, "_seconds_per_path", lambda jobs: np.ones(len(jobs)))
     if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
     given = group_of(spec(STRONG + "targets: [0.02, 1/7]\n"), "splitting")
     assert given.attributes["targets"] == (0.02, 1 / 7)
     default = group_of(spec(STRONG), "splitting")
@@ -107,8 +106,8 @@ def test_default_targets_are_the_powers_of_ten_within_the_errors(spec, monkeypat
 def times_of(case, part):
     """What a plan measures, (repeats, step sizes), without the errors."""
     plan = work_precision.plan(case, part)
-    *_, more = plan.finish(State(plan))
-    return more.times
+    *_, extra = plan.finalise(State(plan))
+    return extra.times
 
 
 CASES = [STRONG, WEAK.format(estimators="multilevel")]
@@ -136,7 +135,7 @@ def test_quartiles_are_those_of_the_repetitions(spec, monkeypatch):
     case = spec(STRONG + "repeats: 5\n", overrides=["steps=[2^-2]"]).cases[0]
     Clock(monkeypatch, rates=(1000.0, 5.0, 1.0, 4.0, 2.0, 3.0))  # the first, which is slow, does not count
     if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
     plan = work_precision.plan(case, Part("splitting"))
     found = plan.results(finished(plan)).group().variables
     for name, rate in (("_low", 2.0), ("", 3.0), ("_high", 4.0)):
@@ -158,8 +157,8 @@ def test_with_a_reference_scheme_the_scheme_itself_is_timed(spec, monkeypatch):
     case = spec(STRONG + "reference_scheme: splitting\n", overrides=["schemes=[euler_maruyama]"]).cases[0]
     part, clock = Part("euler_maruyama"), Clock(monkeypatch)
     times_of(case, part)
-    monkeypatch.setattr(strong_paths, "integrate", clock.integrate)
-    strong.nanoseconds_per_step(strong.plan(case, part), 2.0**-4)
+    monkeypatch.setattr(strong, "integrate", clock.integrate)
+    strong.plan(case, part).nanoseconds_per_step(2.0**-4)
     for call in clock.calls:
         assert call.scheme == SCHEMES["euler_maruyama"].record and call.grid.by_reference.tolist() == [0]
         assert call.grid.reference_scheme == SCHEMES["splitting"].record

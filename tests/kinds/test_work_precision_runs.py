@@ -53,18 +53,19 @@ def test_a_state_with_another_record_in_it_is_kept_whole(one_step, monkeypatch, 
     storage.write_sums(tmp_path / "sums.npz", {}, {"main/splitting": last.plain()})
     _, kept = storage.read_sums(tmp_path / "sums.npz")
     again = taken(plan, kept["main/splitting"])
-    assert type(again.more) is type(last.more) and type(again.more.of_errors) is type(last.more.of_errors)
+    assert type(again.extra) is type(last.extra) and type(again.extra.of_errors) is type(last.extra.of_errors)
     assert type(again.total()) is type(last.total())
-    assert same_numbers(again, last) and np.array_equal(again.more.times, last.more.times)
+    assert same_numbers(again, last) and np.array_equal(again.extra.times, last.extra.times)
     assert again.seconds == last.seconds
-    for record in (("more", "times"), ("more", "of_errors", "ns_per_step"), ("path_sets", 0, "short", 0, 1, "squares")):
+    first_squares = ("path_sets", 0, "short", 0, 1, "squares")
+    for record in (("extra", "times"), ("extra", "of_errors", "ns_per_step"), first_squares):
         rest = copy.deepcopy(kept["main/splitting"])
         within = functools.reduce(lambda inner, key: inner[key], record[:-1], rest)
         del within[record[-1]]
         begun = State(plan)
         with pytest.raises(ValueError, match=f"in place of .*{record[-1]}"):
-            begun.take(rest)
-        assert begun.so_far().paths == 0 and (record[0] == "path_sets" or np.isnan(begun.more.times).all())
+            begun.merge(rest)
+        assert begun.so_far().paths == 0 and (record[0] == "path_sets" or np.isnan(begun.extra.times).all())
 
 
 def test_progress_is_that_of_the_errors_and_then_that_of_the_repeats(one_step, monkeypatch):

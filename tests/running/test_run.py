@@ -30,7 +30,7 @@ TIMES = ("seconds", "ns_per_step")
 @pytest.fixture(autouse=True)
 def _no_stopwatch_without_the_compiler(monkeypatch):
     if not COMPILED:
-        monkeypatch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+        monkeypatch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
 
 
 @pytest.fixture
@@ -223,7 +223,7 @@ def uninterrupted(tmp_path_factory):
     """The numbers of a run that nobody disturbs."""
     with pytest.MonkeyPatch.context() as patch:
         if not COMPILED:
-            patch.setattr(strong, "nanoseconds_per_step", lambda p, h: 1.0)
+            patch.setattr(strong.StrongPlan, "nanoseconds_per_step", lambda p, h: 1.0)
         return numbers(runner.run(experiment(f"samples={MANY}"), tmp_path_factory.mktemp("whole")))
 
 

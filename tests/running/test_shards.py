@@ -72,7 +72,7 @@ def straight(tmp_path_factory):
 
 def test_there_are_several_chunks_and_more_nodes_than_one():
     for experiment in (strong(), weak()):
-        path_sets = [path_set for plan in runner.plans(experiment) for path_set in plan.path_sets(plan.begin())]
+        path_sets = [path_set for plan in runner.plans(experiment) for path_set in plan.path_sets(plan.initial_extra())]
         assert max(path_set.whole for path_set in path_sets) > 4
 
 

@@ -11,7 +11,7 @@ from weak_cases import case_of as weak_case
 
 from spi.ensemble.protocol import structure
 from spi.exact.kolmogorov import expectations
-from spi.kinds.strong.study.errors import _expected_order
+from spi.kinds.strong.study.errors import expected_order
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
 
@@ -28,7 +28,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
     """
     own = ["compositions={halves: [noise 1/2, drift 1, noise 1/2]}", "schemes=[halves]", f"model.sigma={list(sigma)}"]
     case = strong_case(*own, "steps=2^-4 .. 2^-9", "reference_step=2^-13", "truncate_noise=false", "samples=512")
-    assert _expected_order(case.row("halves"), case) == order
+    assert expected_order(case.row("halves"), case) == order
     case = case.model_copy(update={"model": case.model._replace(sigma=sigma)})
     found, _ = study(case, "halves")
     low, high = found["order_low"], found["order_high"]

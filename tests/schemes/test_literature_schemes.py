@@ -26,7 +26,7 @@ from spi.ensemble.protocol import (
     strengths,
     structure,
 )
-from spi.kinds.strong.study.errors import _expected_order
+from spi.kinds.strong.study.errors import expected_order
 from spi.models import LotkaVolterra, MaxwellBloch, RigidBodySharedNoise, SineEuler
 from spi.models.damped import damped
 from spi.numerics.angles import (
@@ -234,5 +234,5 @@ def test_the_order_that_theory_expects_of_the_euler_type():
     }
     for model, order in orders.items():
         case = SimpleNamespace(model=model, initial=np.full(dimension(model), 0.5))
-        assert _expected_order(SCHEMES["munthe_kaas_euler"], case) == order
-        assert _expected_order(SCHEMES["munthe_kaas_midpoint"], case) == (0.5 if model is RIGID_BODY else 1.0)
+        assert expected_order(SCHEMES["munthe_kaas_euler"], case) == order
+        assert expected_order(SCHEMES["munthe_kaas_midpoint"], case) == (0.5 if model is RIGID_BODY else 1.0)

@@ -11,7 +11,7 @@ from system_formulas import EULER_MARUYAMA, LIE_POISSON, MIDPOINT, SPLITTING, SY
 
 from spi.ensemble.protocol import casimirs
 from spi.kinds.strong import study as strong
-from spi.kinds.strong.study.errors import _expected_order
+from spi.kinds.strong.study.errors import expected_order
 from spi.schemes import SCHEMES, scheme_entry
 from spi.storage.records import Part
 
@@ -129,7 +129,7 @@ def test_euler_maruyama_loses_maxwell_bloch_with_two_noises():
 
 
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
-def test_expected_orders_follow_from_the_noise_fields(name, sigma, scheme, final_time, order):
+def testexpected_orders_follow_from_the_noise_fields(name, sigma, scheme, final_time, order):
     """What results say that theory says; a noise that is off is None, as in specs."""
     case = strong_case(name, tuple(s or None for s in sigma), scheme, final_time)
-    assert _expected_order(SCHEMES[scheme], case) == order
+    assert expected_order(SCHEMES[scheme], case) == order

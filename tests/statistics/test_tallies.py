@@ -398,14 +398,14 @@ def test_the_bits_do_not_depend_on_who_computes_which_chunk(plan):
     whole = finished(plan)
     states = [State(plan), State(plan)]
     for state in states:
-        state.more = whole.more
+        state.extra = whole.extra
     chunks = [chunk for number, path_set in enumerate(whole.path_sets) for chunk in path_set.chunks(number)]
     for i in np.random.default_rng(3).permutation(len(chunks)):
         for added in plan.advance([chunks[i]], None):
             for chunk, known in added:
                 states[i % 2].put(chunk, known)
     assert all(state.missing() for state in states)
-    states[0].take(states[1].plain(), with_more=False)
+    states[0].merge(states[1].plain(), with_extra=False)
     assert same_numbers(states[0], whole)
     a, b = (numbers_of_group(plan, state) for state in (states[0], whole))
     assert a.keys() == b.keys() and all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
@@ -416,7 +416,7 @@ def test_chunks_change_no_more_than_roundings(plan):
     whole = finished(plan)
     totals = [whole.total(number) for number in range(len(whole.path_sets))]
     with chunks_of(2**20):
-        path_sets = plan.path_sets(whole.more)
+        path_sets = plan.path_sets(whole.extra)
     for number, path_set in enumerate(path_sets):
         (chunk,) = path_set.chunks(number)
         *_, ((_, sums),) = plan.advance([chunk], None)

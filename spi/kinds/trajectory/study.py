@@ -59,7 +59,7 @@ class TrajectoryPlan(PathsPlan):
         stored = 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4)
         return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """One path."""
         return (PathSet(1, 1),)
 

@@ -82,14 +82,14 @@ class WorkPlan(PartPlan):
         """The cost of the errors; the times take some seconds more."""
         return self.errors.cost()
 
-    def begin(self) -> Times:
+    def initial_extra(self) -> Times:
         """No time has been measured."""
         times = np.full((self.case.repeats, len(self.h)), np.nan)
-        return Times(of_errors=self.errors.begin(), times=times, timing_seconds=0.0)
+        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
 
-    def path_sets(self, more: Times) -> Sequence[PathSet]:
+    def path_sets(self, extra: Times) -> Sequence[PathSet]:
         """The paths of the errors."""
-        return self.errors.path_sets(more.of_errors)
+        return self.errors.path_sets(extra.of_errors)
 
     def empty(self, number: int) -> Any:
         """The sums over no paths."""
@@ -99,15 +99,15 @@ class WorkPlan(PartPlan):
         """Compute consecutive chunks of the errors, see :class:`~spi.kinds.plans.Plan`."""
         return self.errors.advance(chunks, known)
 
-    def settle(self, state: State) -> Times | None:
+    def next_allocation(self, state: State) -> Times | None:
         """Whatever the errors ask for."""
-        of_errors = self.errors.settle(self._of_errors(state))
-        return None if of_errors is None else state.more._replace(of_errors=of_errors)
+        of_errors = self.errors.next_allocation(self._of_errors(state))
+        return None if of_errors is None else state.extra._replace(of_errors=of_errors)
 
     def _of_errors(self, state: State) -> State:
         """What is known of the errors."""
         own = State(self.errors)
-        own.more, own.tallies = state.more.of_errors, state.tallies
+        own.extra, own.tallies = state.extra.of_errors, state.tallies
         return own
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -115,22 +115,22 @@ class WorkPlan(PartPlan):
         timed = self._arguments(float(self.h[0]), 2**self.part.extrapolate, 1)
         return [*self.errors.kernel_calls(), KernelCall(integrate, timed)]
 
-    def finish(self, state: State) -> Iterator[Times]:
+    def finalise(self, state: State) -> Iterator[Times]:
         """Measure the times that are left; yields after each repeat."""
-        more = state.more
-        left = np.flatnonzero(np.isnan(more.times).any(axis=1))
+        extra = state.extra
+        left = np.flatnonzero(np.isnan(extra.times).any(axis=1))
         if not len(left):
             return
         began = time.perf_counter()
         jobs = [self.job(h) for h in self.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
         for repeat in left:
-            times = more.times.copy()
+            times = extra.times.copy()
             times[repeat] = _seconds_per_path(jobs)
             now = time.perf_counter()
-            more = more._replace(times=times, timing_seconds=more.timing_seconds + now - began)
+            extra = extra._replace(times=times, timing_seconds=extra.timing_seconds + now - began)
             began = now
-            yield more
+            yield extra
 
     @property
     def path_steps(self) -> int:
@@ -161,7 +161,7 @@ class WorkPlan(PartPlan):
     def progress(self, state: State) -> Done:
         """How far the errors are and, from the first repeat on, the times, in seconds of typical speed."""
         of_errors = self.errors.progress(self._of_errors(state))
-        measured = int(np.isfinite(state.more.times).all(axis=1).sum())
+        measured = int(np.isfinite(state.extra.times).all(axis=1).sum())
         if not measured:
             return of_errors
         seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * len(self.h)
@@ -171,7 +171,7 @@ class WorkPlan(PartPlan):
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, found = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(found) if isinstance(found, StrongErrors) else _of_weak(found)
-        low, median, high = np.quantile(state.more.times, (0.25, 0.5, 0.75), axis=0)
+        low, median, high = np.quantile(state.extra.times, (0.25, 0.5, 0.75), axis=0)
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(

@@ -13,22 +13,36 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import BATCH_SECONDS, grid, limited_threads, thread_count
-from spi.exact.sphere_law import SphereLaw, obstacle
-from spi.kinds.plans import Cost, Done, KernelCall, SchemePlan, State
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.invariants import casimirs_of_states, growth
+from spi.ensemble.loop import (
+    BATCH_SECONDS,
+    add_reports,
+    grid,
+    integrated,
+    limited_threads,
+    paths_of,
+    states_at,
+    thread_count,
+)
+from spi.ensemble.protocol import REPORT, casimirs
+from spi.exact.sphere_law import BINS, SphereLaw, obstacle
+from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.solver import reported
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
 from ..results import LongTimes
-from .outcome import results
-from .paths import Paths, advanced, paths_at_start
+from .outcome import casimir_errors, law_of_states
+from .paths import OF_PATHS, Paths
 
 #: About how many snapshots of each path.
 SNAPSHOTS = 8192
 
 _CHUNK_BLOCKS = 16  # which go from the first step to the last together
+_WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 
 
 def parts(case: Any) -> list[Part]:
@@ -38,13 +52,12 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "LongTimePlan":
     """The plan for one scheme of a case."""
-    known = obstacle(case.model, case.initial) is None
-    law = SphereLaw.of(case.model, case.initial) if known else None
-    return LongTimePlan(case=case, part=part, samples=case.samples, law=law)
+    law = None if obstacle(case.model, case.initial) else SphereLaw.of(case.model, case.initial)
+    return LongTimePlan(case=case, part=part, law=law)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LongTimePlan(SchemePlan):
+class LongTimePlan(PartPlan):
     """Very many steps of one scheme, with one step size after the other."""
 
     law: SphereLaw | None  #: to which the law of the states tends, None where that is not known
@@ -62,19 +75,33 @@ class LongTimePlan(SchemePlan):
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
-        steps = len(self.case.steps) * self.case.step_count * self.blocks * LANES
-        idle = thread_count() / min(thread_count(), self.blocks)  # a block cannot be shared by threads
+        blocks = -(-self.case.samples // LANES)
+        steps = len(self.case.steps) * self.case.step_count * blocks * LANES
+        idle = thread_count() / min(thread_count(), blocks)  # a block cannot be shared by threads
         seconds = idle * steps * 1e-9 * typical_ns(self.row, self.model)
-        of_a_block = sum(np.asarray(v).nbytes for v in paths_at_start(self, 1))
-        return Cost(steps, seconds, of_a_block * self.blocks * len(self.case.steps))
+        of_a_block = sum(np.asarray(v).nbytes for v in self.empty(0, 1))
+        return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps))
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths of each step size."""
-        return (PathSet(self.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
+        return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 
-    def empty(self, number: int) -> Paths:
-        """No paths."""
-        return paths_at_start(self, 0)
+    def empty(self, number: int, blocks: int = 0) -> Paths:
+        """No paths, or so many blocks before their first step."""
+        paths, conserved = blocks * LANES, len(casimirs(self.model, self.initial))
+        moments, variables = (len(self.law.moments), len(self.law.variables)) if self.law else (0, 0)
+        return Paths(
+            paths=0,
+            seconds=0.0,
+            n=0,
+            y=states_at(self.initial, self.scheme, self.model, grid(self.case.steps[0], 1), blocks)[:, 0],
+            casimir=np.full((len(self.records), conserved, paths), np.nan),
+            report=np.zeros(len(REPORT)),
+            nonfinite=0,
+            snapshots=0,
+            moments=np.zeros((moments, paths)),
+            counts=np.zeros((variables, BINS, paths)),
+        )
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the first block."""
@@ -83,15 +110,55 @@ class LongTimePlan(SchemePlan):
     def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
         for chunk in chunks:
-            paths = known if known and len(known.y) == chunk.blocks else paths_at_start(self, chunk.blocks)
+            paths = known if known and len(known.y) == chunk.blocks else self.empty(chunk.path_set, chunk.blocks)
             known = None
             with limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
                 until = time.perf_counter() + BATCH_SECONDS
                 while not paths.paths:
-                    paths = advanced(self, chunk, paths)
+                    paths = self._advanced(chunk, paths)
                     if time.perf_counter() > until or paths.paths:
                         yield [(chunk, paths)]
                         until = time.perf_counter() + BATCH_SECONDS
+
+    def next_stop(self, n: int) -> int:
+        """The number of steps until which paths are run next that have done n."""
+        stop = (n // self.spacing + 1) * self.spacing if n >= self.spacing else max(2 * n, STEPS_PER_TOSS)
+        return min(stop, self.case.step_count)
+
+    def _advanced(self, chunk: Chunk, paths: Paths) -> Paths:
+        """The paths of a chunk at the next snapshot."""
+        began, stop = time.perf_counter(), self.next_stop(paths.n)
+        h, truncate = self.case.steps[chunk.path_set], self.case.truncate_noise
+        terms = fourier_terms(self.model, [self.scheme], h)
+        times = grid(h, stop - paths.n, truncate=truncate, area_terms=terms, first_step=paths.n)
+        what = self.scheme, self.model, paths.y[:, np.newaxis], times, self.stream
+        rows, report = integrated(*what, chunk.first, chunk.blocks, chunk.end)
+        y, (states,) = rows[:, 0], paths_of(rows, len(self.initial))
+        paths = paths._replace(n=stop, y=y, report=add_reports(paths.report[np.newaxis], report)[0])
+        with np.errstate(all="ignore"):
+            if stop in self.records:
+                paths = paths._replace(casimir=self._recorded(paths.casimir, stop, times.reference_step, states))
+            if self.law and stop > _WARM_UP * self.case.step_count:
+                paths = paths.counted(self.law, states)
+        if stop == self.case.step_count:
+            paths = paths._replace(
+                paths=chunk.paths,
+                y=y[:0],
+                nonfinite=int((~np.isfinite(states[:, : chunk.paths]).all(axis=0)).sum()),
+                **{name: getattr(paths, name)[..., : chunk.paths] for name in OF_PATHS},
+            )
+        return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
+
+    def _recorded(self, errors: np.ndarray, n: int, h: float, states: np.ndarray) -> np.ndarray:
+        """The relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
+        if not errors.shape[1]:
+            return errors
+        first = np.array(casimirs(self.model, self.initial))[:, None]
+        grown = np.reshape(growth(self.model, n * h), (-1, 1))
+        change = casimirs_of_states(self.model, states) * grown - first
+        errors = errors.copy()
+        errors[np.searchsorted(self.records, n)] = change / np.where(first == 0.0, 1.0, np.abs(first))
+        return errors
 
     def progress(self, state: State) -> Done:
         """Steps done and all steps, in paths, and no standard error."""
@@ -100,8 +167,22 @@ class LongTimePlan(SchemePlan):
             chunks, tally = path_set.chunks(i), state.tally(i)
             done += sum(sums.paths for sums in tally.nodes.values())
             done += sum(chunks[index].paths * sums.n / self.case.step_count for index, sums in tally.short.items())
-        return Done(done / levels, self.samples, float("nan"))
+        return Done(done / levels, self.case.samples, float("nan"))
 
     def results(self, state: State) -> LongTimes:
         """The results of one scheme of a case, from its final state."""
-        return results(self, state)
+        case, totals = self.case, [state.total(i) for i in range(len(self.case.steps))]
+        casimir = np.array([paths.casimir for paths in totals])
+        return LongTimes(
+            **self.whole(state),
+            h=np.array(case.steps),
+            n=self.records,
+            **casimir_errors(self.records, casimir),
+            nonfinite=np.array([paths.nonfinite for paths in totals]),
+            **reported(np.array([paths.report for paths in totals])),
+            law=law_of_states(self.law, totals) if self.law else None,
+            samples=case.samples,
+            steps_each=case.step_count,
+            snapshots=totals[0].snapshots,
+            panels=case.panels,
+        )

@@ -1,65 +1,42 @@
-"""The results of long times: growth and bias of errors of the Casimirs, and the law of the states."""
+"""Growth and bias of errors of the Casimirs, and the law of the states, from the paths of each step size."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from spi.exact.sphere_law import BINS, SphereLaw
-from spi.kinds.plans import State
-from spi.kinds.solver import reported
 from spi.statistics.estimators import fit_order, stderr_of_mean
 
-from ..results import Law, LongTimes
+from ..results import Law
 from .paths import Paths
-
-if TYPE_CHECKING:
-    from . import LongTimePlan
 
 _FIT_FROM = 2**12  # steps, before which rounding errors are too few to fit their growth
 
 
-def results(p: "LongTimePlan", state: State) -> LongTimes:
-    """The results of one scheme of a case, from its final state."""
-    totals = [state.total(i) for i in range(len(p.case.steps))]
-    casimir = np.array([of_one.casimir for of_one in totals])
-    return LongTimes(
-        **p.whole(state),
-        h=np.array(p.case.steps),
-        n=p.records,
-        **_errors(casimir),
-        **_growth(p, casimir),
-        nonfinite=np.array([of_one.nonfinite for of_one in totals]),
-        **reported(np.array([of_one.report for of_one in totals])),
-        law=_law(p.law, totals) if p.law else None,
-        samples=p.samples,
-        steps_each=p.case.step_count,
-        snapshots=totals[0].snapshots,
-        panels=p.case.panels,
-    )
+def casimir_errors(n: np.ndarray, casimir: np.ndarray) -> dict[str, Any]:
+    """What becomes of the relative errors of the Casimirs over time, from those of each path after n (records,) steps.
 
-
-def _errors(casimir: np.ndarray) -> dict[str, Any]:
-    """Relative errors of the Casimirs over time, from those of each path (levels, records, C, paths)."""
+    The errors (levels, records, C, paths) themselves, the exponent with which they grow, with its 95 % interval, and
+    their bias in a step.
+    """
+    levels, _, conserved, _ = casimir.shape
+    growth, low, high = (np.full((levels, conserved), np.nan) for _ in range(3))
     with np.errstate(all="ignore"):
+        for i, c in np.ndindex(levels, conserved):
+            growth[i, c], low[i, c], high[i, c] = _exponent(n, casimir[i, :, c])
+        in_a_step = casimir[:, -1] / n[-1]
         return {
             "casimir_mean": casimir.mean(axis=3),
             "casimir_rms": np.sqrt((casimir**2).mean(axis=3)),
             "casimir_worst": np.abs(casimir).max(axis=3, initial=0.0),
             "casimir_one": casimir[..., 0],
+            "growth": growth,
+            "growth_low": low,
+            "growth_high": high,
+            "bias": in_a_step.mean(axis=2),
+            "bias_stderr": stderr_of_mean(in_a_step),
         }
-
-
-def _growth(p: "LongTimePlan", casimir: np.ndarray) -> dict[str, Any]:
-    """The exponent with which errors of the Casimirs grow, with its 95 % interval, and their bias in a step."""
-    levels, _, conserved, _ = casimir.shape
-    growth, low, high = (np.full((levels, conserved), np.nan) for _ in range(3))
-    with np.errstate(all="ignore"):
-        for i, c in np.ndindex(levels, conserved):
-            growth[i, c], low[i, c], high[i, c] = _exponent(p.records, casimir[i, :, c])
-        in_a_step = casimir[:, -1] / p.case.step_count
-        ends = {"growth": growth, "growth_low": low, "growth_high": high}
-        return {**ends, "bias": in_a_step.mean(axis=2), "bias_stderr": stderr_of_mean(in_a_step)}
 
 
 def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
@@ -72,11 +49,11 @@ def _exponent(n: np.ndarray, error: np.ndarray) -> tuple[float, float, float]:
         return np.nan, np.nan, np.nan
     without = np.sqrt(np.maximum(squares.sum(axis=0) - squares, 0.0) / (paths - 1))
     # in 1/n, because where the points bend, those of the largest steps are left out: here those of early times
-    found = fit_order(1.0 / n, value, without, np.ones(paths), use)
-    return -found.order, -found.high, -found.low
+    order = fit_order(1.0 / n, value, without, np.ones(paths), use)
+    return -order.order, -order.high, -order.low
 
 
-def _law(law: SphereLaw, totals: Sequence[Paths]) -> Law:
+def law_of_states(law: SphereLaw, totals: Sequence[Paths]) -> Law:
     """Means and fractions in bins against their exact values, from the paths of each step size."""
     snapshots = max(totals[0].snapshots, 1)
     moments = np.array([of_one.moments for of_one in totals]) / snapshots

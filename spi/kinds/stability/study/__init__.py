@@ -6,6 +6,7 @@ fraction of paths that stay finite, the distance from the scheme's own path at t
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
 """
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,19 +15,20 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import nested_grid
-from spi.ensemble.protocol import casimirs
-from spi.kinds.blocks import BlocksPlan, Blockwise
-from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.ensemble.protocol import REPORT, casimirs, populations
+from spi.exact.kolmogorov import can_solve_equation
+from spi.expressions import canonical
+from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.solver import reported
 from spi.schemes import typical_ns
-from spi.statistics.tallies import PathSet
+from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Description, Part
 
-from ..results import Stability
-from .law import TRUTH_SECONDS, Truth, has_truth, unknown_truth, with_truth
-from .outcome import results
-from .paths import Paths, Rows, added, no_paths, rows_of
+from ..results import CasimirErrors, Stability
+from .law import TRUTH_SECONDS, Truth, true_expectations
+from .paths import Paths, ValuePlan
 
-_MOST_BLOCKS = 64
+_PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
 
 
 def parts(case: Any) -> list[Part]:
@@ -39,83 +41,71 @@ def plan(case: Any, part: Part) -> "StabilityPlan":
     return StabilityPlan(case=case, part=part, points=tuple(_point(one, part.scheme) for one in case.sweep.cases))
 
 
-def _point(case: Any, scheme: str) -> BlocksPlan:
+def _point(case: Any, scheme: str) -> ValuePlan:
     """The paths of one scheme for a case without the swept parameter."""
     eps = case.eps[0] if case.row(scheme).multiscale else None
     reference = case.reference_record(eps)
     schemes = [case.row(scheme, eps).record, reference]
     terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
-    return BlocksPlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
+    return ValuePlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
 
 
 @dataclass(frozen=True, kw_only=True)
-class StabilityPlan(Blockwise):
-    """One scheme at all step sizes for all values of the swept parameter."""
+class StabilityPlan(PartPlan):
+    """One scheme at all step sizes for all values of the swept parameter; the case has the first value itself."""
 
-    case: Any  #: ``spi.kinds.stability.keys.Case``
-    part: Part
-    points: tuple[BlocksPlan, ...]  #: the paths for each value; only models, initial states and eps differ
+    points: tuple[ValuePlan, ...]  #: the paths for each value; only models, initial states and eps differ
 
     @property
-    def first(self) -> BlocksPlan:
+    def first(self) -> ValuePlan:
         """The paths for the first value, which tell what is the same for all."""
         return self.points[0]
 
     @property
-    def functions(self) -> tuple:
-        """The trees of the test functions."""
-        return self.case.expressions
-
-    @property
-    def levels(self) -> int:
-        """How many step sizes there are, the reference included."""
-        return len(self.first.steps)
+    def has_truth(self) -> bool:
+        """Whether there are test functions, and their true expectations can be found without a scheme."""
+        return bool(self.case.functions) and can_solve_equation(self.model)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
-        seconds = steps * 1e-9 * typical_ns(self.first.row, self.first.model)
-        if has_truth(self) and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
+        seconds = steps * 1e-9 * typical_ns(self.first.row, self.model)
+        if self.has_truth and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
             seconds += TRUTH_SECONDS * len(self.points)
-        of_a_path = self.levels * (len(casimirs(self.first.model, self.first.initial)) + 2 + len(self.first.initial))
+        of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
-    def begin(self) -> Truth:
-        """No expectation is known."""
-        return unknown_truth(self)
+    def initial_extra(self) -> Truth:
+        """No expectation has been found."""
+        nothing = np.full((len(self.points), len(self.case.functions)), np.nan)
+        return Truth(0.0, nothing, nothing)
 
-    def path_sets(self, more: Truth) -> Sequence[PathSet]:
+    def path_sets(self, extra: Truth) -> Sequence[PathSet]:
         """All paths for each value."""
-        return tuple(stream for point in self.points for stream in point.path_sets(more))
+        return tuple(path_set for point in self.points for path_set in point.path_sets(extra))
 
     def empty(self, number: int) -> Paths:
         """No paths for a value."""
-        return no_paths(self.points[number])
+        return self.points[number].empty(0)
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block for each value."""
         return [call for point in self.points for call in point.kernel_calls()]
 
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        return _MOST_BLOCKS
+    def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
+        """Compute consecutive chunks of one value, see :class:`~spi.kinds.plans.Plan`."""
+        return self.points[chunks[0].path_set].advance(chunks, known)
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """What some blocks of a value contribute, see ``paths``."""
-        return rows_of(self.points[number], first, blocks, end)
-
-    def added(self, sums: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
-        """The paths of a value with some more, see ``paths``."""
-        return added(sums, rows, at, first, end)
-
-    def settle(self, state: State) -> None:
-        """Nothing is left."""
-
-    def finish(self, state: State) -> Iterator[Truth]:
+    def finalise(self, state: State) -> Iterator[Truth]:
         """Find the true expectations for each value."""
-        for i in np.flatnonzero(np.isnan(state.more.truth).any(axis=1)).tolist() if has_truth(self) else ():
-            yield with_truth(self, state.more, i)
+        extra, functions = state.extra, tuple(map(canonical, self.case.expressions))
+        for i in np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ():
+            began, truth, bound = time.perf_counter(), extra.truth.copy(), extra.truth_bound.copy()
+            model, initial = self.points[i].model, self.points[i].initial
+            truth[i], bound[i] = true_expectations(model, initial, self.case.final_time, functions)
+            extra = Truth(extra.seconds + time.perf_counter() - began, truth, bound)
+            yield extra
 
     def progress(self, state: State) -> Done:
         """Paths done of all values, all of them, and no standard error."""
@@ -138,4 +128,36 @@ class StabilityPlan(Blockwise):
 
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""
-        return results(self, state)
+        case = self.case
+        return Stability(
+            **self.whole(state),
+            values=np.array(case.sweep.values),
+            h=np.array(case.steps),
+            **self._arrays(state),
+            word=case.sweep.word,
+            functions=tuple(map(canonical, case.expressions)),
+            accurate=case.accurate,
+            samples=case.samples,
+            reference_step=case.reference_step,
+            reference_scheme=case.reference_scheme,
+            panels=case.panels,
+        )
+
+    def _arrays(self, state: State) -> dict[str, Any]:
+        """All arrays by the names of their fields."""
+        totals = [state.total(i) for i in range(len(self.points))]
+        each = [point.summary(total) for point, total in zip(self.points, totals, strict=True)]
+        # levels go from small steps to large ones, results from large to small
+        of = {name: np.array([summary[name][::-1] for summary in each]) for name in each[0]}
+        report = np.array([total.report[:0:-1] for total in totals])
+        arrays: dict[str, Any] = {name: of[name] for name in _PER_POINT} | reported(report)
+        if populations(self.model):
+            arrays["positive"] = of["positive"]
+        if of["casimir_worst"].shape[-1]:
+            arrays["casimirs"] = CasimirErrors(worst=of["casimir_worst"], median=of["casimir_median"])
+        if self.first.row.composition is not None:  # its flows may rotate
+            arrays["largest_angle"] = report[..., REPORT.index("largest_angle")]
+        if self.case.functions:
+            names = tuple(self.case.functions)
+            arrays["law"] = state.extra.law(names, of["expectation"], of["expectation_stderr"])
+        return arrays

@@ -1,6 +1,7 @@
-"""The paths of a stability study: what is watched along them, and its summary for each value of the swept parameter."""
+"""The paths of a stability study for one value of the swept parameter: what is watched along them, and its summary."""
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,9 +10,11 @@ from spi.ensemble.loop import add_reports, empty_report, integrated, paths_of
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.expressions import as_numpy
-from spi.kinds.plans import PathsPlan
+from spi.kinds.blocks import BlocksPlan
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import stderr_of_mean
+
+_MOST_BLOCKS = 64  # of a batch, because of memory
 
 
 class Paths(NamedTuple):
@@ -22,25 +25,27 @@ class Paths(NamedTuple):
     cpu_seconds: float
     casimir: np.ndarray  #: (levels, C, paths)
     square: np.ndarray  #: (levels, paths)
-    least: np.ndarray  #: (levels, paths)
+    smallest: np.ndarray  #: (levels, paths)
     y: np.ndarray  #: (levels, d, paths)
     report: np.ndarray  #: (levels, columns)
 
     def plus(self, later: "Paths") -> "Paths":
         """These paths and some later ones."""
-        joined: dict[str, Any] = {
-            name: np.concatenate((getattr(self, name), getattr(later, name)), axis=-1) for name in _OF_PATHS
-        }
         return Paths(
             paths=self.paths + later.paths,
             seconds=self.seconds + later.seconds,
             cpu_seconds=self.cpu_seconds + later.cpu_seconds,
             report=add_reports(self.report, later.report[np.newaxis]),
-            **joined,
+            **_joined(self, {name: getattr(later, name) for name in _OF_PATHS}),
         )
 
 
-_OF_PATHS = ("casimir", "square", "least", "y")
+_OF_PATHS = ("casimir", "square", "smallest", "y")
+
+
+def _joined(paths: Paths, later: dict[str, np.ndarray]) -> dict[str, Any]:
+    """The fields of the paths with those of later ones, by name, behind them."""
+    return {name: np.concatenate((getattr(paths, name), values), axis=-1) for name, values in later.items()}
 
 
 class Rows(NamedTuple):
@@ -51,78 +56,75 @@ class Rows(NamedTuple):
     report: np.ndarray  #: (blocks, levels, columns)
 
 
-def no_paths(point: PathsPlan) -> Paths:
-    """No paths of `point`."""
-    levels = len(point.steps)
-    return Paths(
-        paths=0,
-        seconds=0.0,
-        cpu_seconds=0.0,
-        casimir=np.zeros((levels, len(casimirs(point.model, point.initial)), 0)),
-        square=np.zeros((levels, 0)),
-        least=np.zeros((levels, 0)),
-        y=np.zeros((levels, len(point.initial), 0)),
-        report=empty_report(1, levels)[0],
-    )
+@dataclass(frozen=True, kw_only=True)
+class ValuePlan(BlocksPlan):
+    """The paths of one scheme for one value of the swept parameter."""
 
+    def empty(self, number: int) -> Paths:
+        """No paths."""
+        levels = len(self.steps)
+        return Paths(
+            paths=0,
+            seconds=0.0,
+            cpu_seconds=0.0,
+            casimir=np.zeros((levels, len(casimirs(self.model, self.initial)), 0)),
+            square=np.zeros((levels, 0)),
+            smallest=np.zeros((levels, 0)),
+            y=np.zeros((levels, len(self.initial), 0)),
+            report=empty_report(1, levels)[0],
+        )
 
-def rows_of(point: PathsPlan, first: int, blocks: int, end: int) -> Rows:
-    """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
-    observer = path_observer(point.model, point.initial, point.grid, blocks, sizes=True)
-    what = point.scheme, point.model, point.initial, point.grid, point.stream
-    states, report = integrated(*what, first, blocks, end, observer)
-    return Rows(observer.extremes, states, report)
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        return _MOST_BLOCKS
 
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+        observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
+        what = self.scheme, self.model, self.initial, self.grid, self.stream
+        states, report = integrated(*what, first, blocks, end, observer)
+        return Rows(observer.extremes, states, report)
 
-def added(known: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
-    """The paths known and those of the rows `at`, of which the first is that of block `first`."""
-    extremes, count = rows.extremes[at], end - first * LANES
-    lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
-    paths = {
-        "casimir": lanes[:, :-2],
-        "square": lanes[:, -2],
-        "least": lanes[:, -1],
-        "y": paths_of(rows.states[at], known.y.shape[1])[..., :count],
-    }
-    joined: dict[str, Any] = {
-        name: np.concatenate((getattr(known, name), values), axis=-1) for name, values in paths.items()
-    }
-    return known._replace(report=add_reports(known.report, rows.report[at]), **joined)
+    def added(self, sums: Paths, rows: Rows, at: slice, first: int, end: int) -> Paths:
+        """The paths and those of the rows `at`, of which the first is that of block `first`."""
+        extremes, count = rows.extremes[at], end - first * LANES
+        lanes = np.moveaxis(extremes, 0, -2).reshape(*extremes.shape[1:3], -1)[..., :count]
+        y = paths_of(rows.states[at], len(self.initial))[..., :count]
+        later = {"casimir": lanes[:, :-2], "square": lanes[:, -2], "smallest": lanes[:, -1], "y": y}
+        return sums._replace(report=add_reports(sums.report, rows.report[at]), **_joined(sums, later))
 
-
-def summary(point: PathsPlan, functions: tuple, known: Paths) -> dict[str, np.ndarray]:
-    """What all paths for one value, `point`, tell: by the name of a quantity its values (levels - 1, ...)."""
-    n, size = point.samples, math.hypot(*point.initial)
-    first = np.abs(casimirs(point.model, point.initial))
-    scale = np.where(first > 0, first, 1.0).reshape(1, -1, 1) if len(first) else 1.0
-    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        worse = np.nan_to_num(known.casimir[1:] / scale, nan=np.inf, posinf=np.inf)
-        median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
-        norm = np.nan_to_num(np.sqrt(known.square[1:]), nan=np.inf, posinf=np.inf)
-        y, reference = known.y[1:], known.y[:1]
-        squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
-        mean = squares.mean(axis=1)
-        error = np.sqrt(mean)
-        stderr = stderr_of_mean(squares) / (2 * error)
-    expectation, expectation_stderr = _expectations(functions, y)
-    return {
-        "finite": np.isfinite(y).all(axis=1).mean(axis=1),
-        "casimir_worst": worse.max(axis=2, initial=0.0),
-        "casimir_median": median,
-        "largest_norm": norm.max(axis=1),
-        "positive": (known.least[1:] > 0.0).mean(axis=1),
-        "error": error,
-        "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
-        "expectation": expectation,
-        "expectation_stderr": expectation_stderr,
-    }
+    def summary(self, paths: Paths) -> dict[str, np.ndarray]:
+        """What all paths tell: by the name of a quantity its values (levels - 1, ...)."""
+        n, size = self.samples, math.hypot(*self.initial)
+        first = np.abs(casimirs(self.model, self.initial))
+        scale = np.where(first > 0, first, 1.0).reshape(1, -1, 1) if len(first) else 1.0
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            worse = np.nan_to_num(paths.casimir[1:] / scale, nan=np.inf, posinf=np.inf)
+            median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
+            norm = np.nan_to_num(np.sqrt(paths.square[1:]), nan=np.inf, posinf=np.inf)
+            y, reference = paths.y[1:], paths.y[:1]
+            squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
+            error = np.sqrt(squares.mean(axis=1))
+            stderr = stderr_of_mean(squares) / (2 * error)
+        expectation, expectation_stderr = _expectations(self.case.expressions, y)
+        return {
+            "finite": np.isfinite(y).all(axis=1).mean(axis=1),
+            "casimir_worst": worse.max(axis=2, initial=0.0),
+            "casimir_median": median,
+            "largest_norm": norm.max(axis=1),
+            "positive": (paths.smallest[1:] > 0.0).mean(axis=1),
+            "error": error,
+            "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
+            "expectation": expectation,
+            "expectation_stderr": expectation_stderr,
+        }
 
 
 def _expectations(functions: tuple, y: np.ndarray) -> np.ndarray:
     """Means of the test functions over the states y (levels, d, paths), and their standard errors, (levels, F)."""
-    found = np.empty((2, len(y), len(functions)))
+    means = np.empty((2, len(y), len(functions)))
     for f, tree in enumerate(functions):
         with np.errstate(all="ignore"):
             values = np.broadcast_to(as_numpy(tree)(np.moveaxis(y, 1, 0)), y[:, 0].shape)
-            found[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
-    return found
+            means[:, :, f] = values.mean(axis=1), stderr_of_mean(values)
+    return means

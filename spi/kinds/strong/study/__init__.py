@@ -12,19 +12,34 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import nested_grid
-from spi.ensemble.protocol import REPORT, casimirs
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import add_reports, arguments_of, grid, integrate, integrated, limited_threads, nested_grid
+from spi.ensemble.observer import path_observer
+from spi.ensemble.protocol import REPORT, casimirs, large
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.solver import reported
+from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.statistics.estimators import GROUPS, PARTS, group_counts, jackknife_stderr, root_mean_square
+from spi.statistics.estimators import (
+    GROUPS,
+    PARTS,
+    fit_order,
+    group_counts,
+    is_resolved,
+    jackknife_stderr,
+    root_mean_square,
+)
 from spi.storage.records import Part
 
 from ..results import StrongErrors
-from .errors import results
-from .paths import BLOCKS_PER_ROUND, Rows, Totals, added, nanoseconds_per_step, rows_of
+from .errors import errors, expected_order, note
+from .paths import Rows, Totals
 
 _BATCH_BYTES = 64e6
+_BLOCKS_PER_ROUND = GROUPS // PARTS  # after so many blocks all groups have had equally many paths
+_LOST = 0.25  # of |y_0|: larger errors are left out of the order
+_TIMED_STEPS = 2048  # of one block, for the time of a step
 
 
 def parts(case: Any) -> list[Part]:
@@ -63,7 +78,7 @@ class StrongPlan(BlocksPlan):
         seconds = steps * 1e-9 * typical_ns(self.row, self.model)
         return Cost(steps, seconds, int(_BATCH_BYTES) + 8 * GROUPS * self.points)
 
-    def begin(self) -> Times:
+    def initial_extra(self) -> Times:
         """No time has been measured."""
         return Times(0.0, np.full(len(self.steps) - 1, np.nan))
 
@@ -82,33 +97,108 @@ class StrongPlan(BlocksPlan):
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        return max(1, min(BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(self.points, 1)))))
+        return max(1, min(_BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(self.points, 1)))))
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """What some blocks contribute, see ``paths``."""
-        return rows_of(self, first, blocks, end)
+        """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
+        observer = path_observer(self.model, self.initial, self.grid, blocks, squares=True)
+        what = self.scheme, self.model, self.initial, self.grid, self.stream
+        states, report = integrated(*what, first, blocks, end, observer)
+        y = states[..., : len(self.initial) * LANES].reshape(*states.shape[:2], -1, LANES)
+        idle = np.arange(first * LANES, (first + blocks) * LANES).reshape(-1, 1, LANES) >= end
+        nonfinite = (~(np.isfinite(y).all(axis=2) | idle)).sum(axis=-1)
+        return Rows(observer.rows, observer.extremes, nonfinite, report)
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
-        """The totals with some rows, see ``paths``."""
-        return added(self, sums, rows, at, first, end)
+        """The totals with the rows `at`, of which the first is that of block `first`."""
+        squares = sums.squares.reshape(_BLOCKS_PER_ROUND, PARTS, -1).copy()
+        drift = sums.drift
+        for block, row in enumerate(range(at.start, at.stop), first):
+            squares[block % _BLOCKS_PER_ROUND] += rows.squares[row].T
+            lanes = min(LANES, end - block * LANES)
+            # a diverged path has no last drift but NaN: it is infinitely far
+            worst = np.nan_to_num(rows.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1)
+            drift = np.maximum(drift, worst)
+        return sums._replace(
+            squares=squares.reshape(GROUPS, -1),
+            drift=drift,
+            nonfinite=sums.nonfinite + rows.nonfinite[at].sum(axis=0),
+            report=add_reports(sums.report, rows.report[at]),
+        )
 
-    def finish(self, state: State) -> Iterator[Times]:
+    def finalise(self, state: State) -> Iterator[Times]:
         """Measure the time of a step at each step size."""
-        for i in np.flatnonzero(np.isnan(state.more.ns_per_step)) if self.timed_steps else ():
-            began, ns = time.perf_counter(), state.more.ns_per_step.copy()
-            ns[i] = nanoseconds_per_step(self, self.case.steps[i])
-            yield Times(state.more.seconds + time.perf_counter() - began, ns)
+        for i in np.flatnonzero(np.isnan(state.extra.ns_per_step)) if self.timed_steps else ():
+            began, ns = time.perf_counter(), state.extra.ns_per_step.copy()
+            ns[i] = self.nanoseconds_per_step(self.case.steps[i])
+            yield Times(state.extra.seconds + time.perf_counter() - began, ns)
+
+    def nanoseconds_per_step(self, h: float) -> float:
+        """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
+        steps = _TIMED_STEPS
+        if large(self.model):  # about 0.2 s
+            steps = min(steps, max(1, int(2e8 / (LANES * typical_ns(self.row, self.model)))))
+        times = grid(
+            h,
+            steps,
+            truncate=self.grid.truncate,
+            reference_scheme=self.grid.reference_scheme,
+            by_reference=(0,),
+            area_terms=fourier_terms(self.model, [self.scheme], h),
+        )
+        best = np.inf
+        with limited_threads(1):
+            for _ in range(3):
+                observer = path_observer(self.model, self.initial, times, 1)
+                arguments = arguments_of(
+                    self.scheme, self.model, self.initial, times, self.stream, 0, 1, LANES, observer
+                )
+                began = time.perf_counter()
+                integrate(*arguments)
+                best = min(best, time.perf_counter() - began)
+        return 1e9 * best / (steps * LANES)
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""
-        known = state.tally()
-        if not known.paths:
+        tally = state.tally()
+        if not tally.paths:
             return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
+        counts = group_counts(tally.paths)
         # of one time alone: sums over all of them are large, and this is asked after each batch
-        value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in known.each], axis=0), counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(value, without, counts)))
+        value, without = root_mean_square(np.sum([sums.squares[:, -1] for sums in tally.each], axis=0), counts)
+        return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def results(self, state: State) -> StrongErrors:
         """The results of one scheme of a case, from its final state."""
-        return results(self, state)
+        case, totals, times = self.case, state.total(), state.extra.ns_per_step
+        h, counts = np.array(case.steps), group_counts(totals.paths)
+        error = errors(totals.squares, counts, self.steps[1:])
+        down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
+        stderr = jackknife_stderr(error.sup, error.sup_without, counts)
+        resolved = is_resolved(error.sup, stderr)
+        # paths that are farther apart than this have lost one another: the error no longer grows as the step does
+        together = error.sup <= _LOST * np.linalg.norm(case.initial)
+        own_reference = 0.0 if case.reference_scheme else case.reference_step
+        return StrongErrors(
+            **self.whole(state),
+            h=h,
+            error=error.sup,
+            error_stderr=stderr,
+            error_time=(error.at + 1) * h,
+            error_final=error.final,
+            error_final_stderr=jackknife_stderr(error.final, error.final_without, counts),
+            casimir_drift=totals.drift[down],
+            nonfinite=totals.nonfinite[down],
+            resolved=resolved,
+            seconds=times * 1e-9 * self.steps[down] * self.samples if self.timed_steps else None,
+            ns_per_step=times if self.timed_steps else None,
+            **reported(totals.report[down]),
+            order=fit_order(h, error.sup, error.sup_without, counts, resolved & together, own_reference),
+            expected_order=expected_order(self.row, case),
+            samples=case.samples,
+            reference_step=case.reference_step,
+            reference_scheme=case.reference_scheme,
+            reference_nonfinite=int(totals.nonfinite[0]),
+            reference_casimir_drift=tuple(totals.drift[0].tolist()),
+            note=note(error.sup, stderr, resolved, case.samples),
+        )

@@ -59,7 +59,7 @@ class KolmogorovPlan(WeakPlan):
         need = demands(case.model, acting, case.initial, case.final_time, case.steps, functions, case.accuracy)
         return Cost(0, need.seconds * thread_count(), int(need.bytes))
 
-    def path_sets(self, more: Any) -> Sequence[PathSet]:
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All in one piece, as if it were one path."""
         return (PathSet(1, 1),)
 

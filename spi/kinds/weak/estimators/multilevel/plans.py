@@ -92,15 +92,15 @@ class MultilevelPlan(Blockwise, WeakPlan):
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
         return Cost(seconds * steps.sum() / round_of_all, seconds, int(_BATCH_BYTES))
 
-    def begin(self) -> Decisions:
+    def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
         return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
 
-    def path_sets(self, more: Decisions) -> Sequence[PathSet]:
+    def path_sets(self, extra: Decisions) -> Sequence[PathSet]:
         """The samples of each level that the current allocation wants."""
         return tuple(
             PathSet(int(blocks) * LANES, max(ROUND, chunk_blocks(level.steps, dimension(self.model))))
-            for blocks, level in zip(more.targets, self.levels, strict=True)
+            for blocks, level in zip(extra.targets, self.levels, strict=True)
         )
 
     def empty(self, number: int) -> Totals:
@@ -136,28 +136,28 @@ class MultilevelPlan(Blockwise, WeakPlan):
             nonfinite=sums.nonfinite + int((~np.isfinite(values).all(axis=(1, 2))).sum()),
         )
 
-    def settle(self, state: State) -> Decisions | None:
+    def next_allocation(self, state: State) -> Decisions | None:
         """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
-        more = state.more
-        if self.control and np.isnan(more.known).any():
-            return self._with_control(self.control, more)
+        extra = state.extra
+        if self.control and np.isnan(extra.known).any():
+            return self._with_control(self.control, extra)
         levels = self.level_sums(state)
-        if not more.recorded:
-            more = more.with_errors(self.errors(levels), levels.cpu_seconds.sum())
-        if more.allocations == len(SHARES):
-            return more if more is not state.more else None
-        targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[more.allocations]))
-        return more._replace(targets=targets, allocations=more.allocations + 1)
+        if not extra.recorded:
+            extra = extra.with_errors(self.errors(levels), levels.cpu_seconds.sum())
+        if extra.allocations == len(SHARES):
+            return extra if extra is not state.extra else None
+        targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[extra.allocations]))
+        return extra._replace(targets=targets, allocations=extra.allocations + 1)
 
-    def _with_control(self, control: tuple, more: Decisions) -> Decisions:
+    def _with_control(self, control: tuple, extra: Decisions) -> Decisions:
         """The decisions with the expectations of the control, rows of flows, from the finest level to the last."""
         began, cpu_began = time.perf_counter(), time.process_time()
         steps = self.case.reference_step * 2.0 ** np.arange(self.base, -1, -1)
         exact = solution(self.case, control, steps)
         differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
-        return more._replace(
-            seconds=more.seconds + time.perf_counter() - began,
-            cpu_seconds=more.cpu_seconds + time.process_time() - cpu_began,
+        return extra._replace(
+            seconds=extra.seconds + time.perf_counter() - began,
+            cpu_seconds=extra.cpu_seconds + time.process_time() - cpu_began,
             known=np.concatenate([differences, exact.value[:, :1].T]),
             control_bound=float(exact.weak_error_bound.max()),
         )
@@ -166,19 +166,19 @@ class MultilevelPlan(Blockwise, WeakPlan):
         """The sums of all levels: over all paths that are wanted, or those that are there."""
         totals = [state.so_far(j) for j in range(len(self.levels))]
         cpu_seconds = np.array([one.cpu_seconds for one in totals])
-        cpu_seconds[-1] += state.more.cpu_seconds
+        cpu_seconds[-1] += state.extra.cpu_seconds
         return LevelSums(
             blocks=np.array([one.paths // LANES for one in totals]),
             sums=np.array([one.sums for one in totals]),
             nonfinite=np.array([one.nonfinite for one in totals]),
             cpu_seconds=cpu_seconds,
-            known=state.more.known,
+            known=state.extra.known,
         )
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error at the largest step."""
         levels = self.level_sums(state)
-        done, total = (float(blocks @ self.seconds_per_block) for blocks in (levels.blocks, state.more.targets))
+        done, total = (float(blocks @ self.seconds_per_block) for blocks in (levels.blocks, state.extra.targets))
         if levels.blocks.min() < ROUND:
             return Done(done, total, float("nan"))
         return Done(done, total, float(jackknife_stderr(*self.errors(levels))[0, 0]))
@@ -229,7 +229,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, more = self.errors(levels), state.more
+        errors, extra = self.errors(levels), state.extra
         fields, sampled = sampled_errors(self.h, *errors)
         expectation, of_expectation = self._expectations(levels, errors.error)
         cpu_seconds = float(levels.cpu_seconds.sum())
@@ -239,12 +239,12 @@ class MultilevelPlan(Blockwise, WeakPlan):
             **fields,
             expectation=expectation,
             sampled=Sampled(**sampled, **of_expectation, **work),
-            levels=levels.table(self._coarse, has_antithetic_path(self.scheme), more.control_bound),
+            levels=levels.table(self._coarse, has_antithetic_path(self.scheme), extra.control_bound),
             history=History(
                 allocations=np.arange(1, len(SHARES) + 1),
-                error=more.history_error,
-                error_stderr=more.history_error_stderr,
-                cpu_seconds=more.history_cpu_seconds,
+                error=extra.history_error,
+                error_stderr=extra.history_error_stderr,
+                cpu_seconds=extra.history_cpu_seconds,
             ),
             cpu_seconds=cpu_seconds,
         )
