@@ -135,7 +135,8 @@ def with_other_numbers(parameter):
 
 def of_step(scheme, model, initial, h):
     """Operations of one step and path, without its random numbers."""
-    from spi.ensemble.protocol import REPORT, advance, memory_size, noises, substeps, work_size
+    from spi.ensemble.protocol import noises
+    from spi.ensemble.scheme_protocol import REPORT, advance, memory_size, substeps, work_size
     from spi.numerics.rng import LANES
 
     generator = np.random.default_rng(1)

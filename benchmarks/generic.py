@@ -21,7 +21,8 @@ from spi.ensemble.fields import (
     step_field,
     step_gradient,
 )
-from spi.ensemble.protocol import drift_flow, needs_areas, noise_flow, noise_indices, structure, substeps
+from spi.ensemble.protocol import drift_flow, noise_flow, noise_indices, structure
+from spi.ensemble.scheme_protocol import needs_areas, substeps
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
 from spi.schemes.asymptotic import AsymptoticPreserving, MultiscaleEuler, increment_and_process

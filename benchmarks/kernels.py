@@ -29,7 +29,8 @@ import special
 from examples import example, why_not
 from machine import arithmetic_peak, ns_per_normal
 
-from spi.ensemble.protocol import noise_indices, substeps
+from spi.ensemble.protocol import noise_indices
+from spi.ensemble.scheme_protocol import substeps
 from spi.models import MODELS
 from spi.schemes import SCHEMES
 

@@ -20,7 +20,7 @@ from spi.ensemble.loop import grid, limited_threads
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.estimators.kolmogorov.study import solution
 from spi.kinds.weak.estimators.multilevel.levels import Level
-from spi.kinds.weak.study.sums import compile_kernels, values_of_blocks
+from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import LANES
 from spi.running.run import load
 from spi.schemes import weak_exponents
@@ -143,7 +143,6 @@ def main() -> None:
     with limited_threads(1):
         for scheme, levels in SCHEMES:
             p = plan_of(scheme, FINEST)
-            compile_kernels(p)
             limit = float(solution(p.case, p.row.composition, [1.0]).limit[0])
             for method, found in estimates(p, levels).items():
                 for error in chosen.errors:

@@ -25,21 +25,8 @@ from spi.ensemble.increments import first_lane
 from spi.ensemble.lanes import load_lane, store_lane
 from spi.ensemble.loop import RandomStream, grid, integrated, paths_of
 from spi.ensemble.observer import STATES, last_states_only
-from spi.ensemble.protocol import (
-    REPORT,
-    advance,
-    area_pairs,
-    dimension,
-    drift_flow,
-    memory_size,
-    needs_areas,
-    noise_flow,
-    noise_indices,
-    noises,
-    pieces,
-    substeps,
-    work_size,
-)
+from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
+from spi.ensemble.scheme_protocol import REPORT, advance, memory_size, needs_areas, substeps, work_size
 from spi.models import RigidBody
 from spi.models.damped import Damped
 from spi.numerics.angles import ANY_ANGLES

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from helpers import INITIAL, LANES, take_steps
 
-from spi.ensemble.protocol import dimension, memory_size, noises
+from spi.ensemble.protocol import dimension, noises
+from spi.ensemble.scheme_protocol import memory_size
 from spi.models import LotkaVolterra
 from spi.schemes.asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from helpers import BY_HAND, LANES, ONE_NOISE, RIGID_BODY, SCHEMES, random_states
 
-from spi.ensemble.protocol import REPORT, strengths
+from spi.ensemble.protocol import strengths
+from spi.ensemble.scheme_protocol import REPORT
 from spi.models import RigidBody
 
 MODELS = {

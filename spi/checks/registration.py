@@ -1,18 +1,18 @@
-"""Classes of models and schemes are compared with ``protocol.py`` when they are registered."""
+"""Classes of models and schemes are compared with the two protocols when they are registered."""
 
 import difflib
 import inspect
 
 from ..compiler.dispatch import MOST
-from ..ensemble import protocol
+from ..ensemble import protocol, scheme_protocol
 
 _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
     """{name: method or trait} of all that a "model" or a "scheme" is asked."""
-    declared = {name: one.declared for name, one in vars(protocol).items() if hasattr(one, "declared")}
-    return {name: getattr(protocol, name) for name, one in declared.items() if one.asked == asked}
+    both = vars(protocol) | vars(scheme_protocol)
+    return {name: one for name, one in both.items() if hasattr(one, "declared") and one.declared.asked == asked}
 
 
 def check_class(cls, asked, name):

@@ -30,7 +30,8 @@ import numpy as np
 
 from ..compiler.dispatch import device, method, number, trait, unrolled
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
-from .protocol import area_pairs, large, needs_areas, noise_indices, noises
+from .protocol import area_pairs, large, noise_indices, noises
+from .scheme_protocol import needs_areas
 
 #: By which multiple of h^(3/2) a drawn area may be off in the mean square.  So much, drawn anew in each step, adds 8 %
 #: to the strong error of ``splitting_areas`` for the rigid body with three noises, see docs/areas.md.

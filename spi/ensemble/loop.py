@@ -29,7 +29,7 @@ from .increments import (
     turn_coins,
 )
 from .observer import last_states_only, observe
-from .protocol import REPORT, SUMMED
+from .scheme_protocol import REPORT, SUMMED
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
 #: How often a study that runs in batches can report, and be interrupted.

@@ -4,7 +4,8 @@ from ..compiler.dispatch import INDICES, device
 from ..compiler.records import is_none
 from .areas import Areas, NoAreas
 from .increments import Coins, Kept, NoCoins
-from .protocol import advance, advance_large, area_pairs, large, memory_size, needs_areas, substeps, tosses, work_size
+from .protocol import area_pairs, large
+from .scheme_protocol import advance, advance_large, memory_size, needs_areas, substeps, tosses, work_size
 
 
 @device(by_type=True)

@@ -3,7 +3,8 @@
 A simple rule, so that an estimate depends on nothing but the scheme and the model; the time left of a run is measured.
 """
 
-from ..ensemble.protocol import area_pairs, dimension, flow_ns, needs_areas, noise_indices, substeps
+from ..ensemble.protocol import area_pairs, dimension, flow_ns, noise_indices
+from ..ensemble.scheme_protocol import needs_areas, substeps
 from .sweeps import sweeps
 
 _DRAW_NS = 0.85  # an increment

@@ -11,21 +11,17 @@ import numpy as np
 from ..compiler.dispatch import device
 from ..compiler.generated import function_of
 from ..compiler.vectors import WIDTH
-from ..ensemble.protocol import (
-    REPORT,
+from ..ensemble.array_states import (
     add_block_drift,
     add_block_ito_correction,
     add_block_noises,
     block_drift_flow,
     block_noise_flow,
     block_work,
-    dimension,
-    large,
     noise_groups,
-    noises,
-    pieces,
-    strengths,
 )
+from ..ensemble.protocol import dimension, large, noises, pieces, strengths
+from ..ensemble.scheme_protocol import REPORT
 from ..numerics.rng import LANES
 from .stages import FINEST, Backwards, Symmetric, stages_known
 

@@ -13,7 +13,8 @@ from ..compiler.dispatch import INDICES, device, number
 from ..compiler.generated import function_of
 from ..compiler.records import field, is_array
 from ..ensemble.lanes import load_lane, store_lane
-from ..ensemble.protocol import REPORT, noises, strengths
+from ..ensemble.protocol import noises, strengths
+from ..ensemble.scheme_protocol import REPORT
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..numerics.rng import LANES

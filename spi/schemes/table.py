@@ -6,7 +6,8 @@ from typing import NamedTuple
 from ..checks.registration import check_class
 from ..compiler.dispatch import answers
 from ..ensemble.fields import cross_product, lie_poisson, noise_field_derivative
-from ..ensemble.protocol import advance_large, squared_length_is_casimir
+from ..ensemble.protocol import squared_length_is_casimir
+from ..ensemble.scheme_protocol import advance_large
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint
@@ -60,7 +61,7 @@ SCHEMES: dict[str, Scheme] = {}
 
 
 def register_scheme(name, **entry):
-    """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``protocol.py``."""
+    """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``scheme_protocol.py``."""
     scheme = Scheme(**entry)
     check_class(type(scheme.record), "scheme", name)
     SCHEMES[name] = scheme

@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..ensemble.protocol import area_pairs, needs_areas
+from ..ensemble.protocol import area_pairs
+from ..ensemble.scheme_protocol import needs_areas
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
 from ..systems.keys import MOST

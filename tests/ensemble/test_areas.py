@@ -12,7 +12,8 @@ from weak_cases import case_of, results_of
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.areas import TOLERANCE, fourier_terms
-from spi.ensemble.protocol import REPORT, advance, area_pairs, noise_indices
+from spi.ensemble.protocol import area_pairs, noise_indices
+from spi.ensemble.scheme_protocol import REPORT, advance
 from spi.models import MODELS, RigidBody
 from spi.schemes import SCHEMES
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_AREAS, splitting

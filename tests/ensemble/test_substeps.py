@@ -18,7 +18,7 @@ from helpers import (
 )
 
 from spi.compiler.dispatch import kernel
-from spi.ensemble.protocol import substeps
+from spi.ensemble.scheme_protocol import substeps
 from spi.models import MaxwellBloch
 from spi.numerics.rng import BRIDGES, BROWNIAN, LEVELS, STEPS_PER_DRAW, draw_normals
 from spi.schemes import SCHEMES

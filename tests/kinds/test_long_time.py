@@ -9,7 +9,7 @@ from helpers import INITIAL, RIGID_BODY, compiled_only, without_the_compiler
 from long_time_cases import initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
-from spi.ensemble.protocol import memory_size
+from spi.ensemble.scheme_protocol import memory_size
 from spi.kinds.long_time import study as long_time
 from spi.kinds.state import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS

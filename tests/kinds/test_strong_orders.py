@@ -9,7 +9,7 @@ from helpers import COMPILED, compiled_only
 from states import begun, finished
 from strong_cases import case_of, paths_by_hand, study
 
-from spi.ensemble.protocol import REPORT
+from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.state import State
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES

@@ -26,8 +26,6 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import drift_field, step_field, step_field_derivative, step_gradient
 from spi.ensemble.invariants import growth
 from spi.ensemble.protocol import (
-    REPORT,
-    advance,
     casimir_degrees,
     casimirs,
     conserved,
@@ -37,8 +35,8 @@ from spi.ensemble.protocol import (
     noises,
     piece_indices,
     pieces,
-    work_size,
 )
+from spi.ensemble.scheme_protocol import REPORT, advance, work_size
 from spi.models import RigidBody
 from spi.models.damped import Damped, damped, undamped
 from spi.numerics.angles import ANY_ANGLES

@@ -16,7 +16,8 @@ import pytest
 from helpers import take_step
 from scipy.integrate import solve_ivp
 
-from spi.ensemble.protocol import large, needs_areas, noises, substeps
+from spi.ensemble.protocol import large, noises
+from spi.ensemble.scheme_protocol import needs_areas, substeps
 from spi.models import MODELS
 from spi.models.zeitlin import Zeitlin
 from spi.numerics.rng import LANES

@@ -6,7 +6,7 @@ import scheme_cases
 from helpers import COMPILED, LANES, ONE_NOISE, RIGID_BODY, SCHEMES, random_states, take_step, take_steps
 from scheme_cases import ANGLE, LOCKED, increments, relative, tosses
 
-from spi.ensemble import protocol
+from spi.ensemble import scheme_protocol
 from spi.ensemble.protocol import (
     casimirs,
     dimension,
@@ -190,7 +190,7 @@ def test_order_2_with_the_coin_turned_is_its_own_inverse(system, generator):
 
 
 def test_only_order_2_tosses_coins():
-    assert [name for name, row in SCHEMES.items() if protocol.tosses(row.record)] == ["splitting_order2"]
+    assert [name for name, entry in SCHEMES.items() if scheme_protocol.tosses(entry.record)] == ["splitting_order2"]
 
 
 @pytest.mark.share(1)

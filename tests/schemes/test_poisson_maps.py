@@ -6,7 +6,8 @@ import scheme_cases
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, simulate, take_step, take_steps
 from scheme_cases import FAILURES, RENORMALISED, SPLITTINGS, increments, on_the_sphere, relative, tosses
 
-from spi.ensemble.protocol import area_pairs, needs_areas, substeps
+from spi.ensemble.protocol import area_pairs
+from spi.ensemble.scheme_protocol import needs_areas, substeps
 from spi.schemes.splitting import LIE_TROTTER, ORDER_2
 
 # fixtures

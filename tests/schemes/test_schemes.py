@@ -11,7 +11,8 @@ from matplotlib.colors import is_color_like
 from matplotlib.markers import MarkerStyle
 from scheme_cases import FAILURES, ITERATIONS, RENORMALISED, SPLITTINGS, field, increments, relative, tosses
 
-from spi.ensemble.protocol import strengths, substeps
+from spi.ensemble.protocol import strengths
+from spi.ensemble.scheme_protocol import substeps
 from spi.models import RigidBodySharedNoise
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import has_theory

@@ -7,7 +7,8 @@ import scheme_cases
 from helpers import BY_HAND, LANES, RIGID_BODY, SCHEMES, random_states, take_step, turned
 from scheme_cases import LOCKED, SPLITTINGS, increments, relative, tosses
 
-from spi.ensemble.protocol import drift_flow, noise_flow, noise_indices, strengths, substeps
+from spi.ensemble.protocol import drift_flow, noise_flow, noise_indices, strengths
+from spi.ensemble.scheme_protocol import substeps
 from spi.models import RigidBody
 from spi.numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from spi.numerics.elementary import REDUCIBLE, SMALL

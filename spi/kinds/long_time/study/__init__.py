@@ -25,7 +25,8 @@ from spi.ensemble.loop import (
     states_at,
     thread_count,
 )
-from spi.ensemble.protocol import REPORT, casimirs
+from spi.ensemble.protocol import casimirs
+from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.solver import reported

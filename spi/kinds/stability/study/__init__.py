@@ -15,7 +15,8 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import nested_grid
-from spi.ensemble.protocol import REPORT, casimirs, populations
+from spi.ensemble.protocol import casimirs, populations
+from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import can_solve_equation
 from spi.expressions import canonical
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State

@@ -15,7 +15,8 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, arguments_of, grid, integrate, integrated, limited_threads, nested_grid
 from spi.ensemble.observer import path_observer
-from spi.ensemble.protocol import REPORT, casimirs, large
+from spi.ensemble.protocol import casimirs, large
+from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
 from spi.kinds.solver import reported

@@ -5,8 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.inlining import uncompiled
+from spi.ensemble.array_states import noise_groups
 from spi.ensemble.fields import noise_field, noise_field_derivative
-from spi.ensemble.protocol import in_kernels, large, noise_groups, noise_indices
+from spi.ensemble.protocol import in_kernels, large, noise_indices
 from spi.schemes import Scheme, has_theory
 from spi.statistics.estimators import RESOLVED, root_mean_square, samples_needed
 

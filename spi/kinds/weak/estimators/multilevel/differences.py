@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, RandomStream, grid
-from spi.ensemble.protocol import exact_flows, needs_areas, tosses
+from spi.ensemble.protocol import exact_flows
+from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.kinds.plans import KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns

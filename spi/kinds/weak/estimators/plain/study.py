@@ -12,7 +12,7 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, nested_grid
-from spi.ensemble.protocol import REPORT
+from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
