@@ -245,7 +245,7 @@ load_text = long_time_cases.load_text
 @pytest.mark.parametrize(
     ("text", "name", "asked"),
     [
-        (STRONG, "casimir_drift", "strong.study.paths.path_observer"),
+        (STRONG, "casimir_drift", "strong.study.path_observer"),
         (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
         (LONG_TIME, "casimir_worst", "long_time.study.paths.growth"),
     ],
