@@ -29,6 +29,9 @@ def report(
     from ..storage import write_all
     from .progress import ProgressLine
 
+    for option, folder in (("--latex", latex), ("--data", data)):
+        if str(folder).startswith("-"):  # an option was taken for its value
+            end(INVALID, f"{option}: is '{folder}'; must be a folder, e.g. {option} tables")
     wanted = sources or sorted(results.glob("*.h5"))
     if not wanted:
         end(INVALID, f"{results}: no results here; run an experiment first, or name the folder with --results")

@@ -104,15 +104,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 
 def _told(kind: str, cases: Sequence[Sequence[Reading]]) -> Facts:
     say = getattr(KINDS[kind].table, "told", lambda readings: "")
-    told = zip(_titles(cases), map(say, cases), strict=True)
+    told = zip(views.titles(cases), map(say, cases), strict=True)
     return [(title if len(cases) > 1 else "", text) for title, text in told if text]
-
-
-def _titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
-    """The titles of the cases, with their names where several have one title."""
-    abouts = [case[0].about for case in cases]
-    counts = Counter(about.case_title for about in abouts)
-    return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
 
 
 def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
@@ -130,7 +123,7 @@ def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> Titled | None:
     headings = (*["case"] * several, "scheme", "order", "95 % interval", "expected")
     found = [
         (*[title] * several, *texts)
-        for title, case in zip(_titles(cases), cases, strict=True)
+        for title, case in zip(views.titles(cases), cases, strict=True)
         for texts in _orders_of(kind, case)
     ]
     return Titled.of("orders", several * "l" + "lrrr", headings, found) if found else None

@@ -1,7 +1,8 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
 import difflib
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -89,6 +90,13 @@ def rows(results: Results) -> list[dict[str, Any]]:
     return [record | printed_claims.columns(record, judged) for record in records]
 
 
+def titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
+    """The titles of the cases, with their names where several have one title."""
+    abouts = [case[0].about for case in cases]
+    counts = Counter(about.case_title for about in abouts)
+    return [about.case_title + f" ({about.case})" * (counts[about.case_title] > 1) for about in abouts]
+
+
 def print_tables(results: Results, file: IO[str] | None = None) -> None:
     """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
     show(results, new_console(file))
@@ -108,11 +116,11 @@ def show(results: Results, console: Any, with_title: bool = True) -> None:
         anything.show(console, results.groups)
         return
     judged = _judged(results, read)
-    for case in by_case(read):
-        about = case[0].about
-        heading = "" if about.case_title == title else printable(about.case_title)
+    cases = by_case(read)
+    for case, case_title in zip(cases, titles(cases), strict=True):
+        heading = "" if case_title == title else printable(case_title)
         KINDS[results.attributes["kind"]].table.show(console, heading, case)
-        printed_claims.show(console, [one for one in judged if one.claim.case == about.case])
+        printed_claims.show(console, [one for one in judged if one.claim.case == case[0].about.case])
 
 
 def figure(

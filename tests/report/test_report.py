@@ -166,6 +166,7 @@ def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):
     text = page_of([tmp_path / "r.h5"], tmp_path / "report.html")
     assert "<b>one (a):</b> The strong order" in text and "<b>one (b):</b> The strong order" in text
     assert "<th>case</th>" in text
+    assert '<p class="caption">one (a)</p>' in text and '<p class="caption">one (b)</p>' in text
 
 
 def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
@@ -240,6 +241,8 @@ def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypat
     app(["report", "first", "--results", "."], standalone_mode=False)
     assert "Results of one experiment" in (tmp_path / "report.html").read_text()
     assert app(["report"], standalone_mode=False) == 2
+    assert app(["report", "--results", ".", "--latex", "--data"], standalone_mode=False) == 2
+    assert not (tmp_path / "--data").exists()
     assert "spi: results: no results here; run an experiment first, or name the folder" in capfd.readouterr().err
 
 
