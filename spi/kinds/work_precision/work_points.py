@@ -62,9 +62,9 @@ def work_for(target: float, curve: WorkCurve) -> WorkPoint | None:
     Between neighbours a and b with error_a > target >= error_b it is a power of the error: with the weight
     w = ln(error_a / target) / ln(error_a / error_b), ln s = (1 - w) ln s_a + w ln s_b, and likewise the step size.
     Errors need not fall from step to step: b is the largest step from which on, towards smaller ones, all are at most
-    `target`, and error_b is the largest of these, so that no luck is rewarded.  A point that is not resolved counts with
-    the upper end of its interval, and is passed over where that lies above `target` and the lower end does not.  If there is no a, or none with a finite error, b itself is
-    an upper bound.
+    `target`, and error_b is the largest of these, so that no luck is rewarded.  A point that is not resolved counts
+    with the upper end of its interval, and is passed over where that lies above `target` and the lower end does not.
+    If there is no a, or none with a finite error, b itself is an upper bound.
 
     The interval of ln s has the half widths ((k e)^2 + t^2)^(1/2).  Its slope is k = ln(s_b / s_a) / ln(error_a /
     error_b), e = (1 - w) half_a / error_a + w half_b / error_b is as for errors that depend on one another, as they do
