@@ -168,12 +168,20 @@ class Session:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
-        checkpoint.save(finished=True)
         replaced = storage.replaced_hash(self.target)
         if not self.fresh:  # another run may have written there in the meantime
             storage.check_replaceable(self.target, identity(experiment))
         groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
-        storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
+        try:
+            storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
+        except storage.StorageError:
+            checkpoint.save(finished=True)  # so that nothing is computed again where there is room
+            raise
+        try:
+            checkpoint.save(finished=True)
+        except storage.StorageError as error:
+            self.watch.tell(f"warning: {error}; the results are complete, but more samples would begin anew")
+            return self.target
         if replaced not in (None, experiment.hash):
             old = sums_path(experiment, self.target.parent, spec_hash=replaced)
             if (storage.about_sums(old) or {}).get("finished"):

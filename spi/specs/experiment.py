@@ -65,13 +65,9 @@ class Experiment(NamedTuple):
     @property
     def paths_hash(self) -> str:
         """As `hash`, but the same whatever the numbers of samples: paths are the same then."""
-        return _hash(_without_samples(self.effective))
-
-
-def _without_samples(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_samples(inner) for key, inner in value.items() if key != "samples"}
-    return [_without_samples(inner) for inner in value] if isinstance(value, list) else value
+        cases = self.effective["cases"].items()
+        paths = {name: {key: value for key, value in case.items() if key != "samples"} for name, case in cases}
+        return _hash({**self.effective, "cases": paths})
 
 
 def _canonical(value: Any) -> str:

@@ -76,6 +76,14 @@ def test_points_that_are_not_resolved():
     assert work_for(0.15, missed) == (32.0, 32.0, 32.0, h[2], True)
 
 
+def test_an_error_whose_interval_lies_below_the_target_reaches_it():
+    """It counts with the upper end of its interval, so that no luck is rewarded."""
+    half = np.array([0.01, 1.2e-5])
+    found = curve([0.4, 4.4e-5], H[:2], half, [True, False])
+    assert work_for(1e-4, found) == work_for(1e-4, curve([0.4, 5.6e-5], H[:2], half, [True, True])) is not None
+    assert work_for(5e-5, found) is None
+
+
 @pytest.mark.parametrize("bad", [np.inf, np.nan])
 def test_lost_paths_are_no_neighbours(bad):
     error = np.array([0.01, bad, 0.05, 0.02])

@@ -336,6 +336,31 @@ def test_an_interruption_while_the_results_are_written_loses_nothing(tmp_path, s
     assert reports.done(SCHEMES[0])[0] == 2 * LANES
 
 
+def test_results_are_written_where_there_is_no_room_for_sums(tmp_path, monkeypatch):
+    def full(path, about, parts):
+        raise StorageError(f"cannot write {path}: no space left on device")
+
+    monkeypatch.setattr(storage, "write_sums", full)
+    news = []
+    path = runner.run(experiment(schemes=SCHEMES[:1]), tmp_path, watch=Watch(tell=news.append))
+    assert storage.read(path).attributes["complete"] and files(tmp_path) == {path}
+    assert len(news) == 1 and "no space left" in news[0] and "the results are complete" in news[0]
+
+
+def test_sums_are_saved_where_there_is_no_room_for_results(tmp_path, monkeypatch):
+    def full(path, results):
+        raise StorageError(f"cannot write {path}: no space left on device")
+
+    wanted, write = experiment(schemes=SCHEMES[:1]), storage.write
+    monkeypatch.setattr(storage, "write", full)
+    with pytest.raises(StorageError, match="no space left"):
+        runner.run(wanted, tmp_path)
+    monkeypatch.setattr(storage, "write", write)
+    reports = Reports()
+    runner.run(wanted, tmp_path, watch=Watch(report=reports))
+    assert reports.done(SCHEMES[0])[0] == wanted.samples[0]
+
+
 # --- cost ------------------------------------------------------------------------------------------------------------
 
 

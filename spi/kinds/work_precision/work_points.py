@@ -62,19 +62,20 @@ def work_for(target: float, curve: WorkCurve) -> WorkPoint | None:
     Between neighbours a and b with error_a > target >= error_b it is a power of the error: with the weight
     w = ln(error_a / target) / ln(error_a / error_b), ln s = (1 - w) ln s_a + w ln s_b, and likewise the step size.
     Errors need not fall from step to step: b is the largest step from which on, towards smaller ones, all are at most
-    `target`, and error_b is the largest of these, so that no luck is rewarded.  Points that are not resolved are passed
-    over, unless their whole interval lies above `target`.  If there is no a, or none with a finite error, b itself is
-    an upper bound.
+    `target`, and error_b is the largest of these, so that no luck is rewarded.  A point that is not resolved counts
+    with the upper end of its interval, and is passed over where that lies above `target` and the lower end does not.
+    If there is no a, or none with a finite error, b itself is an upper bound.
 
     The interval of ln s has the half widths ((k e)^2 + t^2)^(1/2).  Its slope is k = ln(s_b / s_a) / ln(error_a /
     error_b), e = (1 - w) half_a / error_a + w half_b / error_b is as for errors that depend on one another, as they do
     if they share their paths, and t is the same mean of the logarithmic distances from s to the ends of its interval.
     """
     curve = WorkCurve(*(np.asarray(values)[np.argsort(curve.h)] for values in curve))
-    usable = curve.resolved.astype(bool) & (curve.error > 0) & (curve.seconds > 0)
+    resolved = curve.resolved.astype(bool)
+    against = ~(curve.error - np.where(resolved | ~np.isfinite(curve.half), 0.0, curve.half) <= target)  # of nan too
+    curve = curve._replace(error=np.where(resolved, curve.error, curve.error + curve.half))
+    usable = (resolved | (curve.error <= target)) & (curve.error > 0) & (curve.seconds > 0)
     usable &= np.isfinite(curve.error) & np.isfinite(curve.half) & np.isfinite(curve.seconds)
-    certain = curve.resolved.astype(bool) | ~np.isfinite(curve.half)
-    against = ~(curve.error - np.where(certain, 0.0, curve.half) <= target)  # of nan as well
     first = int(np.argmax(against)) if against.any() else len(against)
     met = np.flatnonzero(usable[:first])
     if not len(met):
