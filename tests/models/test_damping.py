@@ -247,7 +247,7 @@ load_text = long_time_cases.load_text
     [
         (STRONG, "casimir_drift", "strong.study.path_observer"),
         (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
-        (LONG_TIME, "casimir_worst", "long_time.study.paths.growth"),
+        (LONG_TIME, "casimir_worst", "long_time.study.growth"),
     ],
     ids=["strong", "trajectory", "long_time"],
 )
