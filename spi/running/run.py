@@ -169,13 +169,13 @@ class Session:
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
         replaced = storage.replaced_hash(self.target)
-        if not self.fresh:  # another run may have written there in the meantime
-            storage.check_replaceable(self.target, identity(experiment))
         groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
         try:
+            if not self.fresh:  # another run may have written there in the meantime
+                storage.check_replaceable(self.target, identity(experiment))
             storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
         except storage.StorageError:
-            checkpoint.save(finished=True)  # so that nothing is computed again where there is room
+            checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
             raise
         try:
             checkpoint.save(finished=True)
