@@ -45,6 +45,12 @@ def is_compiled(dispatcher, types):
     return isinstance(cache, SharedCache) and cache.holds(dispatcher, types)
 
 
+def is_loaded(dispatcher, arguments):
+    """Whether this process has the code for a call with these arguments; without a compiler there is none to have."""
+    types = types_of(dispatcher, arguments)
+    return types is None or types in dispatcher.overloads
+
+
 def runs_uncompiled():
     """Whether :func:`uncompiled` is in force; a function, because compiled functions that name it are pickled."""
     return UNCOMPILED.get()

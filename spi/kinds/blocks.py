@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+from spi.compiler.inlining import is_loaded
 from spi.ensemble.loop import in_batches
 from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
@@ -49,8 +50,9 @@ class Blockwise(Protocol):
 
     def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of one path set, see :class:`Plan`."""
-        for call in self.kernel_calls():  # so that nothing is compiled while it is timed
-            call.kernel(*call.arguments)
+        for call in self.kernel_calls():  # so that nothing is compiled or loaded while it is timed
+            if not is_loaded(call.kernel, call.arguments):
+                call.kernel(*call.arguments)
         number, last = chunks[0].path_set, chunks[-1].first + chunks[-1].blocks
         sums = self.empty(number) if known is None else known
         begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
