@@ -17,6 +17,7 @@ Array = np.ndarray
 
 #: Number of jackknife groups.
 GROUPS = 64
+ROUND = GROUPS // PARTS  #: blocks after which all groups have had equally many paths
 #: A value counts as resolved if it is at least this many standard errors.
 RESOLVED = 4.0
 _EXACT = 0.01  # errors are no powers of h to better than this, so that a more exact one has no more weight in a fit

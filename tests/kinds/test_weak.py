@@ -21,8 +21,8 @@ from weak_cases import (
 from spi.expressions import parse_expression
 from spi.kinds.state import State
 from spi.kinds.weak import study as weak
-from spi.kinds.weak.study.sums import ROUND
 from spi.schemes import SCHEMES
+from spi.statistics.estimators import ROUND
 from spi.storage.records import Part
 
 

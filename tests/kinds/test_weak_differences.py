@@ -10,9 +10,9 @@ from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
-from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import BRIDGES, DIFFERENCES, LEVELS
 from spi.schemes import SCHEMES
+from spi.statistics.estimators import ROUND
 
 COARSE = ("steps=[2^-1, 2^-2]", "reference_step=2^-3")
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED

@@ -19,10 +19,9 @@ from weak_cases import (
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.kinds.weak.estimators.multilevel import plans as multilevel
-from spi.kinds.weak.study.sums import ROUND
 from spi.numerics.rng import LEVELS
 from spi.schemes import SCHEMES
-from spi.statistics.estimators import GROUPS
+from spi.statistics.estimators import GROUPS, ROUND
 
 TWINS = AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED
 

@@ -25,6 +25,7 @@ from spi.schemes import typical_ns
 from spi.statistics.estimators import (
     GROUPS,
     PARTS,
+    ROUND,
     fit_order,
     group_counts,
     is_resolved,
@@ -38,7 +39,6 @@ from .errors import errors, expected_order, note
 from .paths import Rows, Totals
 
 _BATCH_BYTES = 64e6
-_BLOCKS_PER_ROUND = GROUPS // PARTS  # after so many blocks all groups have had equally many paths
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
 _TIMED_STEPS = 2048  # of one block, for the time of a step
 
@@ -98,7 +98,7 @@ class StrongPlan(BlocksPlan):
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        return max(1, min(_BLOCKS_PER_ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(self.points, 1)))))
+        return max(1, min(ROUND * 8, int(_BATCH_BYTES / (8 * PARTS * max(self.points, 1)))))
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """Integrate the blocks from block `first` on; paths from number `end` on are idle."""
@@ -112,10 +112,10 @@ class StrongPlan(BlocksPlan):
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
         """The totals with the rows `at`, of which the first is that of block `first`."""
-        squares = sums.squares.reshape(_BLOCKS_PER_ROUND, PARTS, -1).copy()
+        squares = sums.squares.reshape(ROUND, PARTS, -1).copy()
         drift = sums.drift
         for block, row in enumerate(range(at.start, at.stop), first):
-            squares[block % _BLOCKS_PER_ROUND] += rows.squares[row].T
+            squares[block % ROUND] += rows.squares[row].T
             lanes = min(LANES, end - block * LANES)
             # a diverged path has no last drift but NaN: it is infinitely far
             worst = np.nan_to_num(rows.drift[row, :, :, :lanes], nan=np.inf, posinf=np.inf).max(axis=-1)

@@ -8,9 +8,7 @@ from spi.ensemble.loop import Grid, RandomStream, integrated
 from spi.expressions import as_numpy
 from spi.kinds.plans import PartPlan
 from spi.numerics.rng import LANES
-from spi.statistics.estimators import GROUPS, PARTS
-
-ROUND = GROUPS // PARTS  #: blocks after which all groups have had equally many paths
+from spi.statistics.estimators import PARTS, ROUND
 
 
 def values_of_blocks(

@@ -4,9 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.statistics.estimators import jackknife_stderr
-
-from ...study.sums import ROUND
+from spi.statistics.estimators import ROUND, jackknife_stderr
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
 SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
