@@ -4,7 +4,7 @@ import base64
 import binascii
 import difflib
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 
@@ -30,20 +30,26 @@ def content(text: str) -> bytes:
         return text.encode()
 
 
+class UntrustedCode(Exception):
+    """Python code that is not trusted was to be run; its message is the path that the spec gives it."""
+
+
 class Files:
     """The texts of files that belong to a spec, each read once, by their paths as the spec writes them.
 
     Paths are seen from the folder of the spec file.  With `given`, those texts stand in the place of what is on disk;
     those that are `added` stand in the place of files of their names only.
+    Code is run only where `trusts(path, text)` is true, else UntrustedCode is raised.
     """
 
     def __init__(
         self,
         spec_path: str | Path,
         given: Iterable[tuple[str, str]] | None = None,
+        trusts: Callable[[str, str], bool] = lambda path, text: True,
         added: Iterable[tuple[str, str]] = (),
     ) -> None:
-        self.folder = Path(spec_path).parent
+        self.folder, self.trusts = Path(spec_path).parent, trusts
         self.texts = dict(given or ()) | dict(added)
         self.complete = given is not None
 
@@ -61,6 +67,8 @@ class Files:
     def module(self, path: str, key: str) -> ModuleType:
         """The module with the text of a Python file; raises the error about `key` if it cannot be imported."""
         text = self.text(path, key)
+        if not self.trusts(path, text):
+            raise UntrustedCode(path)
         try:
             return modules.stored(Path(path).stem, text)
         except SyntaxError as error:
