@@ -112,7 +112,10 @@ def _write(texts: dict[Path, str], target: Path) -> list[Path]:
     from ..storage import write_all
 
     missing = {path: text for path, text in texts.items() if path == target or not _holds(path, text)}
+    folder = target.parent.resolve()
     for path in missing:
+        if path != target and not path.resolve().is_relative_to(folder):
+            end(INVALID, f"{path}: lies outside {folder}; copy that file there yourself, then run this again")
         if path.exists() or path.is_symlink():
             end(INVALID, f"{path}: already exists; choose another name or folder")
     write_all({path: text.encode() for path, text in missing.items()})
@@ -121,8 +124,11 @@ def _write(texts: dict[Path, str], target: Path) -> list[Path]:
 
 def _holds(path: Path, text: str) -> bool:
     """Whether a file has this text."""
+    from ..storage import contents
+
+    data = text.encode()
     try:
-        return path.read_text(encoding="utf-8") == text
+        return contents(path, len(data)) == data
     except (OSError, ValueError):
         return False
 

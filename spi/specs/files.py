@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 from ..compiler import modules, own
+from ..storage import contents
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
@@ -48,10 +49,7 @@ class Files:
     def _from_disk(self, path: str, key: str) -> str:
         file = self.folder / path
         try:
-            data = file.read_bytes()
-            if len(data) > _MOST_BYTES:
-                raise ValueError(f"more than {_MOST_BYTES // 1000} kB")
-            return data.decode("utf-8-sig").replace("\r\n", "\n")
+            return contents(file, _MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
         except FileNotFoundError:
             there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
             near = difflib.get_close_matches(file.name, there, 1)
@@ -62,7 +60,7 @@ class Files:
         except UnicodeDecodeError:
             raise wrong(f"is {shown(path)}, which is not UTF-8", "save the file as UTF-8", key) from None
         except (OSError, ValueError) as error:
-            reason = (getattr(error, "strerror", None) or str(error)).lower()
+            reason = (getattr(error, "strerror", None) or "").lower() or str(error)
             raise wrong(f"is {shown(path)}, which cannot be read ({reason})", "give a file of text", key) from None
 
     def _remedy(self, error: ImportError) -> str:
