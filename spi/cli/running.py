@@ -24,6 +24,7 @@ from .options import (
     Specs,
     Stored,
     Threads,
+    TrustCode,
     end,
     load,
 )
@@ -114,10 +115,13 @@ def verify(
     source: Stored,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     threads: Threads = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Recompute some of the paths behind stored results and compare bit for bit.
 
-    The claims stored with the results are judged as well.
+    The claims stored with the results are judged as well.  Python code in the file, of a model that is not built in,
+    is run only if an equal file lies at the path that the spec names, seen from here or from ./experiments, or with
+    --trust-code.
     """
     from .. import storage
     from ..printing import print_verification
@@ -127,7 +131,7 @@ def verify(
     file = stored(source)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
-        found = verify(file, chunks, line.report_chunk)
+        found = verify(file, chunks, line.report_chunk, trust_code)
     print_verification(file, found)
     if _any_failed(file.stem, storage.read(file)) or found.different:
         raise typer.Exit(CLAIM_FAILED)

@@ -113,7 +113,9 @@ class Document:
         """The value of a node at a location; `around` are the nodes that contain it."""
         self.left -= 1
         if self.left < 0 or node in around:
-            self.fail(loc, f"is too long or contains itself; a file may have {_MOST_ENTRIES} entries, aliases included")
+            more = "; longer values stand in files, as in initial: {file: y0.npy}" if "initial" in loc else ""
+            right = f"a file may have {_MOST_ENTRIES} entries, aliases included{more}"
+            self.fail(loc, f"is too long or contains itself; {right}")
         if not node.tag.startswith("tag:yaml.org,2002:"):
             self.fail(loc, f"has the tag {node.tag}; remove the tag")
         if isinstance(node, yaml.MappingNode):
