@@ -85,9 +85,7 @@ class Files:
         file = self.folder / path
         try:
             data = contents(file, most)
-            return as_text(data) if binary else data.decode("utf-8-sig").replace("
-", "
-")
+            return as_text(data) if binary else data.decode("utf-8-sig").replace("\r\n", "\n")
         except FileNotFoundError:
             there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
             near = difflib.get_close_matches(file.name, there, 1)
