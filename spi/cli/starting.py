@@ -117,7 +117,10 @@ def _write(files: dict[Path, bytes], target: Path) -> list[Path]:
     from ..storage import write_all
 
     missing = {path: data for path, data in files.items() if path == target or not _holds(path, data)}
+    folder = target.parent.resolve()
     for path in missing:
+        if path != target and not path.resolve().is_relative_to(folder):
+            end(INVALID, f"{path}: lies outside {folder}; copy that file there yourself, then run this again")
         if path.exists() or path.is_symlink():
             end(INVALID, f"{path}: already exists; choose another name or folder")
     write_all(missing)
@@ -126,9 +129,11 @@ def _write(files: dict[Path, bytes], target: Path) -> list[Path]:
 
 def _holds(path: Path, data: bytes) -> bool:
     """Whether a file has this content."""
+    from ..storage import contents
+
     try:
-        found = path.read_bytes()
-    except OSError:
+        found = contents(path, 2 * len(data))
+    except (OSError, ValueError):
         return False
     return data in (found, found.replace(b"\r\n", b"\n"))
 

@@ -284,5 +284,5 @@ def _constant(value: float) -> str:
 
 
 def plain(text: str) -> str:
-    """Text of the user's, in which a dollar is a dollar."""
-    return text.replace("$", r"\$")
+    """Text of the user's, in which a dollar is a dollar, without U+FEFF: matplotlib cannot write that to a PDF."""
+    return text.replace("$", r"\$").replace("\ufeff", "")

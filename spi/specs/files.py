@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from ..compiler import modules, own
+from ..storage import contents
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
@@ -83,13 +84,8 @@ class Files:
     def _from_disk(self, path: str, key: str, most: int, binary: bool) -> str:
         file = self.folder / path
         try:
-            with open(file, "rb") as opened:
-                data = opened.read(most + 1)
-            if len(data) > most:
-                raise ValueError(f"more than {most // 1000} kB")
-            if binary:
-                return as_text(data)
-            return data.decode("utf-8-sig").replace("\r\n", "\n")
+            data = contents(file, most)
+            return as_text(data) if binary else data.decode("utf-8-sig").replace("\r\n", "\n")
         except FileNotFoundError:
             there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
             near = difflib.get_close_matches(file.name, there, 1)
