@@ -27,7 +27,7 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
     `data` is what the layers together make of a case.
     """
     whole: dict[str, Any] = {}
-    added: list[tuple[Document, Location, list[str]]] = []
+    added: list[tuple[Document, Location, str, list[str]]] = []
     for document, top in layers:
         model = document.at(top).get("model")
         if not isinstance(model, dict):
@@ -39,14 +39,14 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
                 return  # reading the model reports it
         for key in BY_ENTRY if "system" in model or not begins else ():
             known = _names(whole, key)
-            added += [(document, (*top, "model", key, name), known) for name in _names(model, key) if name not in known]
+            new = [name for name in _names(model, key) if name not in known]
+            added += [(document, (*top, "model", key, name), _ONE_OF[key], known) for name in new]
         whole = overridden(whole, model)
     used = {word for text in _texts([whole, data.get("initial")]) for word in _WORD.findall(text)}
-    for document, loc, known in added:
-        *_, key, name = loc
-        if name not in used:
-            right = suggestion(name, known) if known else "leave it out"
-            document.fail(loc, f"is no {_ONE_OF[str(key)]} of the system, and no formula names it; {right}")
+    for document, loc, what, known in added:
+        if loc[-1] not in used:
+            right = suggestion(loc[-1], known) if known else "leave it out"
+            document.fail(loc, f"is no {what} of the system, and no formula names it; {right}")
 
 
 def _names(model: Mapping[str, Any], key: str) -> list[str]:
