@@ -59,7 +59,7 @@ def run(
         str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
     part: Annotated[str | None, typer.Option(hidden=True)] = None,
-    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
@@ -171,12 +171,12 @@ def _seconds(option: str, text: str) -> float:
 
 def _shard(text: str | None) -> "Shard | None":
     """Which shard of how many."""
-    from ..running.checkpoint import Shard
+    from ..running.checkpoint import MOST_SHARDS, Shard
 
     try:
         return None if text is None else Shard.of(text)
     except ValueError:
-        end(INVALID, f"--shard: is '{text}'; must be the number of a shard and their count, e.g. 1/4")
+        end(INVALID, f"--shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
 
 
 @contextmanager

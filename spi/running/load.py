@@ -36,8 +36,11 @@ def load(
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
     trusts: Callable[[str, str], bool] = lambda path, text: True,
+    added: Iterable[tuple[str, str]] = (),
 ) -> specs.Experiment:
     """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.specs.load.
+
+    The files that are `added` stand in the place of those of their names.
 
     `path` may also be the name of an experiment that comes with the program, such as "rigid_body_strong", by which it
     is then called in messages.
@@ -47,7 +50,7 @@ def load(
         given, path = path, shipped.path_of(path)
         called = None if path == Path(given) else str(given)
         text = text_of(path, shipped.names())
-    return specs.load(path, layers(), profile, overrides, text, files, called, trusts)
+    return specs.load(path, layers(), profile, overrides, text, files, called, trusts, added)
 
 
 def load_stored(path: str | Path, trust_code: bool = False, overrides: Iterable[str] = ()) -> specs.Experiment:
@@ -81,7 +84,13 @@ def _is_here(name: str, text: str) -> bool:
     return False
 
 
-def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> specs.Experiment:
+def load_as(
+    kind: str,
+    path: str | Path,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    added: Iterable[tuple[str, str]] = (),
+) -> specs.Experiment:
     """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
 
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
@@ -90,7 +99,7 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
         raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
     source = load(path)
     if source.kind == kind:
-        return load(path, profile, overrides)
+        return load(path, profile, overrides, added=added)
     keys = KINDS[kind].keys
     try:
         text = specs.converted(source.text, source.title, source.cases, kind, keys)
@@ -98,7 +107,7 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
         raise specs.SpecError(f"{path}: --as {kind}: {error}") from None
     target = source.path.with_name(f"{source.name}_as_{kind}.yaml")
     called = None if Path(source.called) == source.path else target.stem
-    return specs.load(target, layers(), profile, overrides, text, called=called)
+    return specs.load(target, layers(), profile, overrides, text, called=called, added=added)
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
