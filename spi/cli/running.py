@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import stored
+from .names import RESULTS, stored
 from .options import (
     CLAIM_FAILED,
     INVALID,
@@ -19,6 +19,7 @@ from .options import (
     Out,
     Overrides,
     Profile,
+    ResultsFolder,
     Samples,
     Seed,
     Specs,
@@ -96,6 +97,7 @@ def merge(
     samples: Samples = None,
     seed: Seed = None,
     threads: Threads = None,
+    kind: As = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
@@ -103,7 +105,7 @@ def merge(
 
     Then write the results and print the table as `spi run` does.
     """
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..running import shards
 
     _prepare(threads)
@@ -112,6 +114,12 @@ def merge(
 
 def verify(
     source: Stored,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
+    results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     threads: Threads = None,
 ) -> None:
@@ -124,7 +132,7 @@ def verify(
     from ..running.verify import verify
     from .progress import ProgressLine
 
-    file = stored(source)
+    (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
         found = verify(file, chunks, line.report_chunk)

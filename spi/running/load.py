@@ -16,6 +16,7 @@ from ..schemes import typical_ns
 from ..specs.document import text_of
 from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from ..specs.naming import of_kind
 from . import shipped
 
 
@@ -46,7 +47,7 @@ def load(
 
 
 def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> specs.Experiment:
-    """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
+    """The experiment in a spec file made into one of another kind, ``<name>.<kind>``, with defaults that suit it.
 
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
     """
@@ -54,13 +55,13 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
         raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
     source = load(path)
     if source.kind == kind:
-        return load(path, profile, overrides)
+        return load(path, profile, overrides)._replace(name=of_kind(source.name, kind))
     keys = KINDS[kind].keys
     try:
         text = specs.converted(source.text, source.title, source.cases, kind, keys)
     except ValueError as error:
         raise specs.SpecError(f"{path}: --as {kind}: {error}") from None
-    target = source.path.with_name(f"{source.name}_as_{kind}.yaml")
+    target = source.path.with_name(f"{of_kind(source.name, kind)}.yaml")
     called = None if Path(source.called) == source.path else target.stem
     return specs.load(target, layers(), profile, overrides, text, called=called)
 
