@@ -194,7 +194,7 @@ def load(
     if "out" in overrides:
         raise SpecError(f"out: is now called results; write results={str(overrides['out'])!r}")
     with in_python():
-        wanted = finding.Wanted(profile, tuple(as_overrides(overrides)), as_)
+        wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})), as_)
         file = finding.found(Path(path), Path(results), wanted)
         return Results(storage.read(file), file)
 

@@ -25,6 +25,7 @@ from .options import (
     Specs,
     Stored,
     Threads,
+    TrustCode,
     end,
     load,
 )
@@ -59,7 +60,7 @@ def run(
         str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
     part: Annotated[str | None, typer.Option(hidden=True)] = None,
-    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
@@ -122,10 +123,13 @@ def verify(
     results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     threads: Threads = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Recompute some of the paths behind stored results and compare bit for bit.
 
-    The claims stored with the results are judged as well.
+    The claims stored with the results are judged as well.  Python code in the file, of a model that is not built in,
+    is run only if an equal file lies at the path that the spec names, seen from here or from ./experiments, or with
+    --trust-code.
     """
     from .. import storage
     from ..printing import print_verification
@@ -135,7 +139,7 @@ def verify(
     (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
-        found = verify(file, chunks, line.report_chunk)
+        found = verify(file, chunks, line.report_chunk, trust_code)
     print_verification(file, found)
     if _any_failed(file.stem, storage.read(file)) or found.different:
         raise typer.Exit(CLAIM_FAILED)
@@ -172,12 +176,12 @@ def _seconds(option: str, text: str) -> float:
 
 def _shard(text: str | None) -> "Shard | None":
     """Which shard of how many."""
-    from ..running.checkpoint import Shard
+    from ..running.checkpoint import MOST_SHARDS, Shard
 
     try:
         return None if text is None else Shard.of(text)
     except ValueError:
-        end(INVALID, f"--shard: is '{text}'; must be the number of a shard and their count, e.g. 1/4")
+        end(INVALID, f"--shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
 
 
 @contextmanager

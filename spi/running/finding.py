@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..kinds import KINDS
-from ..specs.document import SpecError
+from ..specs.document import SpecError, text_of
 from ..specs.keys import suggestion
 from ..specs.layers import PROFILES
 from ..specs.naming import of_kind, results_name
@@ -118,7 +118,7 @@ def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted 
     spec, folder = Path(spec), Path(folder)
     path = _there(folder / f"{wanted.name(spec.stem)}.h5", spec.stem, str(spec), folder, wanted)
     stored = read_root(path)
-    if wanted.kind or "model_sources" in stored or stored["spec"] != spec.read_text(encoding="utf-8"):
+    if wanted.kind or "model_sources" in stored or stored["spec"] != text_of(spec):
         how = stored["profile"], tuple(stored["overrides"])
         now = load(spec, *how) if wanted.kind is None else load_as(wanted.kind, spec, *how)
         if now.hash != stored["spec_hash"]:

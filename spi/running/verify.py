@@ -1,6 +1,5 @@
 """Stored results, checked by computing some of their paths again."""
 
-import json
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,7 @@ from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, digest
 from ..storage import StorageError
 from ..storage.records import Results
-from .load import load, name_of, plans
+from .load import load_stored, name_of, plans
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
 CAUSES = {
@@ -36,18 +35,19 @@ class Verification(NamedTuple):
 
 
 def verify(
-    path: str | Path, chunks: int, report: Callable[[int, int, str], None] = lambda number, total, name: None
+    path: str | Path,
+    chunks: int,
+    report: Callable[[int, int, str], None] = lambda number, total, name: None,
+    trust_code: bool = False,
 ) -> Verification:
     """Compute so many chunks of stored results again, chosen at random, and compare their sums to the last bit.
 
     `report` is told which of how many comes next.  Raises StorageError if the file is no results file, or if its spec
-    now means something else.
+    now means something else.  Python code in the file is run only where :func:`load_stored` says so.
     """
     results = storage.read(path)
-    stored = results.attributes
-    files = json.loads(stored.get("model_sources", "{}"))
-    experiment = load(path, stored["profile"], stored["overrides"], stored["spec"], files.items())
-    if experiment.hash != stored["spec_hash"]:
+    experiment = load_stored(path, trust_code)
+    if experiment.hash != results.attributes.get("spec_hash"):
         raise StorageError(f"{path}: its spec means something else to this version of spi; nothing can be compared")
     by_name = {name_of(plan): plan for plan in plans(experiment)}
     chosen = random.SystemRandom().sample(results.chunks, min(chunks, len(results.chunks)))

@@ -221,7 +221,7 @@ def test_results_of_a_spec_file(tmp_path):
     path = runner.run(load(spec, "quick", overrides), tmp_path)
     wanted = Wanted("quick", (*overrides, "samples=7"))  # a number of samples chooses nothing
     assert runner.results_of(spec, tmp_path, wanted) == path
-    with pytest.raises(StorageError, match="mine.h5: no such file; .*; there is mine.quick"):
+    with pytest.raises(StorageError, match=r"mine.h5: no such file; .*; there is mine.quick"):
         runner.results_of(spec, tmp_path)
     text = spec.read_text(encoding="utf-8")
     spec.write_text(text.replace("title: Strong errors", "title: Other words"), encoding="utf-8")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.printing.text import fraction, order_found, power_of_two, short, with_interval, with_pi
+from spi.printing.text import fraction, order_found, power_of_two, readable, short, with_interval
 
 from ..comparisons import agreement
 from ..results import Sampled, WeakErrors
@@ -21,7 +21,7 @@ TOO_FAR = 4.0  #: standard errors
 def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
     """The lines under the table of a case."""
     for name, formula in zip(readings[0].functions, readings[0].formulas, strict=True):
-        yield f"{name} = {with_pi(formula)}"
+        yield f"{name} = {readable(formula, readings[0].about.variables)}"
     for reading in readings:
         yield from _summary(reading)
     yield from over_eps(readings)
