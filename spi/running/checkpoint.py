@@ -90,7 +90,7 @@ class Checkpoint:
     def chunks(self) -> tuple[str, ...]:
         """A line for each chunk, as ``Results.chunks``."""
         return tuple(
-            f"{name} {chunk.path_set} {chunk.index} {chunk.paths} {state.digests[chunk.path_set][chunk.index]}"
+            f"{name} {number} {chunk.index} {chunk.paths} {state.digests[number][chunk.index, chunk.paths]}"
             for name, state in self.by_name.items()
             for number, path_set in enumerate(state.path_sets)
             for chunk in path_set.chunks(number)
@@ -122,8 +122,10 @@ class Checkpoint:
             return False
         for name, state in self.by_name.items():
             if name in read[1]:
-                with contextlib.suppress(ValueError, LookupError, TypeError):  # of a file that somebody edited
+                try:
                     state.merge(read[1][name], with_extra)
+                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+                    self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return True
 
     def save(self, finished: bool = False) -> None:

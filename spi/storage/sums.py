@@ -17,7 +17,8 @@ import numpy as np
 
 from .files import MOST_BYTES, aside, contents, write_bytes
 
-VERSION = 2  #: raised where chunks are divided in another way, since sums go on only with chunks of the same size
+#: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
+VERSION = 3
 
 #: What reading a damaged file may raise.
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, NotImplementedError)
