@@ -70,16 +70,16 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
 def check_areas(case: Any, h: float, key: str) -> None:
     """There are random numbers enough for the Lévy areas over h, the smallest step that has them drawn."""
     most = most_terms(case.model)
+
+    def terms(name: str, step: float) -> int:
+        return fourier_terms(case.model, [case.row(name).record], step)
+
     for name in case.schemes_used:
-
-        def terms_at(step: float, record: Any = case.row(name).record) -> int:
-            return fourier_terms(case.model, [record], step)
-
-        if (terms := terms_at(h)) > most:
+        if (found := terms(name, h)) > most:
             has, least = "has" if key == "steps" else "is", h
-            while terms_at(least) > most:
+            while terms(name, least) > most:
                 least *= 2
-            what = f"{has} {quantity(h)}, where the Lévy areas of '{name}' take {terms} terms of a Fourier series"
+            what = f"{has} {quantity(h)}, where the Lévy areas of '{name}' take {found} terms of a Fourier series"
             right = f"there are random numbers for {most}; use {quantity(least)} or more, or leave out the scheme"
             raise wrong(what, right, key)
 
