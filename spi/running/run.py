@@ -2,7 +2,6 @@
 
 import json
 import math
-import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, sums_path
+from .finding import results_of
 from .load import Source, headings, layers, load, plans, reports, sources
 from .workers import Workers, advance_here, advance_with, finalise
 
@@ -130,8 +130,8 @@ def run(
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """Where the results of an experiment go: ``<out>/<name>.h5``."""
-    return Path(out) / f"{experiment.name}.h5"
+    """Where the results of an experiment go: ``<out>/<name>.h5``, with profile and overrides in the name."""
+    return Path(out) / f"{experiment.results_name}.h5"
 
 
 class Session:
@@ -252,6 +252,7 @@ def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
         **identity(experiment),
         "model_modules": _stored_modules(experiment),
         "kind": experiment.kind,
+        "experiment": experiment.name,
         "title": experiment.title,
         "asks": experiment.asks,
         "figure": experiment.figure,
@@ -261,23 +262,6 @@ def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
-
-
-def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
-    """The results file of a spec file; StorageError if there is none or if it was made from another spec.
-
-    Results of a profile or with overrides count as those of the spec file.
-    """
-    path = Path(out) / f"{Path(spec_path).stem}.h5"
-    attributes = storage.read(path).attributes
-    if "model_sources" in attributes or attributes["spec"] != specs.text_of(spec_path):
-        profile = attributes["profile"]
-        if load(spec_path, profile).hash != attributes["spec_hash"]:
-            raise storage.StorageError(
-                f"{path}: holds results of another spec than {spec_path}; "
-                f"run `spi run {shlex.quote(str(spec_path))}` first"
-            )
-    return path
 
 
 def cost(experiment: specs.Experiment) -> Cost:

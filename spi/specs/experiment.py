@@ -29,6 +29,7 @@ from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
 from .keys import Keys, entries_in, shown, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+from .naming import results_name
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
 
@@ -56,6 +57,11 @@ class Experiment(NamedTuple):
     )
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
     called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
+
+    @property
+    def results_name(self) -> str:
+        """What its results are called, see :mod:`spi.specs.naming`."""
+        return results_name(self.name, self.profile, self.overrides)
 
     @property
     def samples(self) -> tuple[int, ...]:

@@ -36,7 +36,8 @@ def check_replaceable(path: str | Path, identity: dict[str, Any]) -> None:
         return
     if stored.get("paths_hash") != identity["paths_hash"]:
         raise StorageError(
-            f"{path}: holds results of another spec; use --fresh to replace it or --out for another folder"
+            f"{path}: holds results of another spec, or of this one before it was edited; "
+            "use --fresh to replace it or --out for another folder"
         )
     if any(old > new for old, new in zip(stored["samples"], identity["samples"], strict=True)):
         raise StorageError(
