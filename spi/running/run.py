@@ -109,12 +109,14 @@ def run(
 
     Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
     """
+    target = results_path(experiment, out)
+    if not fresh and (stored := storage.finished(target, identity(experiment))) is not None:
+        whose = f", which {storage.computed_by(stored)}" if stored.get("source_digest") != NUMBERS_DIGEST else ""
+        watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
+        return target
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
     checkpoint = session.checkpoint
     if not fresh:
-        if storage.is_finished(session.target, identity(experiment)):
-            watch.tell(f"{session.target} already has the results of this spec; use --fresh to recompute them")
-            return session.target
         checkpoint.resume()
     watch.report_beginning(experiment.title, session.cost())
     with checkpoint.kept():
@@ -168,7 +170,7 @@ class Session:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
-        replaced = storage.replaced_hash(self.target)
+        replaced = storage.spec_and_sources(self.target)
         groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
         try:
             if not self.fresh:  # another run may have written there in the meantime
@@ -182,10 +184,8 @@ class Session:
         except storage.StorageError as error:
             self.watch.tell(f"warning: {error}; the results are complete, but more samples would begin anew")
             return self.target
-        if replaced not in (None, experiment.hash):
-            old = sums_path(experiment, self.target.parent, spec_hash=replaced)
-            if (storage.about_sums(old) or {}).get("finished"):
-                storage.remove_sums(old)
+        if replaced not in (None, (experiment.hash, NUMBERS_DIGEST)):
+            checkpoint.remove_finished(*replaced)
         storage.previous(checkpoint.path).unlink(missing_ok=True)
         for file in checkpoint.shards().values():
             storage.remove_sums(file)

@@ -11,10 +11,11 @@ import pytest
 import xarray
 from helpers import COMPILED, compiled_only
 
-from spi import storage
+from spi import NUMBERS_DIGEST, __version__, storage
 from spi.ensemble import loop
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
+from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
 from spi.running.finding import Wanted
 from spi.running.run import Limits, Watch, load
@@ -175,6 +176,47 @@ def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
         path,
         runner.sums_path(other, tmp_path),
     }
+
+
+@pytest.fixture
+def other_sources(monkeypatch):
+    """other_sources("0123") makes this program that of other sources."""
+
+    def change(digest):
+        for module in (runner, checkpoints):
+            monkeypatch.setattr(module, "NUMBERS_DIGEST", digest)
+
+    return change
+
+
+def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sources):
+    """Unfinished sums, with which the sources go on that began them, and results, which --fresh replaces."""
+    wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
+    with pytest.raises(runner.Stopped):
+        runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    (sums,) = files(tmp_path)
+    before, own, news = sums.read_bytes(), runner.run(wanted, tmp_path.with_name("own")), []
+
+    other_sources("0123456789abcdef")
+    with pytest.raises(runner.Stopped):
+        runner.run(wanted, tmp_path, watch=Watch(report=(reports := Reports(SCHEMES[0], 1)), tell=news.append))
+    assert reports.done(SCHEMES[0])[0] == 0 and sums.read_bytes() == before
+    kept = f"{sums} has sums over these paths that other sources of spi computed (spi {__version__}, digest "
+    assert [one for one in news if one.startswith(kept) and "they are kept" in one]
+
+    other_sources(NUMBERS_DIGEST)
+    path = runner.run(wanted, tmp_path, watch=Watch(report=(reports := Reports())))
+    assert reports.done(SCHEMES[0])[0] > 0 and numbers(path) == numbers(own)
+    results = path.read_bytes()
+
+    other_sources("0123456789abcdef")
+    assert runner.run(wanted, tmp_path, watch=Watch(tell=news.append)) == path
+    assert "already has the results of this spec, which other sources of spi computed" in news[-1]
+    with pytest.raises(StorageError, match=r"other sources of spi computed .* they are kept: use --fresh"):
+        runner.run(experiment(f"samples={MANY + 1}", schemes=SCHEMES[:1]), tmp_path)
+    assert path.read_bytes() == results and sums.exists()
+    runner.run(wanted, tmp_path, fresh=True)
+    assert storage.read(path).attributes["source_digest"] == "0123456789abcdef" and not sums.exists()
 
 
 def test_a_finished_spec_computes_nothing(tmp_path):
