@@ -24,6 +24,8 @@ from .tables import Recorder, Titled
 Facts = list[tuple[str, str]]  #: name and value
 
 #: The names of attributes of a results file, and what they are called in a report.
+_LONGEST = 2000  # characters of a line that is shown: longer ones stand for arrays
+
 _PROVENANCE = {
     "seed": "seed",
     "profile": "profile",
@@ -97,8 +99,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         items=recorder.items,
         cost=list(_cost(results)),
         provenance=list(_provenance(attributes)),
-        command=_command(path.stem, attributes),
-        files=list(_files(path.stem, attributes)),
+        command=_command(attributes.get("experiment", path.stem), attributes),
+        files=list(_files(attributes.get("experiment", path.stem), attributes)),
     )
 
 
@@ -170,7 +172,7 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _command(name: str, attributes: dict[str, Any]) -> str:
     """What repeats the results, by the name of the experiment if it came with the program as it stands there."""
-    source, _, kind = name.rpartition("_as_")
+    source, _, kind = name.rpartition(".")
     if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
         words = ["spi", "run", name]
     elif source in shipped.names() and kind in KINDS and load_as(kind, source).text == attributes.get("spec"):
@@ -187,4 +189,6 @@ def _command(name: str, attributes: dict[str, Any]) -> str:
 def _files(name: str, attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "spec" in attributes:
         yield f"{name}.yaml", attributes["spec"]
-    yield from json.loads(attributes.get("model_sources") or "{}").items()
+    for file, text in json.loads(attributes.get("model_sources") or "{}").items():
+        numbers = len(text) > _LONGEST and "\n" not in text
+        yield file, f"numbers, {len(text):,} characters in the results file" if numbers else text

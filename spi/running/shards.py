@@ -16,6 +16,9 @@ from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
 from .run import NOBODY, USUAL, Session, Watch
 from .workers import Task, advance_some_here, allocate
 
+#: Of the shards that are missing so many are named.
+_NAMED = 8
+
 
 def run_shard(
     experiment: specs.Experiment,
@@ -31,10 +34,10 @@ def run_shard(
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
     checkpoint = session.checkpoint
-    checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
+    known = checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
     mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
-    if not fresh:
-        checkpoint.merge(checkpoint.path, with_extra=False)
+    if not fresh and not (checkpoint.merge(checkpoint.path, with_extra=False) or known):
+        checkpoint.tell_of_other_sources()
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()
@@ -90,7 +93,8 @@ def _need_all(checkpoint: Checkpoint) -> None:
         if left := missing.intersection(chunks):
             state = "unfinished" if Shard(number, count) in found else "missing"
             lacking.append(f"shard {number} of {count} is {state} ({len(left)} of its {len(chunks)} chunks)")
-    raise Stopped(f"{'; '.join(lacking)}: run it, then `spi merge` again")
+    more = [f"and {len(lacking) - _NAMED} others"] if len(lacking) > _NAMED else []
+    raise Stopped(f"{'; '.join(lacking[:_NAMED] + more)}: run it, then `spi merge` again")
 
 
 def _shards(states: Sequence[State], count: int) -> list[list[Task]]:

@@ -29,6 +29,7 @@ from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
 from .keys import Keys, entries_in, shown, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+from .naming import results_name
 from .overrides import check_overrides
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
@@ -59,6 +60,11 @@ class Experiment(NamedTuple):
     called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
 
     @property
+    def results_name(self) -> str:
+        """What its results are called, see :mod:`spi.specs.naming`."""
+        return results_name(self.name, self.profile, self.overrides)
+
+    @property
     def samples(self) -> tuple[int, ...]:
         """The number of samples of each case, 0 where there is none."""
         return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
@@ -87,23 +93,28 @@ def load(
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
     called: str | None = None,
+    trusts: Callable[[str, str], bool] = lambda path, text: True,
+    added: Iterable[tuple[str, str]] = (),
 ) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
 
     Messages begin with ``path:line:``, or with ``called: line n:`` if the file is `called` by a name.
 
     With `text`, that stands in the place of what is in the file, which is not read; with `files`, as in
-    :class:`Experiment`, these stand in the place of the other files that it names.
+    :class:`Experiment`, these stand in the place of the other files that it names; those `added` in that of their own.
 
     `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
-    so, as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
+    so, as in "--samples=500".  Python code that a file holds is run only where `trusts(path, text)` is true; elsewhere
+    UntrustedCode of :mod:`spi.specs.files` is raised.
+
+    Raises SpecError if anything is wrong with the file, the profile or an override.
     """
     told = called or str(path)
     if profile not in PROFILES:
         raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
-    named, faults = Files(path, files), Faults()
+    named, faults = Files(path, files, trusts, added), Faults()
     file: Any = None
     with faults:
         file = _valid(kinds.file.validate_python, document.data, [(document, ())])

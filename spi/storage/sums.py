@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from .files import aside, write_bytes
+from .files import MOST_BYTES, aside, contents, write_bytes
 
-VERSION = 2  #: raised where chunks are divided in another way, since sums go on only with chunks of the same size
+#: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
+VERSION = 3
 
 #: What reading a damaged file may raise.
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, NotImplementedError)
@@ -54,10 +55,13 @@ def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
     return None
 
 
-def about_sums(path: Path) -> dict[str, Any] | None:
-    """What can be read without the sums themselves; None if there is no such file or it is damaged."""
+def about_sums(path: Path, any_version: bool = False) -> dict[str, Any] | None:
+    """What can be read without the sums themselves; None if there is no such file or it is damaged.
+
+    A file of another version of the layout counts as damaged, unless any version will do.
+    """
     with contextlib.suppress(*_DAMAGE), _opened(path) as file:
-        return _about(file)
+        return _about(file, any_version)
     return None
 
 
@@ -75,13 +79,13 @@ def previous(path: Path) -> Path:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """The archive in a file, of which members are read when they are asked for; NumPy leaves a damaged one open."""
-    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+    with np.load(io.BytesIO(contents(path, MOST_BYTES)), allow_pickle=False) as archive:
         yield archive
 
 
-def _about(file: Any) -> dict[str, Any]:
-    about = json.loads(file["about"].tobytes())
-    if about["version"] != VERSION:
+def _about(file: Any, any_version: bool = False) -> dict[str, Any]:
+    about = dict(json.loads(file["about"].tobytes()))
+    if about["version"] != VERSION and not any_version:
         raise ValueError(f"written in version {about['version']}")
     return about
 
