@@ -7,11 +7,12 @@ for each function, while the place of a compiled version depends on the types of
 import contextlib
 import copy
 import hashlib
+import os
 from pathlib import Path
 
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
-from . import modules
+from . import modules, rounding
 from .private import VARIABLE, left_out
 from .records import record_classes
 
@@ -51,6 +52,8 @@ class SharedCache(FunctionCache):
         things = {self._py_func}.union(*map(record_classes, types))
         foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
         foreign |= {(VARIABLE, part) for part in left_out()}
+        if rounding.VARIABLE in os.environ:
+            foreign.add((rounding.VARIABLE, str(rounding.vector_bits())))
         if not foreign:
             return self
         if not all(digest for _, digest in foreign):
