@@ -6,6 +6,7 @@ import re
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..compiler import modules
 from ..models import MODELS
 from ..running.load import load, load_as
 from ..specs import Experiment, SpecError
-from ..specs.writing import as_override, as_yaml
+from ..specs.writing import as_override, as_yaml, separated
 from ..storage import StorageError
 
 _AS_ARGUMENT = {"--fresh": "fresh=True", "--out": "out=", "--set ": "", "--profile": "profile", "--as": "as_"}
@@ -38,11 +39,14 @@ def experiment_of(
         raise SpecError("kind: cannot be overridden; as_='...' makes an experiment into one of another kind")
     if kind is not None and isinstance(what, Mapping):
         raise SpecError("as_: is for experiments in files; give the mapping the kind that you want")
-    texts = [as_override(key, model_keys(value) if key == "model" else value) for key, value in overrides.items()]
+    arrays: dict[str, str] = {}
+    given = separated(overrides, arrays)
+    texts = [as_override(key, model_keys(value) if key == "model" else value) for key, value in given.items()]
     with in_python():
         if isinstance(what, Mapping):
-            return of_mapping(what, name or "experiment", profile, texts)
-        found = load(what, profile, texts) if kind is None else load_as(kind, what, profile, texts)
+            return of_mapping(what, name or "experiment", profile, texts, arrays=arrays)
+        added = tuple(arrays.items())
+        found = load(what, profile, texts, added=added) if kind is None else load_as(kind, what, profile, texts, added)
     return found if name is None else found._replace(name=name)
 
 
@@ -52,11 +56,17 @@ def of_mapping(
     profile: str = "laptop",
     overrides: Iterable[str] = (),
     place: str = "spec: ",
+    arrays: Mapping[str, str] = MappingProxyType({}),
 ) -> Experiment:
-    """The experiment in a mapping; its files are seen from the current folder, and messages begin with `place`."""
+    """The experiment in a mapping; its files are seen from the current folder, and messages begin with `place`.
+
+    `arrays` are the texts of files that `overrides` name.
+    """
     model = {"model": model_keys(data["model"])} if "model" in data else {}
+    added = dict(arrays)
+    text = as_yaml({**separated(data, added), **model})
     try:
-        return load(f"{name}.yaml", profile, overrides, text=as_yaml({**data, **model}))
+        return load(f"{name}.yaml", profile, overrides, text=text, added=tuple(added.items()))
     except SpecError as error:
         line = re.compile(rf"^{re.escape(name)}\.yaml:(\d+:)? ")
         raise SpecError(*(line.sub(place, message) for message in error.messages)) from None

@@ -44,6 +44,14 @@ Out = Annotated[Path, typer.Option(help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch and overwrite existing results.")]
 
+TrustCode = Annotated[
+    bool,
+    typer.Option(
+        "--trust-code",
+        help="Run Python code that the file of results holds, though no file here equals it; only if you trust it.",
+    ),
+]
+
 
 def load(
     specs: list[Path],

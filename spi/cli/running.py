@@ -24,6 +24,7 @@ from .options import (
     Specs,
     Stored,
     Threads,
+    TrustCode,
     end,
     load,
 )
@@ -58,7 +59,7 @@ def run(
         str | None, typer.Option(metavar="I/N", help="Compute shard I of N only; `spi merge` puts them together.")
     ] = None,
     part: Annotated[str | None, typer.Option(hidden=True)] = None,
-    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1)] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
@@ -113,11 +114,17 @@ def merge(
 def verify(
     source: Stored,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
+    everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
     threads: Threads = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Recompute some of the paths behind stored results and compare bit for bit.
 
-    The claims stored with the results are judged as well.
+    All numbers in the file are derived again from the sums over paths, if those lie beside it, or with --all from the
+    paths.  The claims stored with the results are judged as well.  Exit code 4 if anything is different.
+
+    Python code in the file, of a model that is not built in, is run only if an equal file lies at the path that the
+    spec names, seen from here or from ./experiments, or with --trust-code.
     """
     from .. import storage
     from ..printing import print_verification
@@ -127,9 +134,9 @@ def verify(
     file = stored(source)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
-        found = verify(file, chunks, line.report_chunk)
+        found = verify(file, None if everything else chunks, line.report_chunk, trust_code)
     print_verification(file, found)
-    if _any_failed(file.stem, storage.read(file)) or found.different:
+    if _any_failed(file.stem, storage.read(file)) or not found.sound:
         raise typer.Exit(CLAIM_FAILED)
 
 
@@ -164,12 +171,12 @@ def _seconds(option: str, text: str) -> float:
 
 def _shard(text: str | None) -> "Shard | None":
     """Which shard of how many."""
-    from ..running.checkpoint import Shard
+    from ..running.checkpoint import MOST_SHARDS, Shard
 
     try:
         return None if text is None else Shard.of(text)
     except ValueError:
-        end(INVALID, f"--shard: is '{text}'; must be the number of a shard and their count, e.g. 1/4")
+        end(INVALID, f"--shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4")
 
 
 @contextmanager

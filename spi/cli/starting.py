@@ -86,45 +86,56 @@ def new(
         end(INVALID, "--from and --system exclude one another; give one of them")
     if source is None and kind is not None:
         end(INVALID, "--as: applies to copies only; add --from EXPERIMENT")
-    texts = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
-    for path in _write(texts, target):
+    files = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
+    for path in _write(files, target):
         tell(f"wrote {path}")
     file = shlex.quote(str(target))
     tell(f"spi: edit it as you like; `spi check {file}` estimates the cost, `spi run {file}` runs it")
 
 
-def _template(which: str, target: Path) -> dict[Path, str]:
+def _template(which: str, target: Path) -> dict[Path, bytes]:
     from ..running import shipped
 
-    return {target: shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)}
+    text = shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)
+    return {target: text.encode()}
 
 
-def _copies(source: str, target: Path, kind: str | None) -> dict[Path, str]:
-    """The text of an experiment and of the files that it names, by the paths at which copies are to stand."""
+def _copies(source: str, target: Path, kind: str | None) -> dict[Path, bytes]:
+    """An experiment and the files that it names, by the paths at which copies are to stand."""
     from ..running.load import load, load_as
+    from ..specs.files import content
 
     experiment = load(source) if kind is None else load_as(kind, source)
-    return {target: experiment.text, **{target.parent / path: text for path, text in experiment.files}}
+    return {
+        target: experiment.text.encode(),
+        **{target.parent / path: content(text) for path, text in experiment.files},
+    }
 
 
-def _write(texts: dict[Path, str], target: Path) -> list[Path]:
+def _write(files: dict[Path, bytes], target: Path) -> list[Path]:
     """Write the files but overwrite none, all or nothing; which ones: others than `target` may exist already."""
     from ..storage import write_all
 
-    missing = {path: text for path, text in texts.items() if path == target or not _holds(path, text)}
+    missing = {path: data for path, data in files.items() if path == target or not _holds(path, data)}
+    folder = target.parent.resolve()
     for path in missing:
+        if path != target and not path.resolve().is_relative_to(folder):
+            end(INVALID, f"{path}: lies outside {folder}; copy that file there yourself, then run this again")
         if path.exists() or path.is_symlink():
             end(INVALID, f"{path}: already exists; choose another name or folder")
-    write_all({path: text.encode() for path, text in missing.items()})
+    write_all(missing)
     return list(missing)
 
 
-def _holds(path: Path, text: str) -> bool:
-    """Whether a file has this text."""
+def _holds(path: Path, data: bytes) -> bool:
+    """Whether a file has this content."""
+    from ..storage import contents
+
     try:
-        return path.read_text(encoding="utf-8") == text
+        found = contents(path, 2 * len(data))
     except (OSError, ValueError):
         return False
+    return data in (found, found.replace(b"\r\n", b"\n"))
 
 
 def doctor() -> None:

@@ -24,6 +24,8 @@ from .tables import Recorder, Titled
 Facts = list[tuple[str, str]]  #: name and value
 
 #: The names of attributes of a results file, and what they are called in a report.
+_LONGEST = 2000  # characters of a line that is shown: longer ones stand for arrays
+
 _PROVENANCE = {
     "seed": "seed",
     "profile": "profile",
@@ -187,4 +189,6 @@ def _command(name: str, attributes: dict[str, Any]) -> str:
 def _files(name: str, attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "spec" in attributes:
         yield f"{name}.yaml", attributes["spec"]
-    yield from json.loads(attributes.get("model_sources") or "{}").items()
+    for file, text in json.loads(attributes.get("model_sources") or "{}").items():
+        numbers = len(text) > _LONGEST and "\n" not in text
+        yield file, f"numbers, {len(text):,} characters in the results file" if numbers else text

@@ -19,6 +19,9 @@ from .load import name_of, plans
 #: Of the time of a run, what writing checkpoints may take.
 _SHARE = 0.01
 
+#: Into which an experiment may be divided.
+MOST_SHARDS = 10_000
+
 
 class Stopped(Exception):
     """The run was interrupted, or its time was up; the same command resumes from the checkpoint."""
@@ -40,10 +43,10 @@ class Shard:
 
     @classmethod
     def of(cls, text: str) -> "Shard":
-        """Read from "3/8"; ValueError if that is not a shard."""
-        number, _, count = text.partition("/")
-        found = cls(int(number), int(count))
-        if not 1 <= found.number <= found.count:
+        """Read from "3/8"; ValueError if that is not a shard, or one of more than MOST_SHARDS."""
+        digits = re.fullmatch(r"([0-9]{1,9})/([0-9]{1,9})", text)
+        found = cls(int(digits[1]), int(digits[2])) if digits else cls(0, 0)
+        if not 1 <= found.number <= found.count <= MOST_SHARDS:
             raise ValueError(text)
         return found
 
@@ -87,7 +90,7 @@ class Checkpoint:
     def chunks(self) -> tuple[str, ...]:
         """A line for each chunk, as ``Results.chunks``."""
         return tuple(
-            f"{name} {chunk.path_set} {chunk.index} {chunk.paths} {state.digests[chunk.path_set][chunk.index]}"
+            f"{name} {number} {chunk.index} {chunk.paths} {state.digests[number][chunk.index, chunk.paths]}"
             for name, state in self.by_name.items()
             for number, path_set in enumerate(state.path_sets)
             for chunk in path_set.chunks(number)
@@ -95,9 +98,12 @@ class Checkpoint:
 
     def shards(self) -> dict[Shard, Path]:
         """The files of those shards of the experiment that have been begun."""
-        name = re.compile(re.escape(self.path.stem) + r"[.]shard-([0-9]+)-of-([0-9]+)[.]npz")
-        found = {file: name.fullmatch(file.name) for file in self.path.parent.glob("*.npz")}
-        return {Shard(int(match[1]), int(match[2])): file for file, match in found.items() if match}
+        name, found = re.compile(re.escape(self.path.stem) + r"[.]shard-([0-9]+)-of-([0-9]+)[.]npz"), {}
+        for file in self.path.parent.glob("*.npz"):
+            if match := name.fullmatch(file.name):
+                with contextlib.suppress(ValueError):  # a name that no run gives
+                    found[Shard.of(f"{match[1]}/{match[2]}")] = file
+        return found
 
     def resume(self) -> None:
         """Take what is known from the file and from those of shards; else of a run with other numbers of samples."""
@@ -116,8 +122,10 @@ class Checkpoint:
             return False
         for name, state in self.by_name.items():
             if name in read[1]:
-                with contextlib.suppress(ValueError, LookupError, TypeError):  # of a file that somebody edited
+                try:
                     state.merge(read[1][name], with_extra)
+                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+                    self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return True
 
     def save(self, finished: bool = False) -> None:

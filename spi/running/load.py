@@ -1,21 +1,25 @@
 """From a spec file to the plans of its parts, and what is to be said of its models."""
 
+import contextlib
 import functools
 import inspect
+import json
 import platform
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from .. import specs, systems
+from .. import specs, storage, systems
 from ..kinds import KINDS
 from ..kinds.plans import Plan
 from ..models.damped import undamped
 from ..schemes import typical_ns
 from ..specs.document import text_of
+from ..specs.files import Files, UntrustedCode
 from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from ..storage.results import read_root
 from . import shipped
 
 
@@ -31,8 +35,12 @@ def load(
     overrides: Iterable[str] = (),
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
+    trusts: Callable[[str, str], bool] = lambda path, text: True,
+    added: Iterable[tuple[str, str]] = (),
 ) -> specs.Experiment:
     """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.specs.load.
+
+    The files that are `added` stand in the place of those of their names.
 
     `path` may also be the name of an experiment that comes with the program, such as "rigid_body_strong", by which it
     is then called in messages.
@@ -42,10 +50,47 @@ def load(
         given, path = path, shipped.path_of(path)
         called = None if path == Path(given) else str(given)
         text = text_of(path, shipped.names())
-    return specs.load(path, layers(), profile, overrides, text, files, called)
+    return specs.load(path, layers(), profile, overrides, text, files, called, trusts, added)
 
 
-def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Iterable[str] = ()) -> specs.Experiment:
+def load_stored(path: str | Path, trust_code: bool = False, overrides: Iterable[str] = ()) -> specs.Experiment:
+    """The experiment whose results are in a file, as it was run, with further `overrides`.
+
+    This alone decides whether Python code that a results file holds is run: with `trust_code`, or where the person has
+    a file with the same text at the path that the spec names, seen from the current folder or from ./experiments.
+    StorageError if the file cannot be read, and before any such code is run if it may not be; SpecError as for load.
+    """
+    stored = read_root(path)
+    try:
+        as_run = stored["profile"], (*stored["overrides"], *overrides), stored["spec"]
+        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources", "{}")).items()]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
+    try:
+        return load(path, *as_run, files, lambda name, text: trust_code or _is_here(name, text))
+    except UntrustedCode as error:
+        raise storage.StorageError(
+            f"{path}: holds Python code, {error}, that equals no file of that path here; read it first "
+            "(`spi report` shows it), then --trust-code runs it"
+        ) from None
+
+
+def _is_here(name: str, text: str) -> bool:
+    """Whether a file of this name, seen from where a person keeps specs, has this text."""
+    for folder in (Path(), Path("experiments"), shipped.folder()):
+        with contextlib.suppress(ValueError):
+            if Files(folder / "spec.yaml").text(name, "python") == text:
+                return True
+    return False
+
+
+def load_as(
+    kind: str,
+    path: str | Path,
+    profile: str = "laptop",
+    overrides: Iterable[str] = (),
+    added: Iterable[tuple[str, str]] = (),
+) -> specs.Experiment:
     """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
 
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
@@ -54,7 +99,7 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
         raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
     source = load(path)
     if source.kind == kind:
-        return load(path, profile, overrides)
+        return load(path, profile, overrides, added=added)
     keys = KINDS[kind].keys
     try:
         text = specs.converted(source.text, source.title, source.cases, kind, keys)
@@ -62,7 +107,7 @@ def load_as(kind: str, path: str | Path, profile: str = "laptop", overrides: Ite
         raise specs.SpecError(f"{path}: --as {kind}: {error}") from None
     target = source.path.with_name(f"{source.name}_as_{kind}.yaml")
     called = None if Path(source.called) == source.path else target.stem
-    return specs.load(target, layers(), profile, overrides, text, called=called)
+    return specs.load(target, layers(), profile, overrides, text, called=called, added=added)
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:

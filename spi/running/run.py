@@ -270,7 +270,7 @@ def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
     """
     path = Path(out) / f"{Path(spec_path).stem}.h5"
     attributes = storage.read(path).attributes
-    if "model_sources" in attributes or attributes["spec"] != Path(spec_path).read_text(encoding="utf-8"):
+    if "model_sources" in attributes or attributes["spec"] != specs.text_of(spec_path):
         profile = attributes["profile"]
         if load(spec_path, profile).hash != attributes["spec_hash"]:
             raise storage.StorageError(

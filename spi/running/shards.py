@@ -16,6 +16,9 @@ from .checkpoint import Checkpoint, Limits, Shard, Stopped, sums_path
 from .run import NOBODY, USUAL, Session, Watch
 from .workers import Task, advance_some_here, allocate
 
+#: Of the shards that are missing so many are named.
+_NAMED = 8
+
 
 def run_shard(
     experiment: specs.Experiment,
@@ -90,7 +93,8 @@ def _need_all(checkpoint: Checkpoint) -> None:
         if left := missing.intersection(chunks):
             state = "unfinished" if Shard(number, count) in found else "missing"
             lacking.append(f"shard {number} of {count} is {state} ({len(left)} of its {len(chunks)} chunks)")
-    raise Stopped(f"{'; '.join(lacking)}: run it, then `spi merge` again")
+    more = [f"and {len(lacking) - _NAMED} others"] if len(lacking) > _NAMED else []
+    raise Stopped(f"{'; '.join(lacking[:_NAMED] + more)}: run it, then `spi merge` again")
 
 
 def _shards(states: Sequence[State], count: int) -> list[list[Task]]:

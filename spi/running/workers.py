@@ -5,6 +5,7 @@ Local processes and Dask are there; another executor needs a class like :class:`
 
 import contextlib
 import logging
+import re
 import signal
 import threading
 from collections import Counter
@@ -22,6 +23,9 @@ from .load import Source, plans_of
 
 #: A chunk whose worker was lost is handed out again at most so many times.
 MOST_LOSSES = 5
+
+#: On this machine.
+MOST_WORKERS = 1024
 
 _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two threads of a process at once
 
@@ -157,11 +161,18 @@ def dask(address: str) -> Iterator[Dask]:
     # independent, so only what is lost over and over is given up (MOST_LOSSES).
     with dask.config.set({"distributed.scheduler.allowed-failures": MOST_LOSSES}), contextlib.ExitStack() as stack:
         if address.startswith("local:"):
-            size = int(address.removeprefix("local:"))
+            size = _size(address.removeprefix("local:"))
             quiet = {"dashboard_address": None, "silence_logs": logging.ERROR}
             cluster = LocalCluster(n_workers=size, threads_per_worker=1, processes=True, **quiet)
             address = stack.enter_context(cluster)
         yield Dask(stack.enter_context(Client(address)))
+
+
+def _size(text: str) -> int:
+    """A number of workers; ValueError if it is none, or more than any machine has processors."""
+    if not re.fullmatch("[0-9]{1,9}", text) or not 1 <= int(text) <= MOST_WORKERS:
+        raise ValueError(f"N must be from 1 to {MOST_WORKERS}")
+    return int(text)
 
 
 Tick = Callable[[int], None]  #: told the number of a part after each batch of it; whatever it raises ends the work

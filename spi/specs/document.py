@@ -12,6 +12,8 @@ from typing import Any, NoReturn
 
 import yaml
 
+from ..storage import contents
+
 Location = tuple[str | int, ...]  #: of a value in a document: keys, and indices of lists
 
 _MOST_BYTES = 200_000  # of a file; YAML takes some seconds for so much
@@ -111,7 +113,9 @@ class Document:
         """The value of a node at a location; `around` are the nodes that contain it."""
         self.left -= 1
         if self.left < 0 or node in around:
-            self.fail(loc, f"is too long or contains itself; a file may have {_MOST_ENTRIES} entries, aliases included")
+            more = "; longer values stand in files, as in initial: {file: y0.npy}" if "initial" in loc else ""
+            right = f"a file may have {_MOST_ENTRIES} entries, aliases included{more}"
+            self.fail(loc, f"is too long or contains itself; {right}")
         if not node.tag.startswith("tag:yaml.org,2002:"):
             self.fail(loc, f"has the tag {node.tag}; remove the tag")
         if isinstance(node, yaml.MappingNode):
@@ -157,15 +161,12 @@ class Document:
 def text_of(path: str | Path, names: Iterable[str] = ()) -> str:
     """The text of a file; `names` might have been given in the place of a path."""
     try:
-        with open(path, "rb") as file:
-            data = file.read(_MOST_BYTES + 1)
+        data = contents(path, _MOST_BYTES)
     except FileNotFoundError:
         raise SpecError(f"{path}: no such file; {_meant(Path(path), names)}") from None
     except (OSError, ValueError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        reason = (getattr(error, "strerror", None) or "").lower() or str(error)
         raise SpecError(f"{path}: cannot be read ({reason}); give the path of a YAML file") from None
-    if len(data) > _MOST_BYTES:
-        raise SpecError(f"{path}: has more than {_MOST_BYTES // 1000} kB; give the YAML file of an experiment")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

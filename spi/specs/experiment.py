@@ -86,23 +86,28 @@ def load(
     text: str | None = None,
     files: Iterable[tuple[str, str]] | None = None,
     called: str | None = None,
+    trusts: Callable[[str, str], bool] = lambda path, text: True,
+    added: Iterable[tuple[str, str]] = (),
 ) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
 
     Messages begin with ``path:line:``, or with ``called: line n:`` if the file is `called` by a name.
 
     With `text`, that stands in the place of what is in the file, which is not read; with `files`, as in
-    :class:`Experiment`, these stand in the place of the other files that it names.
+    :class:`Experiment`, these stand in the place of the other files that it names; those `added` in that of their own.
 
     `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
-    so, as in "--samples=500".  Raises SpecError if anything is wrong with the file, the profile or an override.
+    so, as in "--samples=500".  Python code that a file holds is run only where `trusts(path, text)` is true; elsewhere
+    UntrustedCode of :mod:`spi.specs.files` is raised.
+
+    Raises SpecError if anything is wrong with the file, the profile or an override.
     """
     told = called or str(path)
     if profile not in PROFILES:
         raise SpecError(f"{told}: --profile: '{profile}' is not a known profile; {suggestion(profile, PROFILES)}")
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
-    named, faults = Files(path, files), Faults()
+    named, faults = Files(path, files, trusts, added), Faults()
     file: Any = None
     with faults:
         file = _valid(kinds.file.validate_python, document.data, [(document, ())])

@@ -1,39 +1,75 @@
 """The files that a spec names, and the modules that become of them."""
 
+import base64
+import binascii
 import difflib
 import traceback
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
 
 from ..compiler import modules, own
+from ..storage import contents
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
+_BINARY = "data:application/octet-stream;base64,"  # what begins a text that stands for bytes
+
+
+def as_text(data: bytes) -> str:
+    """The text by which a file is kept that is no text, see RFC 2397."""
+    return _BINARY + base64.b64encode(data).decode()
+
+
+def content(text: str) -> bytes:
+    """The bytes of the file that is kept as this text."""
+    if not text.startswith(_BINARY):
+        return text.encode()
+    try:
+        return base64.b64decode(text.removeprefix(_BINARY), validate=True)
+    except binascii.Error:
+        return text.encode()
+
+
+class UntrustedCode(Exception):
+    """Python code that is not trusted was to be run; its message is the path that the spec gives it."""
 
 
 class Files:
     """The texts of files that belong to a spec, each read once, by their paths as the spec writes them.
 
-    Paths are seen from the folder of the spec file.  With `given`, those texts stand in the place of what is on disk.
+    Paths are seen from the folder of the spec file.  With `given`, those texts stand in the place of what is on disk;
+    those that are `added` stand in the place of files of their names only.
+    Code is run only where `trusts(path, text)` is true, else UntrustedCode is raised.
     """
 
-    def __init__(self, spec_path: str | Path, given: Iterable[tuple[str, str]] | None = None) -> None:
-        self.folder = Path(spec_path).parent
-        self.texts = dict(given or ())
+    def __init__(
+        self,
+        spec_path: str | Path,
+        given: Iterable[tuple[str, str]] | None = None,
+        trusts: Callable[[str, str], bool] = lambda path, text: True,
+        added: Iterable[tuple[str, str]] = (),
+    ) -> None:
+        self.folder, self.trusts = Path(spec_path).parent, trusts
+        self.texts = dict(given or ()) | dict(added)
         self.complete = given is not None
 
-    def text(self, path: str, key: str) -> str:
-        """The text of a file that stands under `key`; raises the error about that key if it cannot be read."""
+    def text(self, path: str, key: str, most: int = _MOST_BYTES, binary: bool = False) -> str:
+        """The text of a file that stands under `key`; raises the error about that key if it cannot be read.
+
+        A file of more than `most` bytes is refused.  One that is `binary` is kept as :func:`as_text` of its bytes.
+        """
         if path not in self.texts:
             if self.complete:
                 raise wrong(f"is {shown(path)}, whose text is not among the files of this spec", "add it to them", key)
-            self.texts[path] = self._from_disk(path, key)
+            self.texts[path] = self._from_disk(path, key, most, binary)
         return self.texts[path]
 
     def module(self, path: str, key: str) -> ModuleType:
         """The module with the text of a Python file; raises the error about `key` if it cannot be imported."""
         text = self.text(path, key)
+        if not self.trusts(path, text):
+            raise UntrustedCode(path)
         try:
             return modules.stored(Path(path).stem, text)
         except SyntaxError as error:
@@ -45,13 +81,11 @@ class Files:
             what = f"is {shown(path)}{_line(error)}: raises {type(error).__name__}: {error}"
             raise wrong(what, "correct the Python file, which must be importable", key) from None
 
-    def _from_disk(self, path: str, key: str) -> str:
+    def _from_disk(self, path: str, key: str, most: int, binary: bool) -> str:
         file = self.folder / path
         try:
-            data = file.read_bytes()
-            if len(data) > _MOST_BYTES:
-                raise ValueError(f"more than {_MOST_BYTES // 1000} kB")
-            return data.decode("utf-8-sig").replace("\r\n", "\n")
+            data = contents(file, most)
+            return as_text(data) if binary else data.decode("utf-8-sig").replace("\r\n", "\n")
         except FileNotFoundError:
             there = [other.name for other in file.parent.glob(f"*{file.suffix}")]
             near = difflib.get_close_matches(file.name, there, 1)
@@ -62,8 +96,9 @@ class Files:
         except UnicodeDecodeError:
             raise wrong(f"is {shown(path)}, which is not UTF-8", "save the file as UTF-8", key) from None
         except (OSError, ValueError) as error:
-            reason = (getattr(error, "strerror", None) or str(error)).lower()
-            raise wrong(f"is {shown(path)}, which cannot be read ({reason})", "give a file of text", key) from None
+            reason = (getattr(error, "strerror", None) or "").lower() or str(error)
+            right = "give a smaller file, of one array" if binary else "give a file of text"
+            raise wrong(f"is {shown(path)}, which cannot be read ({reason})", right, key) from None
 
     def _remedy(self, error: ImportError) -> str:
         name = (error.name or "").partition(".")[0]

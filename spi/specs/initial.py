@@ -1,6 +1,8 @@
-"""How ``initial`` is read: a number per component, or a vorticity on the torus as modes, an expression or at random.
+"""How ``initial`` is read: numbers, those of a file, or a vorticity on the torus as modes, an expression or at random.
 
     initial: [cos(1.1), 0, sin(1.1)]
+    initial: {file: field.npy}
+    initial: {results: results/vortex_merger.h5, case: calm, time: 4}
     initial: {modes: {"1,0": 0.1+0.3i, "2,-1": 0.2}}
     initial: {vorticity: "cos(x1) + cos(x2)"}
     initial: {random: {spectrum: "k^4*exp(-k^2/18)", energy: 1, seed: 1}}
@@ -17,12 +19,13 @@ import numpy as np
 import pydantic
 from annotated_types import MinLen
 
-from ..ensemble.protocol import Positive
+from ..ensemble.protocol import NonNegative, Positive
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError, parse
 from ..models.zeitlin import fields
 from ..models.zeitlin.lattice import places
 from ..systems import expanded, has_range
+from .arrays import array_in, state_in
 from .keys import ABSENT, Keys, Seed, State, condition, key_of, shown, wrong
 
 _MODE = re.compile(r"\s*([+-]?[0-9]{1,6})\s*,\s*([+-]?[0-9]{1,6})\s*")
@@ -52,7 +55,8 @@ class Vorticity(Keys):
     def _check_one(self) -> "Vorticity":
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
-            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(_FIELDS)}")
+            known = _FIELDS if given else (*_FIELDS, "file", "results")
+            raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(known)}")
         if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
         return self
@@ -64,6 +68,47 @@ class Vorticity(Keys):
         if self.random is not None:
             return _at_random(self.random.spectrum, self.random.energy, self.random.seed, n)
         return _of_field(self.vorticity, self.subtract_mean, n)
+
+
+class Stored(Keys):
+    """An initial value of any model that stands in a file."""
+
+    file: key_of(
+        str, "a file of numpy.save: a number per component, or a vorticity on a square grid of at least N points a side"
+    ) = ABSENT
+    subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity on the grid") = False
+    results: key_of(str, "a results file of kind trajectory") = ABSENT
+    time: key_of(NonNegative, "time of a stored state in it", "time") = ABSENT
+    case: key_of(str, "name of the case in it; default: the only one") = ABSENT
+    scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
+
+    @condition()
+    def _check_one(self) -> "Stored":
+        given = self.model_fields_set
+        if {"file", "results"} <= given:
+            raise wrong("has file and results", "must have one of them")
+        if "results" in given and "time" not in given:
+            raise wrong("missing key 'time'", "add time: that of a stored state", "time")
+        of_other = {"time", "case", "scheme"} if "file" in given else {"subtract_mean"}
+        if beside := sorted(of_other & given):
+            which, other = ("file", "results") if "file" in given else ("results", "file")
+            raise wrong(f"stands beside {which}", f"leave it out, it is for {other}", beside[0])
+        return self
+
+    def state(self, files: Any, n: int | None) -> tuple[float, ...]:
+        """The numbers of the state, on the lattice modulo `n` if there is one."""
+        if self.results is not None:
+            return tuple(state_in(files, self.results, self.case, self.scheme, self.time).tolist())
+        values = array_in(files, self.file)
+        if values.ndim == 1:
+            return tuple(values.tolist())
+        shape = f"{values.shape[0]} x {values.shape[1]}"
+        if n is None:
+            raise wrong(f"has {shape} numbers", "must have one dimension, a number per component", "file")
+        if values.shape[0] != values.shape[1] or len(values) < n:
+            right = f"must have as many columns as rows, at least {n}; or one dimension"
+            raise wrong(f"is a vorticity on {shape} points", right, "file")
+        return _of_samples(values, self.subtract_mean, n, "file")
 
 
 def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
@@ -107,12 +152,17 @@ def _of_field(text: str, subtract_mean: bool, n: int) -> tuple[float, ...]:
     x = 2 * np.pi * np.arange(points) / points
     right = "must be an expression in x1 and x2 such as sin(x1)*cos(2*x2)"
     values = _values(text, ("x1", "x2"), np.stack(np.meshgrid(x, x, indexing="ij")), right, "vorticity")
+    return _of_samples(values, subtract_mean, n, "vorticity")
+
+
+def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, key: str) -> tuple[float, ...]:
+    """The state that is nearest to a vorticity on a grid, which stands under `key`."""
     mean, largest = float(values.mean()), float(np.abs(values).max())
     if subtract_mean:
-        values -= mean
+        values = values - mean
     elif abs(mean) > fields.MEAN_ROUNDING * largest:
         what = f"has the mean {mean:.12g}, which must be 0 on the torus"
-        raise wrong(what, "subtract it, or add subtract_mean: true", "vorticity")
+        raise wrong(what, "subtract it, or add subtract_mean: true", key)
     return tuple(fields.projected(values, n).tolist())
 
 
@@ -158,12 +208,16 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
     """The state that `value` stands for; `numbers` reads a list."""
     if not isinstance(value, dict):
         return numbers(_with_ranges(value, info))
-    given, model = Vorticity.model_validate(value), info.data.get("model")
+    stored = "file" in value or "results" in value
+    given, model = (Stored if stored else Vorticity).model_validate(value), info.data.get("model")
     if model is None or isinstance(model, dict):  # of one layer, when it is not known yet which system it is
         return ()
     n = fields.lattice_of(model)
+    if isinstance(given, Stored):
+        return given.state(info.context, n)
     if n is None:
-        raise wrong("is a mapping, which is for sine_euler and zeitlin", "must be a list, a number per component")
+        right = "must be a list, a number per component, or have file or results"
+        raise wrong("is a vorticity, which is for sine_euler and zeitlin", right)
     return given.state(n)
 
 
@@ -180,4 +234,4 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
 
 
 #: The annotation of ``initial``.
-Initial = Annotated[State, pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity)]
+Initial = Annotated[State, pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity | Stored)]

@@ -3,11 +3,14 @@
 NumPy numbers and arrays become numbers and lists, complex numbers texts such as ``0.1+0.3i``, records mappings.
 """
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import yaml
+
+from .arrays import array_text
 
 _WIDTH = 110  # of a line of a stored spec
 
@@ -24,14 +27,51 @@ def as_override(key: str, value: Any) -> str:
     return f"{key}={value_text}"
 
 
+_LONG = 1000  # numbers of an initial value that is no longer written out
+
+
+def separated(data: Mapping[str, Any], files: dict[str, str]) -> dict[str, Any]:
+    """The keys of a spec in which long initial values, and fields, are ``{file: NAME}``; adds the texts to `files`."""
+    within = {"cases", "profiles"}
+    return {
+        key: _as_file(value, files) if key == "initial" else _each(value, files) if key in within else value
+        for key, value in data.items()
+    }
+
+
+def _each(parts: Any, files: dict[str, str]) -> Any:
+    """The cases of a spec, or its profiles, with :func:`separated` keys."""
+    if isinstance(parts, Mapping):
+        return {name: separated(one, files) if isinstance(one, Mapping) else one for name, one in parts.items()}
+    if isinstance(parts, list | tuple):
+        return [separated(one, files) if isinstance(one, Mapping) else one for one in parts]
+    return parts
+
+
+def _as_file(value: Any, files: dict[str, str]) -> Any:
+    """An initial value, as a file if it is long or a field."""
+    if not (isinstance(value, list | tuple) or hasattr(value, "__array__")):
+        return value
+    try:
+        values = np.asarray(value)
+    except ValueError:  # of lists of several lengths
+        return value
+    if values.dtype.kind not in "iufc" or (values.ndim < 2 and values.size <= _LONG):
+        return value
+    text = array_text(values)
+    name = f"initial_{hashlib.sha256(text.encode()).hexdigest()[:8]}.npy"
+    files[name] = text
+    return {"file": name}
+
+
 def plain(value: Any) -> Any:
     """Some data as dicts with texts as keys, lists, texts, numbers, True, False and None."""
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, Mapping):
         return {str(key): plain(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+    if hasattr(value, "__array__"):
+        value = np.asarray(value).tolist()
     if isinstance(value, list | tuple | range):
         return [plain(inner) for inner in value]
     if isinstance(value, complex):

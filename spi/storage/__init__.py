@@ -1,6 +1,6 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
-from .files import StorageError, check_writable, write_all
+from .files import StorageError, check_writable, contents, write_all
 from .identity import check_replaceable, is_finished, replaced_hash
 from .provenance import provenance
 from .results import read, write
@@ -11,6 +11,7 @@ __all__ = [
     "about_sums",
     "check_replaceable",
     "check_writable",
+    "contents",
     "is_finished",
     "previous",
     "provenance",

@@ -9,6 +9,7 @@ import hashlib
 import os
 import platform
 import re
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -18,11 +19,30 @@ import h5py
 #: HDF5 reports damage in a file by any of these.
 DAMAGE = (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError)
 
+#: Of a file of results or sums, which are read whole: more than any experiment writes.
+MOST_BYTES = 10**10
+
 _CHECKSUM = b"\nspi sha256 "  # then 64 digits and the end of the line
 
 
 class StorageError(Exception):
     """A file that cannot be read, written or used here: one line with the path and the remedy."""
+
+
+def contents(path: str | Path, most: int) -> bytes:
+    """The bytes of a regular file of at most `most` bytes.
+
+    Raises OSError if it cannot be read, ValueError if it is something else, such as a pipe or a device, which might
+    never come to an end, or if it is larger.
+    """
+    about = os.stat(path)
+    if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):  # of a folder Python says so itself
+        raise ValueError("no regular file")
+    with open(path, "rb") as file:
+        data = file.read(min(most, about.st_size + 2**20) + 1)
+    if len(data) > most:
+        raise ValueError(f"more than {most // 1000} kB" if most < 10**9 else f"more than {most // 10**9} GB")
+    return data
 
 
 def check_writable(path: str | Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .files import DAMAGE, StorageError, aside, checksum_holds, create, opened, reason
+from .files import DAMAGE, MOST_BYTES, StorageError, aside, checksum_holds, contents, create, opened, reason
 from .records import Group, Results
 
 #: The root attribute by which our results are known, and the version of their layout.
@@ -165,11 +165,11 @@ def _tuples(value: Any) -> Any:
 def _open_results(path: Path) -> Iterator[h5py.File]:
     """The results file, its checksum and the version of its layout being right."""
     try:
-        data = path.read_bytes()
+        data = contents(path, MOST_BYTES)
     except FileNotFoundError:
         raise StorageError(f"{path}: no such file; `spi run` writes one") from None
     except (OSError, ValueError) as error:  # a path with a zero in it is a ValueError
-        why = reason(error) if isinstance(error, OSError) else "no possible path"
+        why = reason(error) if isinstance(error, OSError) else str(error)
         raise StorageError(f"{path}: {why}; give a results file (.h5) that you can read") from error
     sound = checksum_holds(data)
     if sound is False:
@@ -185,7 +185,8 @@ def _open_results(path: Path) -> Iterator[h5py.File]:
         if version != VERSION:
             whose = "an earlier" if version < VERSION else "a later"
             what = f"was written by {whose} version of spi (layout {version}, this one reads {VERSION})"
-            raise StorageError(f"{path}: {what}; run the experiment again with --fresh")
+            right = ("run the experiment again with --fresh", "update spi, or move the file away")[version > VERSION]
+            raise StorageError(f"{path}: {what}; {right}")
         if sound is None:
             raise StorageError(f"{path}: has no checksum, so it was changed or is of an earlier spi, or {_DAMAGED}")
         yield file

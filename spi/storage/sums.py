@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from .files import aside, write_bytes
+from .files import MOST_BYTES, aside, contents, write_bytes
 
-VERSION = 2  #: raised where chunks are divided in another way, since sums go on only with chunks of the same size
+#: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
+VERSION = 3
 
 #: What reading a damaged file may raise.
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, NotImplementedError)
@@ -75,7 +76,7 @@ def previous(path: Path) -> Path:
 @contextlib.contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """The archive in a file, of which members are read when they are asked for; NumPy leaves a damaged one open."""
-    with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+    with np.load(io.BytesIO(contents(path, MOST_BYTES)), allow_pickle=False) as archive:
         yield archive
 
 

@@ -130,7 +130,9 @@ def test_what_cannot_be_stored_is_refused_when_the_spec_is_read(character, line)
 def test_a_file_that_is_too_large_is_not_parsed():
     Path("s.yaml").write_text("[" * 2_000_000)
     began = time.perf_counter()
-    assert refusal("check", "s.yaml") == "spi: s.yaml: has more than 200 kB; give the YAML file of an experiment\n"
+    assert refusal("check", "s.yaml") == (
+        "spi: s.yaml: cannot be read (more than 200 kB); give the path of a YAML file\n"
+    )
     assert time.perf_counter() - began < 2
 
 

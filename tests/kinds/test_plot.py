@@ -153,3 +153,10 @@ def test_what_cannot_be_drawn():
         views.figure(Results({"kind": "new"}, ()))
     with pytest.raises(ValueError, match="no scheme"):
         views.figure(strong())
+
+
+def test_a_title_of_a_character_that_nobody_sees_is_drawn(tmp_path):
+    """U+FEFF, with which some editors begin a text; matplotlib raised an IndexError over it in a PDF."""
+    drawn = strong(group_of("splitting", case_title="\ufeff"), group_of("splitting", "two", case_title="a\ufeffb"))
+    drawn = drawn._replace(attributes={**drawn.attributes, "title": "\ufeff"})
+    assert len(save(drawn, tmp_path, "title")) == 2

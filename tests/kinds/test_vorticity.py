@@ -150,7 +150,7 @@ NUMBER = "must be a number such as 0.2 or 0.1+0.3i"
 @pytest.mark.parametrize(
     ("initial", "message"),
     [
-        ("{}", "initial: has no field; must have one of modes, vorticity, random"),
+        ("{}", "initial: has no field; must have one of modes, vorticity, random, file, results"),
         ("{mode: 1}", "initial.mode: is not a known key; did you mean 'modes'?"),
         (
             '{modes: {"1,0": 1}, vorticity: cos(x1)}',
@@ -209,7 +209,8 @@ def test_bad_states(error, initial, message):
 
 def test_other_models_have_no_fields(spec, error):
     model = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}"
-    what = "3: initial: is a mapping, which is for sine_euler and zeitlin; must be a list, a number per component"
+    right = "must be a list, a number per component, or have file or results"
+    what = f"3: initial: is a vorticity, which is for sine_euler and zeitlin; {right}"
     assert (
         error(SPEC, "{name: sine_euler}", model, "panels: [vorticity, spectrum, enstrophy]", "panels: [components]")
         == what

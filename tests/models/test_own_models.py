@@ -309,8 +309,33 @@ def test_a_run_with_all_that_goes_with_it(oscillator, tmp_path):
     with pytest.raises(storage.StorageError, match="results of another spec"):
         runs.results_of("s.yaml", "out")
     Path("my_model.py").unlink()
-    found = verify.verify(path, 1)
+    found = verify.verify(path, 1, trust_code=True)
     assert found.checked and not found.different
+
+
+def test_code_in_a_results_file_is_not_run_unasked(oscillator, tmp_path):
+    """Not by `spi verify`, whose file somebody else may have written; only where an equal file lies at its path."""
+    path = runs.run(oscillator(), tmp_path)
+    foreign = "from pathlib import Path\n\nPath('ran').touch()\n" + OSCILLATOR
+    stored = storage.read(path)
+    sources = {"model_sources": json.dumps({"my_model.py": foreign})}
+    storage.write(path, stored._replace(attributes=stored.attributes | sources))
+    refused = f"spi: {path}: holds Python code, my_model.py, that equals no file of that path here; read it first"
+    for text in (None, foreign + "#\n"):
+        if text is not None:
+            Path("my_model.py").write_text(text)
+        code, _, told = command("verify", path)
+        assert code == 2 and told.startswith(refused) and told.count("\n") == 1
+        assert not Path("ran").exists()
+    folder = Path("experiments")
+    folder.mkdir()
+    (folder / "my_model.py").write_text(foreign)
+    with pytest.raises(storage.StorageError, match="means something else"):  # since this code is another
+        verify.verify(path, 1)
+    assert Path("ran").exists()
+    (folder / "my_model.py").unlink()
+    Path("ran").unlink()
+    assert "--trust-code" in command("verify", "--help")[1]
 
 
 def test_other_processes_have_the_text(oscillator):

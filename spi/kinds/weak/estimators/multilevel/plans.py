@@ -195,7 +195,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
         square of what of the level is in the error at the largest step.
         """
-        variance = variance * np.append(self.combination.shares()[0] ** 2, 1.0)
+        shares = self.completed(self.combination.shares().T)[:, 0]
+        variance = variance * np.append(shares**2, 1.0)
         return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
 
     def allocation(self, levels: LevelSums, share: float) -> np.ndarray:
@@ -219,8 +220,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def errors(self, levels: LevelSums) -> Errors:
         """The errors that the differences of the levels make."""
         mean, without = levels.averages()
-        combine, extension = self.combination.errors, self.extension
-        return Errors(combine(mean[:-1]) * extension, combine(without[:, :-1]) * extension, EQUAL)
+        combine = self.combination.errors
+        return Errors(self.completed(combine(mean[:-1])), self.completed(combine(without[:, :-1])), EQUAL)
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
@@ -231,7 +232,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
         errors, extra = self.errors(levels), state.extra
         fields, sampled = sampled_errors(self.h, *errors)
-        expectation, of_expectation = self._expectations(levels, errors.error)
+        expectation, of_expectation = self._expectations(levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
         work: Any = {"samples": int(levels.samples.sum()), "ns_per_step": 1e9 * float(cpu_seconds / steps)}
         return self.weak_errors(
@@ -254,7 +255,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
         """(levels - 1,) the coarse steps of the differences."""
         return self.case.reference_step * 2.0 ** np.arange(1, self.base + 1)
 
-    def _expectations(self, levels: LevelSums, error: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+    def _expectations(self, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]:
         """E phi at all steps: at the largest one from the last level, at the others by the differences between levels.
 
         Beside it the fields of Sampled that state its uncertainty.
@@ -262,7 +263,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         h, coarse, moments = np.array(self.case.steps), self._coarse, levels.moments()
         last, variances = moments.stderr[-1] ** 2, moments.stderr[:-1] ** 2
         fine, square = levels.means_of_powers()[VALUE][:2, -1]
-        differences, largest = error / self.extension, error[:, :1] / self.extension[:1]
+        differences = self.combination.errors(moments.mean[:-1])
+        largest = differences[:, :1]
         if self.part.extrapolate:
             to_reference, to_steps = self.combination.shares_above()
             largest = (to_reference @ moments.mean[:-1])[:, np.newaxis]

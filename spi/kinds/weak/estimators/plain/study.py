@@ -177,7 +177,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
     def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Errors (F, S) from the largest step to the smallest, and their leave-one-out values (groups, F, S)."""
         mean, without = map(_by_step, mean_over_paths(differences[0], counts))
-        return mean * self.extension, without * self.extension
+        return self.completed(mean), self.completed(without)
 
     def _extrapolated(self, values: np.ndarray) -> np.ndarray:
         """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, L, F, LANES)."""

@@ -1,0 +1,192 @@
+"""Initial values that stand in files: arrays of NumPy, states of results, and long arrays from Python."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trajectory_results import trajectories, trajectory_group
+
+from spi import storage
+from spi.api.specs import experiment_of
+from spi.cli import starting
+from spi.models.zeitlin import fields
+from spi.running.load import Source, load, plans_of
+from spi.running.run import identity
+from spi.specs import SpecError
+
+N = 101
+SPEC = f"""\
+kind: trajectory
+model: {{name: zeitlin, n: {N}}}
+initial: {{file: y.npy}}
+final_time: 1
+step: 2^-4
+schemes: [splitting]
+panels: [vorticity]
+"""
+
+
+def state(n=N):
+    return np.random.default_rng(n).standard_normal(n * n - 1)
+
+
+def test_states_fields_and_complex_modes(spec, tmp_path):
+    """A state with more numbers than a YAML file may have is the same in all ways, to the last bit."""
+    y = state()
+    np.save(tmp_path / "y.npy", y)
+    found = spec(SPEC)
+    assert found.cases[0].initial == tuple(y)
+    np.save(tmp_path / "y.npy", y.view(complex))
+    assert spec(SPEC).hash == found.hash
+    np.save(tmp_path / "y.npy", np.asfortranarray(fields.vorticity(y, 128)))
+    np.testing.assert_allclose(spec(SPEC).cases[0].initial, y, atol=1e-12)
+    (small,) = spec(SPEC, overrides=["model={n: 5}"]).cases
+    np.testing.assert_allclose(small.initial, fields.projected(fields.vorticity(y, 128), 5), atol=1e-15)
+    np.save(tmp_path / "y.npy", y[:8].astype(np.float32))
+    listed, three = y[:8].astype(np.float32).tolist(), (f"n: {N}", "n: 3")
+    assert spec(SPEC, *three).hash == spec(SPEC, *three, overrides=[f"initial={listed}"]).hash
+
+
+def test_a_mean_is_subtracted_on_demand(spec, error, tmp_path):
+    np.save(tmp_path / "y.npy", fields.vorticity(state(5), 16) + 1)
+    five = (f"n: {N}", "n: 5")
+    assert "initial.file: has the mean 1" in error(SPEC, *five)
+    (case,) = spec(SPEC, "y.npy", "y.npy, subtract_mean: true", *five).cases
+    np.testing.assert_allclose(case.initial, state(5), atol=1e-14)
+
+
+def test_states_of_results(spec, tmp_path):
+    """Of one path that is there, or of the one that is named; kept with the spec, without the results file."""
+    t, y = np.arange(3.0), np.stack([state(3), 2 * state(3), 3 * state(3)])
+    groups = [
+        trajectory_group(name, t, k * y, np.ones((3, 1)), case="a")
+        for k, name in enumerate(["splitting", "midpoint"], 1)
+    ]
+    storage.write(tmp_path / "one.h5", trajectories(groups[0]))
+    storage.write(tmp_path / "two.h5", trajectories(*groups))
+    small = SPEC.replace(f"n: {N}", "n: 3")
+    assert spec(small, "file: y.npy", "results: one.h5, time: 2").cases[0].initial == tuple(y[2])
+    experiment = spec(small, "file: y.npy", "results: two.h5, time: 1, case: a, scheme: midpoint")
+    assert experiment.cases[0].initial == tuple(2 * y[1])
+    os.remove("two.h5")
+    assert plans_of(Source.of(experiment))[0].initial.tolist() == (2 * y[1]).tolist()
+    for name, text in experiment.files:  # what a copy of the spec has in place of the results
+        (tmp_path / name).write_text(text)
+    assert load("s.yaml").hash == experiment.hash
+
+
+def test_copies_hold_the_arrays(spec, tmp_path):
+    np.save(tmp_path / "y.npy", state())
+    first = spec(SPEC)
+    copies = starting._copies("s.yaml", tmp_path / "there/t.yaml", None)
+    assert copies[tmp_path / "there/y.npy"] == (tmp_path / "y.npy").read_bytes()
+    assert identity(first)["model_sources"].count("base64") == 1
+
+
+def test_arrays_from_python(tmp_path, monkeypatch):
+    """They go past the reader of YAML, in a mapping, a case and an override; a short list stays in the text."""
+    monkeypatch.chdir(tmp_path)
+    y = state()
+    data = _keys()
+    first = experiment_of(data | {"initial": y}, "a", "laptop", {})
+    again = experiment_of(data | {"initial": [0.0] * len(y)}, "a", "laptop", {"initial": fields.vorticity(y, 128)})
+    assert first.cases[0].initial == tuple(y) and "initial_" in first.text
+    np.testing.assert_allclose(again.cases[0].initial, y, atol=1e-12)
+    assert tuple(plans_of(Source.of(again))[0].initial) == again.cases[0].initial
+    cases = {"cases": [{"name": "one", "initial": y}, {"name": "two", "initial": 2 * y}]}
+    assert experiment_of(data | cases, "a", "laptop", {}).cases[1].initial == tuple(2 * y)
+    short = experiment_of(data | {"model": {"name": "sine_euler"}, "initial": y[:8]}, "a", "laptop", {})
+    assert not short.files and str(y[0]) in short.text
+    Path("s.yaml").write_text(SPEC)
+    np.save("y.npy", y)
+    assert experiment_of("s.yaml", None, "laptop", {"initial": 3 * y}).cases[0].initial == tuple(3 * y)
+
+
+def _keys():
+    model = {"name": "zeitlin", "n": N}
+    return {"kind": "trajectory", "model": model, "final_time": 1, "step": 0.5, "schemes": ["splitting"]} | {
+        "panels": ["vorticity"]
+    }
+
+
+def saved(values):
+    return lambda path: np.save(path, values)
+
+
+def written(data):
+    return lambda path: path.write_bytes(data)
+
+
+GRID, LATTICE = "must have as many columns as rows, at least 101; or one dimension", "is a vorticity on"
+NONE = "is 'y.npy', which is no array; give a file that numpy.save wrote, of real or complex numbers in one or two"
+CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000,)}"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (saved(state(3)), "has 8 entries; must have 10200, the dimension of zeitlin"),
+        (saved(np.zeros((101, 102))), f"{LATTICE} 101 x 102 points; {GRID}"),
+        (saved(np.zeros((99, 99))), f"{LATTICE} 99 x 99 points; {GRID}"),
+        (saved(np.array([1.0, np.nan])), "is 'y.npy', which is not finite at [1]; all numbers must be finite"),
+        (saved(np.array(["a"])), NONE),
+        (saved(np.zeros((2, 2, 2))), NONE),
+        (saved(np.zeros((0,))), NONE),
+        (written(b"[1, 2]"), NONE),
+        (written(CLAIMS.ljust(128) + bytes(80)), NONE),
+        (lambda path: path.symlink_to("/dev/zero"), "is 'y.npy', which cannot be read (more than 9000 kB)"),
+        (lambda path: None, "is 'y.npy', and there is no file y.npy"),
+    ],
+)
+def test_bad_arrays(error, tmp_path, make, message):
+    make(tmp_path / "y.npy")
+    found = error(SPEC)
+    assert found.startswith("3: initial") and message in found
+
+
+@pytest.mark.parametrize(
+    ("initial", "message"),
+    [
+        ("file: y.npy, results: a.h5", "initial: has file and results; must have one of them"),
+        ("results: a.h5", "initial.time: missing key 'time'; add time: that of a stored state"),
+        ("file: y.npy, time: 1", "initial.time: stands beside file; leave it out, it is for results"),
+        ("results: b.h5, time: 1", "initial.results: is 'b.h5' (no such file); `spi run` writes one"),
+        (
+            "results: a.h5, time: 0.3, scheme: midpoint",
+            "time: is 0.3, at which 'a.h5' has no state; the nearest time of a stored state is 0",
+        ),
+        ("results: a.h5, time: 1, case: b", "initial.case: is 'b', which is not in 'a.h5'; known: a"),
+        (
+            "results: a.h5, time: 1",
+            "initial.scheme: missing key 'scheme'; add scheme: one of splitting, midpoint, which 'a.h5' has",
+        ),
+        ("results: a.h5, time: 1, scheme: midpoint", "is 'a.h5' at time 1, which is not finite at [0]"),
+    ],
+)
+def test_bad_results(error, tmp_path, initial, message):
+    t, y = np.arange(2.0), np.stack([state(3), np.full(8, np.inf)])
+    groups = [trajectory_group(name, t, y, np.ones((2, 1)), case="a") for name in ("splitting", "midpoint")]
+    storage.write(tmp_path / "a.h5", trajectories(*groups))
+    assert message in error(SPEC, "file: y.npy", initial)
+
+
+def test_other_models_take_a_number_per_component(spec, error, tmp_path):
+    body = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}"
+    replaced = (f"{{name: zeitlin, n: {N}}}", body, "[vorticity]", "[components]")
+    np.save(tmp_path / "y.npy", [1.0, 0.0, 0.5])
+    assert spec(SPEC, *replaced).cases[0].initial == (1.0, 0.0, 0.5)
+    np.save(tmp_path / "y.npy", np.eye(2))
+    assert "initial.file: has 2 x 2 numbers; must have one dimension" in error(SPEC, *replaced)
+
+
+def test_a_long_list_is_told_where_it_may_stand(error):
+    numbers = ", ".join(["0.5"] * 10200)
+    found = error(SPEC, "{file: y.npy}", f"[{numbers}]")
+    assert found.endswith("longer values stand in files, as in initial: {file: y0.npy}")
+
+
+def test_a_damaged_text_of_states_is_told(spec, tmp_path):
+    (tmp_path / "a.h5.states").write_text('{"the case/the scheme at 1.0": "x"}')
+    with pytest.raises(SpecError, match=r"is kept in a\.h5\.states, which is damaged"):
+        spec(SPEC, "file: y.npy", "results: a.h5, time: 1")
