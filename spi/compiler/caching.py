@@ -53,7 +53,7 @@ class SharedCache(FunctionCache):
         foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
         foreign |= {(VARIABLE, part) for part in left_out()}
         if rounding.VARIABLE in os.environ:
-            foreign.add((rounding.VARIABLE, str(rounding.vector_bits())))
+            foreign.add((rounding.VARIABLE, rounding.WISH))
         if not foreign:
             return self
         if not all(digest for _, digest in foreign):

@@ -24,7 +24,8 @@ from .inlining import ALONE, TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
 from .records import class_of, is_array, record_class
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
-#: infinities keep their meaning; ``rounding.py`` says where it is done.  With ``error_model="numpy"`` a division has no branch that would stop vectorisation.
+#: infinities keep their meaning; ``rounding.py`` says where it is done.  With ``error_model="numpy"`` a division has no
+#: branch that would stop vectorisation.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 #: A small function that a loop over lanes calls: one call left standing would stop vectorisation.

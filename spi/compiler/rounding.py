@@ -17,6 +17,7 @@ and so each function carries the width that we want; SPI_VECTOR_BITS=128, 256 or
 
 import collections
 import contextlib
+import functools
 import os
 
 from llvmlite import binding, ir
@@ -29,32 +30,32 @@ VARIABLE = "SPI_VECTOR_BITS"
 WIDTHS = (128, 256, 512)
 ALLOWED = "contract"  # the flag of LLVM by which a product and a sum may become one operation
 
+WISH = os.environ.get(VARIABLE) or "512"
+if WISH not in map(str, WIDTHS):
+    raise SystemExit(f"spi: {VARIABLE} is {WISH!r}, which is not 128, 256 or 512")
+
+
+@functools.cache
+def _features():
+    """What Numba tells LLVM of the processor: {"avx2", "fma", ...}."""
+    features = cpu_target.target_context.codegen()._get_host_cpu_features().split(",")
+    always = {"neon"} if binding.get_process_triple().startswith(("aarch64", "arm64")) else set()
+    return always.union(name.removeprefix("+") for name in features if name.startswith("+"))
+
 
 def instruction_set():
-    """The vector instructions for which kernels are compiled: those of Numba's settings, or of this processor."""
-    features = {name.removeprefix("+") for name in _features() if not name.startswith("-")}
-    known = {"avx512f": "avx512f", "avx2": "avx2", "avx": "avx", "sse2": "sse2", "sve": "sve", "neon": "neon"}
-    default = "neon" if binding.get_process_triple().startswith(("aarch64", "arm64")) else "unknown"
-    return next((ours for name, ours in known.items() if name in features), default)
-
-
-def _features():
-    """The features of the processor as Numba hands them to LLVM: ["+avx2", "-sse4a", ...]."""
-    return cpu_target.target_context.codegen()._get_host_cpu_features().split(",")
+    """The vector instructions for which kernels are compiled: the processor's, or those of Numba's settings."""
+    return next((name for name in ("avx512f", "avx2", "avx", "sse2", "sve", "neon") if name in _features()), "unknown")
 
 
 def is_fused():
-    """Whether the processor has fused operations."""
-    return "+fma" in _features() or instruction_set() in ("neon", "sve")
+    """Whether there are fused operations, without which results differ from those of other processors."""
+    return not _features().isdisjoint(("fma", "neon"))
 
 
 def vector_bits():
-    """How wide vectors are to be; the program ends with one line if SPI_VECTOR_BITS is not a width."""
-    widest = {"avx512f": 512, "avx2": 256, "avx": 256}.get(instruction_set(), 128)
-    wish = os.environ.get(VARIABLE) or str(widest)
-    if wish not in map(str, WIDTHS):
-        raise SystemExit(f"spi: {VARIABLE} is {wish!r}, which is not 128, 256 or 512")
-    return min(int(wish), widest)
+    """How wide vectors are: as wide as the processor has them, or as SPI_VECTOR_BITS says."""
+    return min(int(WISH), {"avx512f": 512, "avx2": 256, "avx": 256}.get(instruction_set(), 128))
 
 
 def round_explicitly(module):
