@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import stored
+from .names import RESULTS, stored
 from .options import (
     CLAIM_FAILED,
     INVALID,
@@ -19,6 +19,7 @@ from .options import (
     Out,
     Overrides,
     Profile,
+    ResultsFolder,
     Samples,
     Seed,
     Specs,
@@ -97,6 +98,7 @@ def merge(
     samples: Samples = None,
     seed: Seed = None,
     threads: Threads = None,
+    kind: As = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
 ) -> None:
@@ -104,7 +106,7 @@ def merge(
 
     Then write the results and print the table as `spi run` does.
     """
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind)
     from ..running import shards
 
     _prepare(threads)
@@ -113,6 +115,12 @@ def merge(
 
 def verify(
     source: Stored,
+    profile: Profile = "laptop",
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
+    results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
     threads: Threads = None,
@@ -131,7 +139,7 @@ def verify(
     from ..running.verify import verify
     from .progress import ProgressLine
 
-    file = stored(source)
+    (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
         found = verify(file, None if everything else chunks, line.report_chunk, trust_code)
