@@ -1,4 +1,4 @@
-"""What pyproject.toml cannot say: where the experiments lie, and the readme as it must read away from the repository."""
+"""What pyproject.toml cannot say: where the experiments lie, and the readme as it reads away from the repository."""
 
 import re
 import tomllib
