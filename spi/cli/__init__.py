@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, load
+from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
@@ -51,14 +51,15 @@ app.command()(showing.show)
 @app.command()
 def check(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
     kind: As = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Validate experiments and estimate their cost."""
-    experiments = load(specs, profile, overrides, samples, seed, kind)
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..printing import print_cost, print_reports
     from ..running.run import cost, reports
 
@@ -68,11 +69,11 @@ def check(
 
 
 @app.command()
-def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
+def model(specs: Specs, profile: Profile = None, overrides: Overrides = None, trust_code: TrustCode = False) -> None:
     """Print the Python source of the models of experiments."""
     from ..running.run import sources
 
-    for experiment in load(specs, profile, overrides, None, None):
+    for experiment in load(specs, profile, overrides, None, None, trust_code=trust_code):
         for text in sources(experiment):
             typer.echo(text.rstrip("\n"))
 
