@@ -15,7 +15,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
+#: What `pip` installs; a package called `spi` on the index is another program.
+DISTRIBUTION = "stochastic-poisson-integrators"
 
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {

@@ -192,6 +192,7 @@ def _shard(text: str | None) -> "Shard | None":
 @contextmanager
 def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
     """The processes that compute, None for this one alone."""
+    from .. import DISTRIBUTION
     from ..running import workers
 
     with ExitStack() as stack:
@@ -202,7 +203,7 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
             try:
                 pool = stack.enter_context(workers.dask(address))
             except ImportError:
-                end(INVALID, "--dask: Dask is not installed; run pip install 'spi[dask]'")
+                end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
             except (OSError, ValueError) as error:
                 end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
         yield pool
