@@ -172,7 +172,7 @@ class Session:
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
         replaced = storage.spec_and_sources(self.target)
-        groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
+        groups = tuple(group for state in checkpoint.states for group in state.groups())
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 storage.check_replaceable(self.target, identity(experiment))
