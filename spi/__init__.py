@@ -8,12 +8,20 @@
 """
 
 import atexit
+import contextlib
 import hashlib
 import importlib
 import os
+import shutil
 import sys
 import tempfile
+import time
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None
 
 __version__ = "0.1.0"
 
@@ -37,6 +45,7 @@ def __dir__():
     return __all__
 
 
+_LOCK, _NEW = ".spi-lock", 60.0  # the file, and the seconds after which its process must have locked it
 #: The rooms whose code kernels contain, and files there that only name and list what is compiled.
 _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py", "schemes/costs.py"}
@@ -83,6 +92,33 @@ def modules_folder():
     return Path(_parent_of_caches(), "modules").absolute()
 
 
+@contextlib.contextmanager
+def scratch_folder():
+    """The path of a temporary folder that is gone when the block ends; those that killed processes left go first.
+
+    A process holds a lock on a file in its folder as long as it lives, which tells one kind from the other.
+    """
+    for folder in Path(tempfile.gettempdir()).glob("spi-*"):
+        _remove_if_left(folder)
+    with (
+        tempfile.TemporaryDirectory(prefix="spi-", ignore_cleanup_errors=True) as folder,
+        open(Path(folder, _LOCK), "w") as lock,
+    ):
+        if fcntl:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield folder
+
+
+def _remove_if_left(folder):
+    """Remove a folder of ours, if it is one, whose process is gone; not a new one, which may not be locked yet."""
+    with contextlib.suppress(OSError):
+        about = os.lstat(folder / _LOCK)
+        if fcntl and about.st_uid == os.geteuid() and time.time() - about.st_mtime > _NEW:
+            with open(folder / _LOCK) as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder)
+
+
 def _point_cache_at_sources():
     """Give Numba's disk cache a folder named by the hash of the sources whose code is compiled.
 
@@ -102,10 +138,12 @@ def _point_cache_at_sources():
             tempfile.TemporaryFile(dir=place).close()
     except (OSError, RuntimeError) as error:  # the latter if nothing tells the home folder
         problem = f"{place}: {error.strerror}" if isinstance(error, OSError) else str(error)
-        temporary = tempfile.TemporaryDirectory(prefix="spi-")
-        atexit.register(temporary.cleanup)
-        os.environ["SPI_CACHE_DIR"] = temporary.name  # also for programs that this one starts
-        folder = Path(temporary.name, digest)
+        temporary = contextlib.ExitStack()
+        atexit.register(temporary.close)
+        os.environ["SPI_CACHE_DIR"] = temporary.enter_context(
+            scratch_folder()
+        )  # also for programs that this one starts
+        folder = Path(os.environ["SPI_CACHE_DIR"], digest)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
