@@ -9,6 +9,7 @@
 
 import atexit
 import contextlib
+import errno
 import hashlib
 import importlib
 import os
@@ -23,7 +24,9 @@ try:
 except ImportError:  # not on Windows
     fcntl = None
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
+#: What `pip` installs; a package called `spi` on the index is another program.
+DISTRIBUTION = "stochastic-poisson-integrators"
 
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
@@ -45,7 +48,6 @@ def __dir__():
     return __all__
 
 
-_LOCK, _NEW = ".spi-lock", 60.0  # the file, and the seconds after which its process must have locked it
 #: The rooms whose code kernels contain, and files there that only name and list what is compiled.
 _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py", "schemes/costs.py"}
@@ -92,6 +94,9 @@ def modules_folder():
     return Path(_parent_of_caches(), "modules").absolute()
 
 
+_LOCK, _NEW = ".spi-lock", 60.0  # the file, and the seconds after which its process must have locked it
+
+
 @contextlib.contextmanager
 def scratch_folder():
     """The path of a temporary folder that is gone when the block ends; those that killed processes left go first.
@@ -119,30 +124,41 @@ def _remove_if_left(folder):
                 shutil.rmtree(folder)
 
 
+def _check_ours(folder):
+    """OSError if a folder is another user's, or if others can change what is in it."""
+    if hasattr(os, "geteuid"):
+        about = os.stat(folder)
+        if about.st_uid != os.geteuid():
+            raise PermissionError(errno.EPERM, "belongs to another user, who could have any code run here")
+        if about.st_mode & 0o022:
+            raise PermissionError(errno.EPERM, "others can write to it and could have any code run here (chmod go-w)")
+
+
 def _point_cache_at_sources():
     """Give Numba's disk cache a folder named by the hash of the sources whose code is compiled.
 
     Numba notices an edit in the file of a kernel, not in the files of the functions that the kernel calls; with a new
     folder after any edit nothing stale can be found.  Must run before any kernel is declared.
 
-    Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there after an
-    edit.  Then a temporary folder, gone when the program ends, takes its place, also of that of stored modules; returns
-    why, otherwise None.
+    Whoever can write there can have any code run, so no folder is used that belongs to another user or that others can
+    change.  Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there
+    after an edit.  In both cases a temporary folder, gone when the program ends, takes its place, also of that of
+    stored modules; returns why, otherwise None.
     """
     digest, problem = KERNEL_DIGEST, None
     try:
-        place = folder = Path(_parent_of_caches(), digest)
-        folder.mkdir(parents=True, exist_ok=True)
-        modules = modules_folder()
-        for place in (folder, modules if modules.exists() else modules.parent):
-            tempfile.TemporaryFile(dir=place).close()
+        place = parent = Path(_parent_of_caches())
+        for place in (parent, folder := parent / digest, modules_folder()):
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _check_ours(place)
+            if place != parent:
+                tempfile.TemporaryFile(dir=place).close()
     except (OSError, RuntimeError) as error:  # the latter if nothing tells the home folder
         problem = f"{place}: {error.strerror}" if isinstance(error, OSError) else str(error)
         temporary = contextlib.ExitStack()
         atexit.register(temporary.close)
-        os.environ["SPI_CACHE_DIR"] = temporary.enter_context(
-            scratch_folder()
-        )  # also for programs that this one starts
+        # also for programs that this one starts
+        os.environ["SPI_CACHE_DIR"] = temporary.enter_context(scratch_folder())
         folder = Path(os.environ["SPI_CACHE_DIR"], digest)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:

@@ -149,7 +149,7 @@ def check_command(command):
             wanted = [given.get(key) for key in ("specs", "profile", "overrides", "samples", "seed")]
             options.load(*wanted, given.get("kind"))
         for source in [*(given.get("sources") or ()), *filter(None, [given.get("source")])]:
-            name = Path(source).stem.partition("_as_")[0]
+            name = Path(source).name.partition(".")[0]
             if name not in shipped.names() and not Path(f"{name}.yaml").exists():
                 raise Wrong(f"no experiment is called {name}")
     except Exception as error:

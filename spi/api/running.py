@@ -42,13 +42,14 @@ def run(
     ``cases={"strong": {"seed": 7}}`` changes one case.
 
     ``as_="weak"`` converts the experiment in a file to another kind, as ``--as`` does, with suitable
-    defaults; its name is then ``<name>_as_weak``.
+    defaults; its name is then ``<name>.weak``.
 
-    Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``: by default `name`
-    is that of the file; a mapping has none and needs one.  With ``out=None`` nothing is left on disk.  `fresh`
-    recomputes from scratch and overwrites existing results.  `threads` is the number of threads; `workers` the number
-    of processes on this machine, or the address of a Dask scheduler.  `progress` shows a progress line; by default in a
-    notebook only.
+    Finished results are not recomputed, and the results are written to ``<out>/<name>.h5``; a profile and overrides
+    are added to the name, as in ``<name>.quick.seed=2.h5`` (see :mod:`spi.specs.naming`), and choose the same file for
+    ``spi.load``.  By default `name` is that of the spec file; a mapping has none and needs one.  With ``out=None``
+    nothing is left on disk.  `fresh` recomputes from scratch and overwrites existing results.  `threads` is the number
+    of threads; `workers` the number of processes on this machine, or the address of a Dask scheduler.  `progress` shows
+    a progress line; by default in a notebook only.
 
     Raises SpecError if anything is wrong with the spec, StorageError if the results cannot be written or are those of
     another spec; KeyboardInterrupt if interrupted; progress is then saved, and the same call resumes.

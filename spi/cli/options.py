@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from .names import complete_kind, complete_profile, complete_results, complete_spec
+from .names import assignments, complete_kind, complete_profile, complete_results, complete_spec
 from .signals import STOP
 from .streams import tell
 
@@ -23,7 +23,17 @@ Specs = Annotated[
 Stored = Annotated[
     Path,
     typer.Argument(
-        metavar="FILE|NAME", help="A file of results, or an experiment in ./results.", autocompletion=complete_results
+        metavar="FILE|SPEC|NAME",
+        help="A file of results, or an experiment that was run, with the options of the run.",
+        autocompletion=complete_results,
+    ),
+]
+Several = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="FILE|SPEC|NAME",
+        help="Files of results, or experiments that were run, with the options of the runs (default: all results).",
+        autocompletion=complete_results,
     ),
 ]
 Profile = Annotated[
@@ -42,6 +52,7 @@ As = Annotated[
     ),
 ]
 Out = Annotated[Path, typer.Option(help="Folder of results.")]
+ResultsFolder = Annotated[Path, typer.Option("--results", help="Folder of results.")]
 Threads = Annotated[int | None, typer.Option(help="Threads (default: all).", min=1)]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch and overwrite existing results.")]
 
@@ -69,9 +80,7 @@ def load(
     from ..running.load import load, load_as
     from ..specs import SpecError
 
-    overrides = list(overrides or [])
-    overrides += [f"--samples={samples}"] if samples is not None else []
-    overrides += [f"--seed={seed}"] if seed is not None else []
+    overrides = assignments(overrides, samples, seed)
     experiments: list[Experiment] = []
     problems: list[str] = []
     for path in specs:

@@ -203,7 +203,7 @@ def facts(
     if estimator:
         told["estimator"] = estimator
     if len(functions) == 1:
-        told["function"] = rf"$\varphi(y)={formula(functions[0])}$"
+        told["function"] = rf"$\varphi(y)={formula(functions[0], about.variables)}$"
     if path is not None:
         told["path"] = f"path {path} of seed {about.seed}"
     return told
@@ -260,12 +260,20 @@ def count(number: int) -> str:
     return f"$10^{{{exponent}}}$" if number == 10**exponent and exponent > 3 else f"{number}"
 
 
-def formula(text: str) -> str:
-    """A test function, as the text of an expression, in mathtext."""
+def formula(text: str, variables: tuple[str, ...] = ()) -> str:
+    """A test function, as the text of an expression, in mathtext; `variables` are what the system calls y1, y2, ..."""
     text = re.sub(r"\d+\.\d+(e-?\d+)?|\d+e-?\d+", lambda match: _constant(float(match.group())), text)
-    text = re.sub(r"\by(\d+)", r"y_{\1}", text)
+    text = re.sub(r"\by(\d+)", lambda match: _component(int(match.group(1)), variables), text)
     text = re.sub(r"\b([a-z]{2,})\(", lambda match: rf"\mathrm{{{match.group(1)}}}(", text)
     return re.sub(r"\^(\d+)", r"^{\1}", text).replace("*", r"\,")
+
+
+def _component(number: int, variables: tuple[str, ...]) -> str:
+    """A component of the state by its number, from 1 on, in mathtext."""
+    if number > len(variables):
+        return f"y_{{{number}}}"
+    name = variables[number - 1].replace("_", r"\_")
+    return rf"\mathrm{{{name}}}"
 
 
 def _constant(value: float) -> str:

@@ -155,9 +155,11 @@ def human_time(seconds: float) -> str:
     return f"{seconds / 86400:.2g} days"
 
 
-def with_pi(text: str) -> str:
-    """The text of an expression in which 6.283185307179586 is 2*pi again."""
-    return re.sub(r"[0-9.]+", _multiple_of_pi, text)
+def readable(text: str, variables: tuple[str, ...] = ()) -> str:
+    """The text of an expression in which 6.283185307179586 is 2*pi again, and components have the system's names."""
+    text = re.sub(r"[0-9.]+", _multiple_of_pi, text)
+    names = {f"y{k}": name for k, name in enumerate(variables, 1)}
+    return re.sub(r"\by\d+\b", lambda match: names.get(match.group(), match.group()), text)
 
 
 def _multiple_of_pi(match: re.Match[str]) -> str:

@@ -99,8 +99,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         items=recorder.items,
         cost=list(_cost(results)),
         provenance=list(_provenance(attributes)),
-        command=_command(path.stem, attributes),
-        files=list(_files(path.stem, attributes)),
+        command=_command(attributes.get("experiment", path.stem), attributes),
+        files=list(_files(attributes.get("experiment", path.stem), attributes)),
     )
 
 
@@ -172,7 +172,7 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _command(name: str, attributes: dict[str, Any]) -> str:
     """What repeats the results, by the name of the experiment if it came with the program as it stands there."""
-    source, _, kind = name.rpartition("_as_")
+    source, _, kind = name.rpartition(".")
     if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
         words = ["spi", "run", name]
     elif source in shipped.names() and kind in KINDS and load_as(kind, source).text == attributes.get("spec"):

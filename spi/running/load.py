@@ -19,6 +19,7 @@ from ..specs.document import text_of
 from ..specs.files import Files, UntrustedCode
 from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from ..specs.naming import of_kind
 from ..storage.results import read_root
 from . import shipped
 
@@ -91,7 +92,7 @@ def load_as(
     overrides: Iterable[str] = (),
     added: Iterable[tuple[str, str]] = (),
 ) -> specs.Experiment:
-    """The experiment in a spec file made into one of another kind, ``<name>_as_<kind>``, with defaults that suit it.
+    """The experiment in a spec file made into one of another kind, ``<name>.<kind>``, with defaults that suit it.
 
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
     """
@@ -99,13 +100,13 @@ def load_as(
         raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
     source = load(path)
     if source.kind == kind:
-        return load(path, profile, overrides, added=added)
+        return load(path, profile, overrides, added=added)._replace(name=of_kind(source.name, kind))
     keys = KINDS[kind].keys
     try:
         text = specs.converted(source.text, source.title, source.cases, kind, keys)
     except ValueError as error:
         raise specs.SpecError(f"{path}: --as {kind}: {error}") from None
-    target = source.path.with_name(f"{source.name}_as_{kind}.yaml")
+    target = source.path.with_name(f"{of_kind(source.name, kind)}.yaml")
     called = None if Path(source.called) == source.path else target.stem
     return specs.load(target, layers(), profile, overrides, text, called=called, added=added)
 

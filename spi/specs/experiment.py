@@ -29,6 +29,8 @@ from .document import Document, Faults, Location, SpecError, override, text_of
 from .files import Files
 from .keys import Keys, entries_in, shown, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+from .naming import results_name
+from .overrides import check_overrides
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
 
@@ -56,6 +58,11 @@ class Experiment(NamedTuple):
     )
     files: tuple[tuple[str, str], ...] = ()  #: (path as the file writes it, text) of the other files that belong to it
     called: str = ""  #: what messages and commands call it: its path, or the name of one that comes with the program
+
+    @property
+    def results_name(self) -> str:
+        """What its results are called, see :mod:`spi.specs.naming`."""
+        return results_name(self.name, self.profile, self.overrides)
 
     @property
     def samples(self) -> tuple[int, ...]:
@@ -203,6 +210,7 @@ def _cases(
                     document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
                 layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
             merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+            check_overrides(layers, merged, files)
             data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
             unread = (
                 sweep.PLACES if "sweep" in case_class.model_fields and not isinstance(data.get("sweep"), dict) else ()

@@ -29,7 +29,8 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
         number = n - len(system.flows)
         what = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
-        lines.append(f"{what}: {_terms(flow, defined)}: {kinds}")
+        lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
+        lines.append(f"{what}: {_terms(flow, defined)}: {kinds}{lost}")
     searched = f", all polynomials up to degree {defined.searched}" if defined.searched else ""
     texts = ", ".join(c.text for c in system.casimirs) or "none"
     lines.append(f"Casimir functions{searched}: {texts}")

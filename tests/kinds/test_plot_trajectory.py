@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers import printed
 from matplotlib.colors import to_hex
 from matplotlib.legend import Legend
 from trajectory_results import LABELS, THREE, trajectories, trajectory_group
 from view_helpers import rendered, save
 
 from spi.drawing import style
-from spi.kinds.trajectory import figure
+from spi.kinds.trajectory import figure, table
 from spi.kinds.trajectory.figure import curves
 from spi.kinds.trajectory.keys import PANELS
 from spi.report import views
@@ -107,7 +108,7 @@ def test_rigid_body_panels():
     *flat, solid = fig.axes
     assert [ax.get_ylabel() for ax in flat] == ["$C(y)$", "$H(y)$"] and not any(ax.get_title("left") for ax in flat)
     assert solid.name == "3d" and solid.get_title().startswith("splitting, noise first")
-    assert (solid.get_xlabel(), solid.get_ylabel(), solid.get_zlabel()) == ("$y_1$", "$y_2$", "$y_3$")
+    assert (solid.get_xlabel(), solid.get_ylabel(), solid.get_zlabel()) == ("$y_{1}$", "$y_{2}$", "$y_{3}$")
     assert notes(solid) == {"start"}
     two = path_group("splitting", on_circle(0.8)[:, :2], np.ones((101, 1)), panels=("sphere",))
     with pytest.raises(ValueError, match="'sphere' needs three"):
@@ -136,9 +137,37 @@ def test_path_that_leaves_the_quadrant_and_the_finite_numbers(tmp_path):
     assert notes(first) >= {"negative population", "Euler-Maruyama diverged from $t=0.61$"}
     assert "negative population" not in notes(second) and "Euler-Maruyama leaves at $t=0.5$" in notes(second)
     assert notes(phase) >= {"start", "negative population", "Euler-Maruyama diverged from $t=0.61$"}
-    assert any(note.startswith("Euler-Maruyama not defined from $t=0.4") for note in notes(energy))
+    assert notes(energy) >= {"Euler-Maruyama not defined from $t=0.42$", "Euler-Maruyama diverged from $t=0.61$"}
     assert np.isfinite(drawn(first, "splitting").get_ydata()).all()
     save(trajectories(*prey()), tmp_path, "prey")
+
+
+def test_what_is_undefined_for_a_while_is_a_gap():
+    """As where a population is negative for a while: figure, table and sentence say at how many times, not for good."""
+    y = np.column_stack([1.5 + np.sin(6 * T), np.full(101, 1.5)])
+    energy, lost = 1 + T, (T > 0.2) & (T < 0.3) | (T > 0.301) & (T < 0.4)
+    energy[lost] = np.nan
+    casimirs = np.stack([1 + 0 * T, np.where(lost, np.nan, 1.0)], axis=1)
+    told = {"panels": ("hamiltonian", "casimirs"), "model": "lotka_volterra"}
+    results = trajectories(path_group("splitting", y, casimirs, hamiltonian=energy, **told))
+    fig = rendered(views.figure(results))
+    times = f"{lost.sum()} of 101 times, first"
+    assert notes(fig.axes[0]) == {f"splitting, noise first (slpI) not defined at {times} $t={T[lost][0]:g}$"}
+    np.testing.assert_array_equal(drawn(fig.axes[0], "splitting").get_ydata(), energy)
+    (alone,) = (line for line in fig.axes[0].lines if line.get_marker() == ".")
+    assert alone.get_xdata() == pytest.approx([0.3]) and alone.get_ydata() == pytest.approx([1.3])
+    text = printed(results)
+    for name in ("H", "C2"):
+        assert f"splitting, noise first (slpI): {name} is not defined at {times} t = {T[lost][0]:g}\n" in text
+    assert "C1 is" not in text
+    sentence = table.told(views.readings(results))
+    assert sentence.startswith("Some Casimir function is not defined all the time with splitting")
+    assert "diverged" not in sentence and text.count("diverged") == 1  # the heading of a column
+
+
+def test_far_values_leave_and_come_back():
+    wild = np.array([2.0, 1e9, 1e9, 1e9, 3.0, np.nan, 2.0])
+    np.testing.assert_array_equal(curves.tamed(wild, (1, 4)), [2, 304, np.nan, 304, 3, np.nan, 2])
 
 
 def test_components_an_axes_per_scheme():

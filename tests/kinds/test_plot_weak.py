@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from helpers import printed
 from view_helpers import legend_texts, rendered, save
 from weak_results import H, weak, weak_group
 
@@ -230,5 +231,15 @@ def test_panels_that_cannot_be_drawn():
 
 def test_formulas():
     assert style.formula("3.141592653589793*y12^10 - exp(0.25*y1)") == r"\pi\,y_{12}^{10} - \mathrm{exp}(0.25\,y_{1})"
+    assert style.formula("2*y2^2 - y1", ("q_1", "P6")) == r"2\,\mathrm{P6}^{2} - \mathrm{q\_1}"
+
+
+def test_components_have_the_names_of_the_system():
+    """In the line above a figure, in the titles of panels, and under the table."""
+    results = weak(weak_group("splitting", "multilevel", variables=("P1", "P2", "G3")))
+    fig, text = views.figure(results), printed(results)
+    titles = " ".join(ax.get_title() + ax.get_title("left") for ax in fig.axes)
+    assert r"\mathrm{P1}" in titles and "y_{1}" not in titles
+    assert "P1" in text and "y1" not in text
     assert [style.count(n) for n in (500, 10**6, 12345)] == ["500", "$10^{6}$", "12345"]
     assert series.frame([]) is None

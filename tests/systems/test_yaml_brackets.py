@@ -105,7 +105,7 @@ def test_the_brackets_of_built_in_models(name, model):
         ("so(0,3)", "must be from 1 to 10"),
         ("so(3)^30", "it has more than 64 components"),
         ("so(9,9)", "it has more than 64 components"),
-        ("sl(3)", "the size in 'sl(3)' must be from 2 to 2"),
+        ("sl(3)", "the size in 'sl(3)' must be 2"),
         ("so(2,1,1)", "'so(2,1,1)' is not a known algebra"),
         ("so(3) +so(3)", "is not an algebra"),
         ("so(3)*", "'' is not an algebra"),

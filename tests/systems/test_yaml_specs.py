@@ -63,7 +63,14 @@ noises:
             "{a: 0}",
             "4: model.parameters.a: makes the Hamiltonian infinite, 'a' is 0; take another value",
         ),
-        (SPEC, "{a: 3}", "{c: y}", "4: model.parameters.c: is 'y' (unknown word 'y'"),
+        (SPEC, "{a: 3}", "{a: y}", "4: model.parameters.a: is 'y' (unknown word 'y'"),
+        (
+            SPEC,
+            "{a: 3}",
+            "{aa: 9}",
+            "4: model.parameters.aa: is no parameter of the system, and no formula names it; did you mean 'a'?",
+        ),
+        (SPEC, "{a: 3}", "{a: 3}\n  sizes: {n: 3}", "5: model.sizes.n: is no size of the system"),
         (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
         (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is not a known key; did you mean 'noises'?"),
         (SPEC, "{a: 3}", "{a: 3}\n  name: 2top", "5: model.name: is '2top'; must be a word of letters"),
@@ -113,6 +120,46 @@ def test_the_spec_overrides_the_file(top):
     found = top(overrides=["model.parameters.b=7", "model.noises=[y1]"]).cases[0].model
     assert (found.a, found.b, type(found).noises) == (3.0, 7.0, 1)
     assert top("{a: 3}", "{a: 3}\n  name: spinning").cases[0].model_name == "spinning"
+
+
+MISSPELT = "is no parameter of the system, and no formula names it; did you mean 'weight'?"
+
+
+@pytest.mark.parametrize(
+    ("more", "options", "place"),
+    [
+        ("", {"overrides": ["model.parameters.wieght=9"]}, "s.yaml: --set model.parameters.wieght: "),
+        ("cases: [{name: one, model: {parameters: {wieght: 9}}}]\n", {}, "s.yaml:11: cases.model.parameters.wieght: "),
+        ("profiles: {quick: {model: {parameters: {wieght: 9}}}}\n", {}, "s.yaml:11: profiles.quick.model.parameters"),
+        ("cases: [{name: x, model: {parameters: {wieght: s}}}]\n", {}, "s.yaml:11: cases.model.parameters"),
+    ],
+)
+def test_a_misspelt_parameter_of_a_layer_is_told(spec, more, options, place):
+    """Also where the system stands in the spec itself."""
+    text = """\
+kind: stability
+model: {algebra: so(3), parameters: {weight: 1}, hamiltonian: weight*y3^2, noises: [y1]}
+initial: [1, 0.5, s]
+sweep: {s: [0.1, 0.2]}
+final_time: 1
+steps: [1/4]
+reference_step: 1/8
+samples: 100
+schemes: [splitting]
+panels: [casimir]
+"""
+    with pytest.raises(SpecError) as error:
+        spec(text + more, **options)
+    assert str(error.value).startswith(place) and str(error.value).endswith(MISSPELT)
+    spec(text)
+    spec(text + more.replace("wieght", "weight"), **(options and {"overrides": ["model.parameters.weight=9"]}))
+
+
+def test_a_layer_may_bring_parameters_for_its_own_formulas(top):
+    model = top("{a: 3}", "{c: 3, d: c/2}\n  hamiltonian: d*y1^2").cases[0].model
+    assert (model.c, model.d, model.a) == (3.0, 1.5, 2.0)
+    model = top(overrides=["model.parameters.c=4", "model.noises=[c*y1]"]).cases[0].model
+    assert model.c == 4.0
 
 
 def test_other_values_need_no_other_kernel(top):

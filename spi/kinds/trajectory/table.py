@@ -3,10 +3,13 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, joined, sentence, whose
 from spi.printing.text import new_table, power_of_two, print_whole, short
 
+from .losses import losses
 from .results import Trajectory
 
 if TYPE_CHECKING:
@@ -42,15 +45,33 @@ def show(console: "Console", heading: str, readings: Sequence[Trajectory]) -> No
             *map(Text, cells * implicit),
         )
     print_whole(console, table)
+    for line in _undefined(readings):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print()
+
+
+def _undefined(readings: Sequence[Trajectory]) -> Iterator[str]:
+    """What is not defined along some paths, where these did not diverge."""
+    for reading in readings:
+        count = reading.casimirs.shape[1]
+        named = {f"C{c + 1 if count > 1 else ''}": reading.casimirs[:, c] for c in range(count)}
+        for name, values in {"H": reading.hamiltonian, **named}.items():
+            if found := losses(reading, values):
+                yield f"{reading.about.label}: {name} is {found}"
 
 
 def told(readings: Sequence[Trajectory]) -> str:
     """What came out of a case, in one sentence: the Casimir functions, diverged paths, and what the figure is about."""
-    drifts = ((whose(one.about), max(one.casimir_drift)) for one in readings if one.casimir_drift)
+    drifts = (
+        (whose(one.about), float(np.max(one.casimir_drift)))
+        for one in readings
+        if one.casimir_drift and losses(one, one.casimirs) is None
+    )
     lost = [f"with {_whose(one)} at t = {one.nonfinite_from:g}" for one in readings if one.nonfinite_from is not None]
     left = f"the path diverged {joined(lost)}" if lost else ""
-    return sentence([casimirs(drifts), left, *_populations(readings), *_energy(readings)])
+    undefined = joined([_whose(one) for one in readings if losses(one, one.casimirs)])
+    some = f"some Casimir function is not defined all the time with {undefined}" if undefined else ""
+    return sentence([casimirs(drifts), some, left, *_populations(readings), *_energy(readings)])
 
 
 def _whose(reading: Trajectory) -> str:

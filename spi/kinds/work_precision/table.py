@@ -17,8 +17,8 @@ from spi.printing.text import (
     order_found,
     power_of_two,
     print_whole,
+    readable,
     short,
-    with_pi,
 )
 
 from .results import WorkPrecision, requested
@@ -118,7 +118,8 @@ def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
 def _measured(reading: WorkPrecision) -> Iterator[str]:
     """What the errors and the times of a case are."""
     if reading.functions:
-        yield f"error of the expectation of {', '.join(map(with_pi, reading.functions))}"
+        functions = ", ".join(readable(function, reading.about.variables) for function in reading.functions)
+        yield f"error of the expectation of {functions}"
     repeats = f"the median of {reading.repeats} repeats"
     yield f"time: of one processor core for one path to T = {reading.about.final_time:g}, {repeats}"
 

@@ -1,6 +1,7 @@
 """Curves of paths in a frame that suits those which behave."""
 
 import math
+import re
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from spi.drawing.layout import Entry
 
+from ..losses import diverged, losses
 from ..results import Trajectory
 
 Bound = float | np.ndarray
@@ -58,25 +60,35 @@ def window(curves: list[tuple[Trajectory, np.ndarray]], errors: bool = False) ->
 
 
 def tamed(values: np.ndarray, frame: Frame) -> np.ndarray:
-    """Values (t,) or (t, component) as they are drawn: until they are not finite or far outside the frame."""
+    """Values (t,) or (t, component) as they are drawn: nan where one is not finite, so that a curve has a gap there.
+
+    What is far outside the frame is drawn on its way out and on its way in, at a distance that can be drawn.
+    """
     (low, high), values = frame, np.array(values)
     span = np.subtract(high, low) / 2
-    near = ((values >= low - span) & (values <= high + span)).reshape(len(values), -1).all(axis=1)
-    if not near.all():
-        first = int(near.argmin())
-        values[first] = np.clip(values[first], low - 200 * span, high + 200 * span)
-        values[first + 1 :] = np.nan
+    with np.errstate(invalid="ignore"):
+        near = ((values >= low - span) & (values <= high + span)).reshape(len(values), -1).all(axis=1)
+    lost = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    beside = np.convolve(near, [1, 0, 1])[1:-1] > 0
+    with np.errstate(over="ignore"):
+        values = np.clip(values, low - 200 * span, high + 200 * span)
+    values[lost | ~(near | beside)] = np.nan
     return values
 
 
 def curve(ax: Axes, path: Path, values: np.ndarray, frame: Frame) -> list[Entry]:
     """Draw ``values`` over time, and return notes on where they leave the frame."""
-    ax.plot(path.reading.t, tamed(values, frame), zorder=3, **path.look(len(values)))
+    drawn, t = tamed(values, frame), path.reading.t
+    ax.plot(t, drawn, zorder=3, **path.look(len(values)))
+    lost = np.isnan(np.concatenate([[np.nan], drawn, [np.nan]]))
+    alone = ~lost[1:-1] & lost[:-2] & lost[2:]  # a line of one point cannot be seen
+    if alone.any() and len(values) > 1:
+        ax.plot(t[alone], drawn[alone], ".", color=path.colour, markersize=3, zorder=3)
     return departure(ax, path, values, frame)
 
 
 def departure(ax: Axes, path: Path, values: np.ndarray, frame: Frame, plane: bool = False) -> list[Entry]:
-    """Mark where a path leaves the frame or diverges; returns notes of it, (handle, text) each.
+    """Mark where a path leaves the frame, is not defined or diverges; returns notes of it, (handle, text) each.
 
     ``frame`` is (lowest, highest), of each column of ``values`` if they are several.  Time is horizontal on ``ax``,
     unless that shows the ``plane`` of two columns.
@@ -84,7 +96,8 @@ def departure(ax: Axes, path: Path, values: np.ndarray, frame: Frame, plane: boo
     values, (low, high), t = values.reshape(len(values), -1), frame, path.reading.t
     notes: list[Entry] = []
     look: dict[str, Any] = {"color": path.colour, "linestyle": "none"}
-    outside = np.flatnonzero(((values < low) | (values > high)).any(axis=1))
+    with np.errstate(invalid="ignore"):
+        outside = np.flatnonzero((np.isfinite(values) & ((values < low) | (values > high))).any(axis=1))
     lost = np.flatnonzero(~np.isfinite(values).all(axis=1))
     if len(outside):
         first = outside[0]
@@ -99,8 +112,9 @@ def departure(ax: Axes, path: Path, values: np.ndarray, frame: Frame, plane: boo
         if first and not (len(outside) and outside[0] < first):
             x, y = values[first - 1] if plane else (np.full(values.shape[1], t[first - 1]), values[first - 1])
             ax.plot(x, y, marker="X", zorder=4, **look)
-        how = "not defined" if np.isfinite(path.reading.y[first]).all() else "diverged"
-        notes.append((Line2D([], [], marker="X", **look), f"{path.label} {how} from $t={t[first]:.3g}$"))
+        told = [str(losses(path.reading, values) or ""), diverged(path.reading)]
+        shown = [re.sub(r"t = (.*)", r"$t=\1$", text) for text in told if text]
+        notes += [(Line2D([], [], marker="X", **look), f"{path.label} {how}") for how in shown]
     return notes
 
 

@@ -157,7 +157,7 @@ def sphere(paths: list[Path]) -> Iterator[Panel]:
 
 
 def _sphere(path: Path, ax: Any) -> list[Entry]:
-    draw_sphere(ax, path.reading.y, path.colour, START)
+    draw_sphere(ax, path.reading.y, _component_names([path]), path.colour, START)
     return [(Line2D([], [], **START), "start")]
 
 

@@ -12,8 +12,8 @@ GLASS, LINES = "#eef2f6", "#9aa5b1"
 ELEVATION = 22  # degrees, of the eye
 
 
-def draw_sphere(ax: Axes3D, y: np.ndarray, colour: str, start: dict[str, Any]) -> None:
-    """Draw the path ``y``, an (n, 3) array, on the sphere through its first point, on 3-D axes."""
+def draw_sphere(ax: Axes3D, y: np.ndarray, names: list[str], colour: str, start: dict[str, Any]) -> None:
+    """Draw the path ``y``, an (n, 3) array, on the sphere through its first point, on 3-D axes with these names."""
     radius = float(np.linalg.norm(y[0])) or 1.0
     near = (np.abs(y) < 1.5 * radius).all(axis=1)  # false also where a path is not finite
     azimuth = _azimuth(y[0], y[near])
@@ -40,7 +40,7 @@ def draw_sphere(ax: Axes3D, y: np.ndarray, colour: str, start: dict[str, Any]) -
 
     far = radius if on_screen else radius / 2  # small letters at the corners would lie on one another
     ticks = [-far, 0, far]
-    ax.set(xlabel="$y_1$", ylabel="$y_2$", zlabel="$y_3$", xticks=ticks, yticks=ticks, zticks=ticks)
+    ax.set(xlabel=names[0], ylabel=names[1], zlabel=names[2], xticks=ticks, yticks=ticks, zticks=ticks)
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_major_formatter(lambda x, _: f"{x:.3g}".replace("-", "−"))
         axis.set_pane_color((1, 1, 1, 0))

@@ -85,7 +85,8 @@ def _facts(readings: Sequence[WeakErrors]) -> dict[str, str]:
 def _title(reading: WeakErrors, f: int, several_cases: bool, facts: list[str]) -> str:
     lines = [panel_title(reading.about, facts)] if several_cases else []
     if len(reading.functions) > 1:
-        lines.append(rf"{style.plain(reading.functions[f])}: $\varphi(y)={style.formula(reading.formulas[f])}$")
+        formula = style.formula(reading.formulas[f], reading.about.variables)
+        lines.append(rf"{style.plain(reading.functions[f])}: $\varphi(y)={formula}$")
     return "\n".join(lines)
 
 
