@@ -1,11 +1,11 @@
 """Experiments run from Python, by the same path as from the command line."""
 
 import contextlib
-import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import scratch_folder
 from ..ensemble.loop import thread_count, use_threads
 from ..running import run as runs
 from ..running import workers
@@ -62,7 +62,7 @@ def run(
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
     experiment = experiment_of(what, name, profile, overrides, as_, trust_code)
     with contextlib.ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="spi-")) if out is None else out
+        folder = stack.enter_context(scratch_folder()) if out is None else out
         stack.enter_context(_threads(threads))
         pool = stack.enter_context(_pool(workers))
         line = stack.enter_context(Line(experiment.name, progress))

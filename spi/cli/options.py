@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from .names import assignments, complete_kind, complete_profile, complete_results, complete_spec
+from .signals import STOP
 from .streams import tell
 
 if TYPE_CHECKING:
@@ -99,5 +100,7 @@ def load(
 
 
 def end(code: int, message: str) -> NoReturn:
+    """End a command with a line; whoever asked it to stop is not told of what only seems wrong because of that."""
+    STOP.check()
     tell(f"spi: {message}")
     raise typer.Exit(code)
