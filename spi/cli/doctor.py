@@ -3,14 +3,13 @@
 import importlib.metadata
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from .. import CACHE_PROBLEM, __version__, modules_folder, storage
+from .. import CACHE_PROBLEM, __version__, modules_folder, scratch_folder, storage
 from ..checks.compilable import CompilationError
 from ..compiler import rounding
 from ..ensemble.loop import thread_count
@@ -120,7 +119,7 @@ def _small_run(watch: Watch) -> Iterator[Finding]:
         return
     experiment = load("doctor", text=_SPEC)
     try:
-        with tempfile.TemporaryDirectory(prefix="spi-") as folder:
+        with scratch_folder() as folder:
             (group,) = storage.read(run(experiment, folder, watch=watch)).groups
     except (CompilationError, OSError, storage.StorageError) as error:
         yield Finding("numbers", f"the small run failed ({error})", "install spi again, in a new environment", False)
