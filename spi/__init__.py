@@ -11,7 +11,6 @@ import atexit
 import hashlib
 import importlib
 import os
-import sys
 import tempfile
 from pathlib import Path
 
@@ -85,11 +84,17 @@ def modules_folder():
     return Path(_parent_of_caches(), "modules").absolute()
 
 
+def kernels_folder():
+    """Where kernels that are declared from now on are kept."""
+    return _kernels_folder
+
+
 def _point_cache_at_sources():
-    """Give Numba's disk cache a folder named by the hash of the sources whose code is compiled.
+    """Keep compiled kernels in a folder named by the hash of the sources whose code is compiled.
 
     Numba notices an edit in the file of a kernel, not in the files of the functions that the kernel calls; with a new
-    folder after any edit nothing stale can be found.  Must run before any kernel is declared.
+    folder after any edit nothing stale can be found.  Must run before any kernel is declared.  Numba's own settings,
+    which are those of the whole process, stay as they are: ``spi.compiler.caching`` asks for this folder.
 
     Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there after an
     edit.  Then a temporary folder, gone when the program ends, takes its place, also of that of stored modules; returns
@@ -108,14 +113,14 @@ def _point_cache_at_sources():
         atexit.register(temporary.cleanup)
         os.environ["SPI_CACHE_DIR"] = temporary.name  # also for programs that this one starts
         folder = Path(temporary.name, digest)
-    os.environ["NUMBA_CACHE_DIR"] = str(folder)
-    if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = str(folder)
+    global _kernels_folder
+    _kernels_folder = folder.absolute()
     return problem
 
 
 # Of the sources as they were when this process began to import them: with an edit later it computes nothing else.
 KERNEL_DIGEST = digest_of(kernel_sources())  #: names the cache of compiled kernels
 NUMBERS_DIGEST = digest_of(number_sources())  #: marks sums over paths and results
+_kernels_folder = None
 #: Why compiled kernels cannot be kept for the next run; None where they are.
 CACHE_PROBLEM = _point_cache_at_sources()

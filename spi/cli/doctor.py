@@ -5,13 +5,12 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from llvmlite import binding
 
-from .. import CACHE_PROBLEM, __version__, modules_folder, storage
+from .. import CACHE_PROBLEM, __version__, kernels_folder, modules_folder, storage
 from ..checks.compilable import CompilationError
 from ..ensemble.loop import thread_count
 from ..running.run import NOBODY, Watch, load, run
@@ -113,7 +112,7 @@ def _cache() -> Finding:
     if CACHE_PROBLEM:
         remedy = "every run compiles anew; set SPI_CACHE_DIR to a folder that you can write to"
         return Finding("kernels", CACHE_PROBLEM, remedy)
-    kernels = len(list(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbc")))
+    kernels = len(list(kernels_folder().rglob("*.nbc")))
     folder = modules_folder().parent
     size, free = sum(path.stat().st_size for path in folder.rglob("*")), shutil.disk_usage(folder).free
     found = f"{kernels} compiled; {folder} has {size / 1e6:.0f} MB and room for {free / 1e9:.1f} GB"
