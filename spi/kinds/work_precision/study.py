@@ -37,7 +37,8 @@ def parts(case: Any) -> list[Part]:
     """What is run one after the other: each scheme, weak errors with the first estimator that can do it."""
     first: dict[str, Part] = {}
     for part in (weak if case.functions else strong).parts(case):
-        first.setdefault(part.variant, part)
+        for one in part.each():
+            first.setdefault(one.variant, one._replace(also=()))
     return list(first.values())
 
 

@@ -35,6 +35,10 @@ class StudyModule(Protocol):
     def plan(self, case: Any, part: Part) -> "Plan":
         """One scheme, ready to run."""
 
+    # and perhaps
+    # def together(case: Any, part: Part) -> list[tuple[int, ...]]
+    # which of the levels of extrapolation of a case have their results from the same paths; else each has its own
+
 
 class Estimator:
     """The modules of an estimator; `package` is the dotted name of its folder."""
@@ -44,6 +48,11 @@ class Estimator:
 
     def __init__(self, package: str):
         self.package = package
+
+    def together(self, case: Any, part: Part) -> list[tuple[int, ...]]:
+        """The levels of extrapolation of a case, those together whose results come of the same paths of a part."""
+        by_study: Any = getattr(self.study, "together", None)
+        return by_study(case, part) if by_study else [(levels,) for levels in case.extrapolate]
 
     def __getattr__(self, name: str) -> Any:
         if name not in ("keys", "study"):

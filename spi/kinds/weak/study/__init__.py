@@ -13,13 +13,17 @@ from ..estimators import ESTIMATORS
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme with each estimator that can do it."""
-    return [
-        Part(scheme, estimator, eps, levels)
+    """What is run one after the other: each scheme with each estimator that can do it, extrapolated or not."""
+    each = [
+        Part(scheme, name, eps)
         for scheme, eps in case.runs
-        for levels in case.extrapolate
-        for estimator in case.estimators
-        if ESTIMATORS[estimator].keys.can_do(case, scheme)
+        for name in case.estimators
+        if ESTIMATORS[name].keys.can_do(case, scheme)
+    ]
+    return [
+        part._replace(extrapolate=first, also=tuple(others))
+        for part in each
+        for first, *others in ESTIMATORS[part.estimator].together(case, part)
     ]
 
 

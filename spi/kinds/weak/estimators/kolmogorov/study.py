@@ -43,6 +43,11 @@ class Solution(NamedTuple):
         raise TypeError("a solution without sampling is found at once")
 
 
+def together(case: Any, part: Part) -> list[tuple[int, ...]]:
+    """One solution serves all levels of extrapolation."""
+    return [case.extrapolate]
+
+
 def plan(case: Any, part: Part) -> "KolmogorovPlan":
     """The plan for one scheme of a case."""
     return KolmogorovPlan(case=case, part=part)
