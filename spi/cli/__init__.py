@@ -60,11 +60,13 @@ def check(
 ) -> None:
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
-    from ..printing import print_cost, print_reports
+    from ..printing import print_cost, print_remarks, print_reports
+    from ..running.load import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
+        print_remarks(experiment, remarks(experiment))
         print_reports(reports(experiment))
 
 
