@@ -4,12 +4,11 @@ import importlib.metadata
 import os
 import shutil
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from .. import CACHE_PROBLEM, __version__, modules_folder, scratch_folder, storage
+from .. import CACHE_PROBLEM, __version__, kernels_folder, modules_folder, scratch_folder, storage
 from ..checks.compilable import CompilationError
 from ..compiler import rounding
 from ..ensemble.loop import thread_count
@@ -105,7 +104,7 @@ def _cache() -> Finding:
     if CACHE_PROBLEM:
         remedy = "every run compiles anew; set SPI_CACHE_DIR to a folder that you can write to"
         return Finding("kernels", CACHE_PROBLEM, remedy)
-    kernels = len(list(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbc")))
+    kernels = len(list(kernels_folder().rglob("*.nbc")))
     folder = modules_folder().parent
     size, free = sum(path.stat().st_size for path in folder.rglob("*")), shutil.disk_usage(folder).free
     found = f"{kernels} compiled; {folder} has {size / 1e6:.0f} MB and room for {free / 1e9:.1f} GB"
