@@ -23,6 +23,7 @@ CAUSES = {
     "source_digest": "source code of spi",
     "stream_version": "version of the random numbers",
     "machine_instruction_set": "instruction set",
+    "machine_vector_bits": "bits of vectors",
     "machine_processor": "processor",
     "machine_numba": "version of Numba",
     "machine_numpy": "version of NumPy",
@@ -166,7 +167,7 @@ def _kept(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path | N
 
 def _differing(states: Sequence[State], results: Results, times: bool) -> list[str]:
     """The names of what is otherwise in a file than it follows from states."""
-    return differing([state.plan.results(state).group() for state in states], results.groups, times)
+    return differing([group for state in states for group in state.groups()], results.groups, times)
 
 
 def _digests(state: State) -> Iterator[tuple[Which, str]]:
