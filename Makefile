@@ -80,8 +80,8 @@ figures: $(EXPERIMENTS) ## run and plot every experiment
 # Claims of a quick profile may fail (exit code 4): the page tells which.
 gallery: $(INSTALLED) ## run every experiment (PROFILE=quick) and put all on one page, GALLERY/gallery.html, and in docs/
 	$(SPI) run --profile $(PROFILE) --out $(GALLERY) experiments/*.yaml || [ $$? -eq 4 ]
-	$(SPI) report --results $(GALLERY) --out $(GALLERY)/gallery.html
-	$(VENV)/bin/python docs/generate/gallery.py $(GALLERY)
+	$(SPI) report --results $(GALLERY) --profile $(PROFILE) --out $(GALLERY)/gallery.html
+	$(VENV)/bin/python docs/generate/gallery.py $(GALLERY) $(PROFILE)
 
 $(EXPERIMENTS): %: experiments/%.yaml $(INSTALLED)
 	$(SPI) run $<

@@ -61,9 +61,17 @@ def stderr_by_hand(values):
     return math.sqrt(np.mean(terms))
 
 
-def extended(case, scheme, h):
-    """By how much a difference to the reference is less than an error, (1 - (h_ref / h)^p)."""
-    return 1 - (case.reference_step / h) ** SCHEMES[scheme].weak_order
+def completed(case, scheme, differences):
+    """Errors from differences to the reference, one for each step: with C h_ref^p, of C h^p at the smallest step."""
+    ratio = (case.steps[-1] / case.reference_step) ** SCHEMES[scheme].weak_order
+    return [d + differences[-1] / (ratio - 1) for d in differences]
+
+
+def shares_of_levels(case, scheme):
+    """How much of each level's difference is in the error at each step, the reference's own included."""
+    level = np.arange(round(math.log2(max(case.steps) / case.reference_step)))
+    below = [(level < round(math.log2(h / case.reference_step))) * 1.0 for h in case.steps]
+    return completed(case, scheme, below)
 
 
 def has_order(found, order):

@@ -1,4 +1,4 @@
-"""Write docs/gallery.md and its small figures from stored results: python docs/generate/gallery.py RESULTS."""
+"""Write docs/gallery.md and its small figures from stored results: python docs/generate/gallery.py RESULTS PROFILE."""
 
 import sys
 from pathlib import Path
@@ -6,6 +6,8 @@ from pathlib import Path
 from spi import drawing, storage
 from spi.report import views
 from spi.report.sections import Section, section
+from spi.running import shipped
+from spi.specs.naming import results_name
 from spi.storage.records import Results
 
 DOCS = Path(__file__).parents[1]
@@ -44,13 +46,13 @@ def page(sections: list[Section], profile: str) -> str:
     return "".join(parts)
 
 
-def main(folder: Path) -> None:
-    found = {path: storage.read(path) for path in sorted(folder.glob("*.h5"))}
-    sections = [section(path, results, path.stem) for path, results in found.items()]
-    profile = next(iter(found.values())).attributes["profile"]
-    files = {DOCS / "gallery" / f"{path.stem}.png": small(results) for path, results in found.items()}
+def main(folder: Path, profile: str) -> None:
+    found = {name: folder / f"{results_name(name, profile)}.h5" for name in shipped.names()}
+    read = {name: storage.read(path) for name, path in found.items()}
+    sections = [section(path, read[name], name)._replace(name=name) for name, path in found.items()]
+    files = {DOCS / "gallery" / f"{name}.png": small(results) for name, results in read.items()}
     storage.write_all({DOCS / "gallery.md": page(sections, profile).encode(), **files})
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2])

@@ -12,11 +12,13 @@ import xarray as xr
 from .. import storage
 from ..kinds import KINDS
 from ..report import views
+from ..running import finding
+from ..specs import SpecError
 from ..statistics import claims
 from ..storage import records
 from .arrays import dataset_of
 from .page import as_html
-from .specs import check_type, in_python
+from .specs import as_overrides, check_type, in_python
 
 if TYPE_CHECKING:
     from ..drawing import Figure
@@ -173,14 +175,27 @@ class Results:
         return as_html(self)
 
 
-def load(path: str | Path, *, out: str | Path = "results") -> Results:
-    """The results in a file that a run wrote, or those of an experiment by its name, ``<out>/<name>.h5``.
+def load(
+    path: str | Path,
+    *,
+    profile: str = "laptop",
+    as_: str | None = None,
+    results: str | Path = "results",
+    **overrides: Any,
+) -> Results:
+    """The results in a file that a run wrote, or those of an experiment by its name, in the folder `results`.
+
+    `profile`, `as_` and overrides are those of the run, as ``spi.run`` takes them, and choose among the results of the
+    name, ``<results>/<name>.h5``, ``<results>/<name>.quick.h5`` and so on.
 
     StorageError if there is no such file, or if it cannot be read; SpecError if `path` can be neither.
     """
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
+    if "out" in overrides:
+        raise SpecError(f"out: is now called results; write results={str(overrides['out'])!r}")
     with in_python():
-        file = views.named(Path(path), Path(out))
+        wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})), as_)
+        file = finding.found(Path(path), Path(results), wanted)
         return Results(storage.read(file), file)
 
 

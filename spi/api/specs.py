@@ -13,25 +13,29 @@ import numpy as np
 
 from ..compiler import modules
 from ..models import MODELS
-from ..running.load import load, load_as
+from ..running.load import load, load_any
 from ..specs import Experiment, SpecError
 from ..specs.writing import as_override, as_yaml, separated
 from ..storage import StorageError
 
-_AS_ARGUMENT = {"--fresh": "fresh=True", "--out": "out=", "--set ": "", "--profile": "profile", "--as": "as_"}
+_AS_ARGUMENT = {
+    **{"--fresh": "fresh=True", "--out": "out=", "--results": "results=", "--set ": ""},
+    **{"--profile": "profile", "--as": "as_"},
+}
 
 
 def experiment_of(
     what: str | Path | Mapping[str, Any],
     name: str | None,
-    profile: str,
+    profile: str | None,
     overrides: Mapping[str, Any],
     kind: str | None = None,
+    trust_code: bool = False,
 ) -> Experiment:
     """The experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
 
-    That in a file may be made into one of another `kind`.  SpecError if anything is wrong; of a mapping it names no
-    lines.
+    That in a file, of results too, may be made into one of another `kind`.  SpecError if anything is wrong; of a
+    mapping it names no lines.
     """
     right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
     check_type("spec", what, (str, Path, Mapping), right)
@@ -40,14 +44,19 @@ def experiment_of(
     if kind is not None and isinstance(what, Mapping):
         raise SpecError("as_: is for experiments in files; give the mapping the kind that you want")
     arrays: dict[str, str] = {}
-    given = separated(overrides, arrays)
-    texts = [as_override(key, model_keys(value) if key == "model" else value) for key, value in given.items()]
+    texts = as_overrides(overrides, arrays)
     with in_python():
         if isinstance(what, Mapping):
-            return of_mapping(what, name or "experiment", profile, texts, arrays=arrays)
+            return of_mapping(what, name or "experiment", profile or "laptop", texts, arrays=arrays)
         added = tuple(arrays.items())
-        found = load(what, profile, texts, added=added) if kind is None else load_as(kind, what, profile, texts, added)
+        found = load_any(what, profile, texts, kind, added, trust_code)
     return found if name is None else found._replace(name=name)
+
+
+def as_overrides(overrides: Mapping[str, Any], arrays: dict[str, str]) -> list[str]:
+    """Keywords as the overrides of a spec; adds the texts of files that they name to `arrays`."""
+    given = separated(overrides, arrays)
+    return [as_override(key, model_keys(value) if key == "model" else value) for key, value in given.items()]
 
 
 def of_mapping(
@@ -126,4 +135,5 @@ def in_python() -> Iterator[None]:
 def _translated(message: str) -> str:
     for option, argument in _AS_ARGUMENT.items():
         message = message.replace(option, argument)
-    return re.sub(r"`spi run (\w+)`", r"spi.run('\1')", message).replace("`spi list`", "spi.experiments()")
+    told = re.sub(r"`spi run ([^ `]+)( [^`]*)?`", lambda run: f"spi.run('{run[1]}'{', ...' * bool(run[2])})", message)
+    return told.replace("`spi list`", "spi.experiments()")

@@ -1,26 +1,37 @@
 """What stands for an experiment or its results on the command line, and how a shell completes it."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 RESULTS = Path("results")  #: where results go unless --out says otherwise
 SPECS = (".yaml", ".yml")
 
 
-def stored(source: Path, folder: Path = RESULTS) -> Path:
-    """The results that a person means: a file of results, a spec file, or an experiment by its name.
+def assignments(overrides: Iterable[str] | None, samples: str | None, seed: str | None) -> list[str]:
+    """What --set, --samples and --seed say, as the overrides of a spec."""
+    short = {"samples": samples, "seed": seed}
+    return [*(overrides or ()), *(f"--{key}={value}" for key, value in short.items() if value is not None)]
 
-    Those of the latter two lie in `folder`.  Raises StorageError if those of a spec file are of another spec, or if
-    there are none of that name.
+
+def stored(
+    sources: Sequence[Path] | None,
+    folder: Path,
+    profile: str | None,
+    overrides: Iterable[str] | None,
+    samples: str | None,
+    seed: str | None,
+    kind: str | None,
+) -> list[Path]:
+    """The files of results that a person means: files, spec files, or names of experiments; without any, all.
+
+    Those of names lie in `folder`, and the options of their runs choose among them.  Raises StorageError if there
+    are none, or if those of a spec file are of another spec.
     """
-    if source.suffix in SPECS:
-        from ..running.run import results_of
+    from ..running.finding import Wanted, every, found
 
-        return results_of(source, folder)
-    from ..report.views import named
-
-    return named(source, folder)
+    wanted = Wanted(profile or "laptop", tuple(assignments(overrides, samples, seed)), kind)
+    return [found(source, folder, wanted) for source in sources] if sources else every(folder, wanted)
 
 
 def complete_spec(incomplete: str) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import stored
+from .names import RESULTS, stored
 from .options import (
     CLAIM_FAILED,
     INVALID,
@@ -19,6 +19,7 @@ from .options import (
     Out,
     Overrides,
     Profile,
+    ResultsFolder,
     Samples,
     Seed,
     Specs,
@@ -46,7 +47,7 @@ Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often
 
 def run(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
@@ -64,12 +65,13 @@ def run(
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
     kind: As = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
     Exit code 4 if a claim of a spec failed.
     """
-    experiments = load(specs, profile, overrides, samples, seed, kind)
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..running import run as runner
     from ..running import shards
     from .progress import ProgressLine
@@ -92,19 +94,21 @@ def run(
 
 def merge(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
     threads: Threads = None,
+    kind: As = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
+    trust_code: TrustCode = False,
 ) -> None:
     """Merge the shards that `spi run --shard` computed.
 
     Then write the results and print the table as `spi run` does.
     """
-    experiments = load(specs, profile, overrides, samples, seed)
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..running import shards
 
     _prepare(threads)
@@ -113,27 +117,36 @@ def merge(
 
 def verify(
     source: Stored,
+    profile: Profile = None,
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
+    results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
+    everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
     threads: Threads = None,
     trust_code: TrustCode = False,
 ) -> None:
     """Recompute some of the paths behind stored results and compare bit for bit.
 
-    The claims stored with the results are judged as well.  Python code in the file, of a model that is not built in,
-    is run only if an equal file lies at the path that the spec names, seen from here or from ./experiments, or with
-    --trust-code.
+    All numbers in the file are derived again from the sums over paths, if those lie beside it, or with --all from the
+    paths.  The claims stored with the results are judged as well.  Exit code 4 if anything is different.
+
+    Python code in the file, of a model that is not built in, is run only if an equal file lies at the path that the
+    spec names, seen from here or from ./experiments, or with --trust-code.
     """
     from .. import storage
     from ..printing import print_verification
     from ..running.verify import verify
     from .progress import ProgressLine
 
-    file = stored(source)
+    (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     _prepare(threads)
     with ProgressLine(file.stem) as line:
-        found = verify(file, chunks, line.report_chunk, trust_code)
+        found = verify(file, None if everything else chunks, line.report_chunk, trust_code)
     print_verification(file, found)
-    if _any_failed(file.stem, storage.read(file)) or found.different:
+    if _any_failed(file.stem, storage.read(file)) or not found.sound:
         raise typer.Exit(CLAIM_FAILED)
 
 
@@ -179,6 +192,7 @@ def _shard(text: str | None) -> "Shard | None":
 @contextmanager
 def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
     """The processes that compute, None for this one alone."""
+    from .. import DISTRIBUTION
     from ..running import workers
 
     with ExitStack() as stack:
@@ -189,7 +203,7 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
             try:
                 pool = stack.enter_context(workers.dask(address))
             except ImportError:
-                end(INVALID, "--dask: Dask is not installed; run pip install 'spi[dask]'")
+                end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
             except (OSError, ValueError) as error:
                 end(INVALID, f"--dask: {address}: {error}; give tcp://HOST:PORT of a scheduler, or local:N")
         yield pool

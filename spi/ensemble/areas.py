@@ -18,7 +18,8 @@ X_kr, Y_kr, M_k, G_kl,
                        + sqrt(2 R) (W_k M_l - W_l M_k + G_kl)),          R = sum_{r > n} 1 / r^2.
 
 The tail has the variances and covariances of what is left out, given W.  In the mean square, the best coupling of the
-drawn area to the true one is no farther away than sqrt(m) h / (sqrt(12) pi n).
+drawn area to the true one is no farther away than sqrt(m) h / (sqrt(12) pi n), where m is the number of noises that are
+connected, by pairs that do not commute: areas of noises that are not are independent, given W.
 
 In a row of increments the areas of ``protocol.area_pairs`` are the last floats, LANES of each pair.
 """
@@ -30,13 +31,14 @@ import numpy as np
 
 from ..compiler.dispatch import device, method, number, trait, unrolled
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
+from .lanes import aligned
 from .protocol import area_pairs, large, noise_indices, noises
 from .scheme_protocol import needs_areas
 
 #: By which multiple of h^(3/2) a drawn area may be off in the mean square.  So much, drawn anew in each step, adds 8 %
 #: to the strong error of ``splitting_areas`` for the rigid body with three noises, see docs/areas.md.
 TOLERANCE = 0.5
-_TAILS = 2**15  # the channel of G of the first pair; the others belong to one process each
+_TAILS = 2**15  # the channel of G of the first pair; the others, below, belong to one process each
 
 _SIZE = STEPS_PER_DRAW * LANES
 
@@ -58,6 +60,15 @@ def area_channels(model):
     return tuple(k for pair in area_pairs(model) for k in pair)
 
 
+def connected_noises(model):
+    """The largest number of noises that are connected by pairs of :func:`area_pairs`, 0 if there are none."""
+    groups = {k: {k} for pair in area_pairs(model) for k in pair}
+    for k, j in area_pairs(model):
+        joined = groups[k] | groups[j]
+        groups |= dict.fromkeys(joined, joined)
+    return max(map(len, groups.values()), default=0)
+
+
 @device(by_type=True)
 def channels(model):
     """The noises that are on, for a loop."""
@@ -74,13 +85,19 @@ def fourier_terms(model, schemes, drawn, used=None):
     """With how many terms n the areas of steps of size `drawn` are drawn for steps of size `used`, by default the same.
 
     The areas over `used` are sums of used / drawn independent ones, and together they are off by no more than
-    TOLERANCE used^(3/2) in the mean square.  0 if none of the schemes needs areas.
+    TOLERANCE used^(3/2) in the mean square.  0 if none of the schemes needs areas.  The random numbers have room for
+    :func:`most_terms`, which the specs see to.
     """
     used = drawn if used is None else used
     if not area_pairs(model) or not any(needs_areas(scheme) for scheme in schemes if scheme is not None):
         return 0
-    bound = math.sqrt(noises(model) * drawn) / (math.sqrt(12.0) * math.pi * TOLERANCE * used)
+    bound = math.sqrt(connected_noises(model) * drawn) / (math.sqrt(12.0) * math.pi * TOLERANCE * used)
     return max(1, math.ceil(bound - 1e-9))
+
+
+def most_terms(model):
+    """The largest n for which the channels of the coefficients, 0 to (2 n + 1) m - 1, are below those of the tails."""
+    return (_TAILS // max(noises(model), 1) - 1) // 2
 
 
 # What the loop over time does with the areas in rows of increments.
@@ -164,9 +181,10 @@ def copy_area(index, model, dW, copied):
 def add_fourier_areas(model, increments, noise, draw, block, h, terms, words):
     """Add to the areas of STEPS_PER_DRAW steps what the head of this file says."""
     pairs, m = area_channels(model), noises(model)
-    x, y = np.empty((m, _SIZE)), np.empty((m, _SIZE))
-    w = np.empty((m, _SIZE))  # sqrt(2) dW / sqrt(h)
-    area, g = np.zeros((area_count(model), _SIZE)), np.empty(_SIZE)
+    x, y = aligned(m * _SIZE).reshape(m, _SIZE), aligned(m * _SIZE).reshape(m, _SIZE)
+    w = aligned(m * _SIZE).reshape(m, _SIZE)  # sqrt(2) dW / sqrt(h)
+    area, g = aligned(area_count(model) * _SIZE).reshape(-1, _SIZE), aligned(_SIZE)
+    area[:] = 0.0
     for k in channels(model):
         for step in range(STEPS_PER_DRAW):
             for lane in range(LANES):

@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
+from spi.storage.records import Group
 
 if TYPE_CHECKING:
     from .plans import Plan
@@ -23,7 +25,8 @@ class State:
         #: what the plan knows besides sums over paths, a ``NamedTuple`` with `seconds`
         self.extra: Any = plan.initial_extra()
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
-        self.digests: dict[int, dict[int, str]] = {}  #: of all chunks that are done, by path set and index
+        #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
+        self.digests: dict[int, dict[tuple[int, int], str]] = {}
 
     @property
     def path_sets(self) -> Sequence[PathSet]:
@@ -56,7 +59,7 @@ class State:
         """Keep what is now known of a chunk."""
         done = sums.paths == chunk.paths
         if done:
-            self.digests.setdefault(chunk.path_set, {})[chunk.index] = digest(sums)
+            self.digests.setdefault(chunk.path_set, {})[chunk.index, chunk.paths] = digest(sums)
         whole = done and chunk.index < self.path_sets[chunk.path_set].whole
         self.tallies[chunk.path_set] = self.tally(chunk.path_set).with_chunk(chunk, sums, whole)
 
@@ -65,6 +68,10 @@ class State:
         """Wall-clock time spent so far."""
         return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
 
+    def groups(self) -> list[Group]:
+        """The results, of the final state."""
+        return [one.group() for one in self.plan.all_results(self)]
+
     def plain(self) -> dict[str, Any]:
         """All that is known as dicts, lists, arrays, numbers and texts, for a file."""
         return {
@@ -72,18 +79,19 @@ class State:
             "path_sets": [
                 {
                     "number": number,
-                    "nodes": [[*node, _plain(sums)] for node, sums in tally.nodes.items()],
-                    "short": [[index, _plain(sums)] for index, sums in tally.short.items()],
-                    "digests": [[index, text] for index, text in self.digests.get(number, {}).items()],
+                    "nodes": [[*node, _plain(sums), digest(sums)] for node, sums in tally.nodes.items()],
+                    "short": [[index, _plain(sums), digest(sums)] for index, sums in tally.short.items()],
+                    "digests": [[*chunk, text] for chunk, text in self.digests.get(number, {}).items()],
                 }
                 for number, tally in self.tallies.items()
             ],
         }
 
     def merge(self, plain: dict[str, Any], with_extra: bool = True) -> None:
-        """Add what another state of the same part knew, as :meth:`plain` told it; ValueError if it does not fit.
+        """Add what another state of the same part knew, as :meth:`plain` told it.
 
         Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
+        ValueError if it does not fit, or if sums are not those of which the digests are.
         """
         if with_extra:
             self.extra = _rebuilt(self.extra, plain["extra"])
@@ -92,10 +100,31 @@ class State:
             number = other["number"]
             if number < len(path_sets):
                 empty = self.plan.empty(number)
-                nodes = {(height, n): _rebuilt(empty, sums) for height, n, sums in other["nodes"]}
-                short = {index: _rebuilt(empty, sums) for index, sums in other["short"]}
-                self.tallies[number] = self.tally(number).merged(Tally(nodes, short).within(path_sets[number]))
-                self.digests.setdefault(number, {}).update(dict(other["digests"]))
+                digests = {(index, paths): text for index, paths, text in other["digests"]}
+                nodes = {(height, n): _checked(empty, *sums) for height, n, *sums in other["nodes"]}
+                short = {index: _checked(empty, *sums) for index, *sums in other["short"]}
+                tally = Tally(nodes, short).within(path_sets[number])
+                _check_chunks(tally, digests, path_sets[number])
+                self.tallies[number] = self.tally(number).merged(tally)
+                self.digests.setdefault(number, {}).update(digests)
+
+
+def _checked(like: Any, plain: dict[str, Any], told: str) -> Any:
+    """The sums that :func:`_plain` told; ValueError if their digest is not the one that was `told`."""
+    sums = _rebuilt(like, plain)
+    if digest(sums) != told:
+        raise ValueError("sums that are not those of their digest")
+    return sums
+
+
+def _check_chunks(tally: Tally, digests: dict[tuple[int, int], str], path_set: PathSet) -> None:
+    """ValueError if a chunk that is done has no digest, or the sums over it alone have another one."""
+    whole = path_set.chunk_blocks * LANES
+    done = {(index, whole) for k, n in tally.nodes for index in range(n << k, (n + 1) << k)}
+    alone = {(n, whole): sums for (k, n), sums in tally.nodes.items() if k == 0}
+    alone |= {(i, sums.paths): sums for i, sums in tally.short.items() if sums.paths == path_set.samples - i * whole}
+    if not done <= digests.keys() or any(digests.get(chunk) != digest(sums) for chunk, sums in alone.items()):
+        raise ValueError("digests that are not those of the chunks")
 
 
 def _plain(record: Any) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Numbers as JSON, CSV and text, and what an experiment would cost."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
 from .text import is_odd, new_console, printable
@@ -36,6 +36,13 @@ def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
     )
 
 
+def print_remarks(experiment: Any, remarks: Iterable[str], file: IO[str] | None = None) -> None:
+    """Print what of an experiment will not be computed, or not as it was asked for."""
+    console = new_console(file)
+    for line in remarks:
+        console.print(f"{printable(experiment.called)}: {printable(line)}", markup=False, soft_wrap=True)
+
+
 def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = None) -> None:
     """Print what was found of systems that were generated: lines by the name of the system and its cases."""
     console = new_console(file)
@@ -45,18 +52,28 @@ def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = N
 
 
 def print_verification(path: Any, found: Any, file: IO[str] | None = None) -> None:
-    """Print what came out when paths were computed again (a ``spi.running.verify.Verification``)."""
+    """Print what came out when results were checked (a ``spi.running.verify.Verification``)."""
     console = new_console(file)
+    for line in _verified(found):
+        console.print(f"{printable(path)}: {line}", markup=False, soft_wrap=True)
 
-    def write(line: str) -> None:
-        console.print(line, markup=False, soft_wrap=True)
 
-    write(f"{path}: {len(found.checked)} of {found.chunks} chunks of paths were computed again")
-    if not found.different:
-        write("all are equal to the last bit")
+def _verified(found: Any) -> Iterator[str]:
+    """What came out, line by line."""
+    count = len(found.checked)
+    equal = "equal to the last bit" if not found.different else f"{len(found.different)} of them different"
+    yield f"{count} of {found.chunks} chunks of paths were computed again, {equal}"
+    if found.whole:
+        yield "all numbers but times were derived again from these paths"
+    if found.sums:
+        yield f"all numbers were derived again from the sums over paths in {printable(found.sums)}"
+    if found.sums and not found.whole:
+        yield f"of these sums those over {found.tied} of {found.chunks} chunks were computed again; --all computes all"
+    if not found.sums and not found.whole:
+        yield "its numbers were not derived again: their sums over paths are not beside it, and --all was not given"
+    yield from (f"different: {label}" for label in found.different)
+    yield from (f"wrong: {what}" for what in found.wrong)
+    if found.sound:
         return
-    for label in found.different:
-        write(f"different: {label}")
-    write(f"{len(found.different)} of {len(found.checked)} are different; what is not as it was then:")
-    for cause in found.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",):
-        write(f"  {cause}")
+    yield "what is not as it was when they were computed:"
+    yield from found.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",)

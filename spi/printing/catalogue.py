@@ -35,6 +35,17 @@ def print_experiments(title: str, experiments: Mapping[str, Any], file: IO[str] 
     _print(title, ["name", "figure", "title"], rows, file)
 
 
+def print_results(results: Iterable[Any], file: IO[str] | None = None) -> None:
+    """Print what results there are (``spi.running.finding.Listed``): their names, and under each what it is."""
+    console = new_console(file)
+    for one in results:
+        counts = sorted({count for count in one.samples if count})
+        samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
+        facts = [one.kind, *[f"{samples} samples"] * bool(samples), one.created[:16].replace("T", " ")]
+        for line in filter(None, (one.name, f"    {', '.join(facts)}: {one.title}", f"    {one.how}".rstrip())):
+            console.print(printable(line), markup=False, soft_wrap=True)
+
+
 def _print(title: str, headings: Iterable[str], rows: Iterable[Iterable[str]], file: IO[str] | None) -> None:
     """Print a table as wide as the terminal, whose last column wraps."""
     from rich.measure import Measurement

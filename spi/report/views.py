@@ -1,6 +1,5 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
-import difflib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +9,6 @@ from ..kinds import KINDS
 from ..printing import anything
 from ..printing import claims as printed_claims
 from ..printing.text import new_console, printable
-from ..running import shipped
 from ..statistics import claims
 from ..storage import StorageError, write_all
 from ..storage.records import Group, Reading, Results, by_case
@@ -18,28 +16,6 @@ from ..storage.records import Group, Reading, Results, by_case
 if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.film import Film
-
-
-def named(source: Path, folder: Path) -> Path:
-    """The results file that is meant: `source`, or if that is the bare name of an experiment, its file in `folder`.
-
-    A file of that name in the current folder goes first.  StorageError if there are no results of the name.
-    """
-    path = folder / f"{source}.h5"
-    is_name = source.name == str(source) and not source.suffix and not source.is_file()
-    if not is_name or (source.is_dir() and not path.is_file()):
-        return source
-    if not path.is_file():
-        raise StorageError(f"{path}: no such file; {_meant(source.name, folder)}")
-    return path
-
-
-def _meant(name: str, folder: Path) -> str:
-    """What to do where there are no results of this name in a folder."""
-    if name in shipped.names():
-        return f"`spi run {name}` writes it"
-    near = difflib.get_close_matches(name, [*(path.stem for path in sorted(folder.glob("*.h5"))), *shipped.names()], 1)
-    return f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
 
 
 def readings(results: Results) -> list[Reading]:

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from .. import NUMBERS_DIGEST, specs, storage
+from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
+from ..storage.sums import VERSION
 from .load import name_of, plans
+from .workers import WorkersLost
 
 #: Of the time of a run, what writing checkpoints may take.
 _SHARE = 0.01
@@ -60,11 +62,12 @@ class _TimeIsUp(Exception):
     """The run has taken as long as it may."""
 
 
-def sums_path(
-    experiment: specs.Experiment, out: str | Path, one: Shard | None = None, spec_hash: str | None = None
-) -> Path:
-    """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>.npz``; `spec_hash` is that of another."""
-    name = f"{experiment.name}-{(spec_hash or experiment.hash)[:12]}{one.suffix if one else ''}.npz"
+def sums_path(experiment: specs.Experiment, out: str | Path, one: Shard | None = None) -> Path:
+    """Where sums over paths are kept: ``<out>/sums/<name>-<hash of the spec>-<digest of the sources>-v<layout>.npz``.
+
+    Other sources might go on with other numbers, so that their sums stand in a file of their own and are kept.
+    """
+    name = f"{experiment.name}-{experiment.hash[:12]}-{NUMBERS_DIGEST[:8]}-v{VERSION}{one.suffix if one else ''}.npz"
     return Path(out) / "sums" / name
 
 
@@ -77,6 +80,8 @@ class Checkpoint:
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
         self.failed = False
+        self.begun_with: float | None = None  #: the work that was known before this run
+        self.saved_work = 0.0
 
     @property
     def by_name(self) -> dict[str, State]:
@@ -90,7 +95,7 @@ class Checkpoint:
     def chunks(self) -> tuple[str, ...]:
         """A line for each chunk, as ``Results.chunks``."""
         return tuple(
-            f"{name} {chunk.path_set} {chunk.index} {chunk.paths} {state.digests[chunk.path_set][chunk.index]}"
+            f"{name} {number} {chunk.index} {chunk.paths} {state.digests[number][chunk.index, chunk.paths]}"
             for name, state in self.by_name.items()
             for number, path_set in enumerate(state.path_sets)
             for chunk in path_set.chunks(number)
@@ -114,6 +119,30 @@ class Checkpoint:
             for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
                 if self.merge(other):
                     return
+            self.tell_of_other_sources()
+
+    def tell_of_other_sources(self) -> None:
+        """Say which sums over the same paths other sources of spi computed."""
+        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not self._same_paths(about)]
+        for file, about in others[:1]:
+            more = f" (and {len(others) - 1} more)" if others[1:] else ""
+            self.tell(
+                f"{file}{more} has sums over these paths that {storage.computed_by(about)}; they are kept, and those "
+                "sources go on with them; with these the run begins anew"
+            )
+
+    def remove_finished(self, spec_hash: str, source_digest: str) -> None:
+        """Remove the sums of a finished run of another spec, or by other sources, whose results are replaced."""
+        for file, about in self._of_spec(spec_hash):
+            if about.get("finished") and about.get("source_digest") == source_digest:
+                storage.remove_sums(file)
+
+    def _of_spec(self, spec_hash: str) -> Iterator[tuple[Path, dict]]:
+        """The files of sums of a spec of this name, by whichever sources, and what they tell about them."""
+        for file in sorted(self.path.parent.glob(f"{glob.escape(self.experiment.name)}-{spec_hash[:12]}*.npz")):
+            about = storage.about_sums(file, any_version=True)
+            if about is not None and about.get("spec_hash") == spec_hash:
+                yield file, about
 
     def merge(self, path: Path, with_extra: bool = True) -> bool:
         """Add what a file of sums knows of the very same paths; whether it could be read and belongs to them."""
@@ -122,8 +151,10 @@ class Checkpoint:
             return False
         for name, state in self.by_name.items():
             if name in read[1]:
-                with contextlib.suppress(ValueError, LookupError, TypeError):  # of a file that somebody edited
+                try:
                     state.merge(read[1][name], with_extra)
+                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+                    self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return True
 
     def save(self, finished: bool = False) -> None:
@@ -133,18 +164,21 @@ class Checkpoint:
             "paths_hash": self.experiment.paths_hash,
             "spec_hash": self.experiment.hash,
             "source_digest": NUMBERS_DIGEST,  # other code might go on with other numbers
+            "spi_version": __version__,
             "samples": sum(self.experiment.samples),
             "finished": finished,
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
-        self.saved = time.monotonic()
+        self.saved, self.saved_work = time.monotonic(), self._work()
         self.pause = max(self.limits.checkpoint_seconds, (self.saved - began) / _SHARE)
 
     def tick(self) -> None:
         """Save if it is time to; a checkpoint that cannot be written is no reason to stop."""
-        now = time.monotonic()
-        if now - self.began > self.limits.max_seconds:
-            raise _TimeIsUp
+        now, work = time.monotonic(), self._work()
+        if self.begun_with is None:
+            self.begun_with = work
+        elif now - self.began > self.limits.max_seconds and work > self.begun_with:
+            raise _TimeIsUp  # not before anything is done: a limit shorter than the start would mean no end
         if now - self.saved > self.pause:
             try:
                 self.save()
@@ -166,6 +200,17 @@ class Checkpoint:
             except StorageError as error:
                 raise Stopped(f"{why}; progress could not be saved: {error}") from None
             raise Stopped(f"{why}; progress is saved in {self.path}: run the same command again to resume") from None
+        except Exception as error:  # whatever it is, what is done is not lost with it
+            if self._work() > self.saved_work:
+                with contextlib.suppress(StorageError):
+                    self.save()
+                    if isinstance(error, WorkersLost):
+                        raise WorkersLost(f"{error}; progress is saved in {self.path}") from None
+            raise
+
+    def _work(self) -> float:
+        """Seconds spent on all that is known."""
+        return sum(state.seconds for state in self.states)
 
     def _about(self, path: Path) -> dict | None:
         about = storage.about_sums(path)

@@ -2,7 +2,6 @@
 
 import json
 import math
-import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +18,8 @@ from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, sums_path
-from .load import Source, headings, layers, load, plans, reports, sources
+from .finding import results_of
+from .load import Source, headings, layers, load, load_any, plans, reports, sources
 from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "headings",
     "layers",
     "load",
+    "load_any",
     "plans",
     "reports",
     "results_of",
@@ -109,12 +110,14 @@ def run(
 
     Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
     """
+    target = results_path(experiment, out)
+    if not fresh and (stored := storage.finished(target, identity(experiment))) is not None:
+        whose = f", which {storage.computed_by(stored)}" if stored.get("source_digest") != NUMBERS_DIGEST else ""
+        watch.tell(f"{target} already has the results of this spec{whose}; use --fresh to recompute them")
+        return target
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out))
     checkpoint = session.checkpoint
     if not fresh:
-        if storage.is_finished(session.target, identity(experiment)):
-            watch.tell(f"{session.target} already has the results of this spec; use --fresh to recompute them")
-            return session.target
         checkpoint.resume()
     watch.report_beginning(experiment.title, session.cost())
     with checkpoint.kept():
@@ -128,8 +131,8 @@ def run(
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """Where the results of an experiment go: ``<out>/<name>.h5``."""
-    return Path(out) / f"{experiment.name}.h5"
+    """Where the results of an experiment go: ``<out>/<name>.h5``, with profile and overrides in the name."""
+    return Path(out) / f"{experiment.results_name}.h5"
 
 
 class Session:
@@ -168,8 +171,8 @@ class Session:
         """Do what remains once all paths are there, write the results, and remove what they make superfluous."""
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
-        replaced = storage.replaced_hash(self.target)
-        groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
+        replaced = storage.spec_and_sources(self.target)
+        groups = tuple(group for state in checkpoint.states for group in state.groups())
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 storage.check_replaceable(self.target, identity(experiment))
@@ -182,10 +185,8 @@ class Session:
         except storage.StorageError as error:
             self.watch.tell(f"warning: {error}; the results are complete, but more samples would begin anew")
             return self.target
-        if replaced not in (None, experiment.hash):
-            old = sums_path(experiment, self.target.parent, spec_hash=replaced)
-            if (storage.about_sums(old) or {}).get("finished"):
-                storage.remove_sums(old)
+        if replaced not in (None, (experiment.hash, NUMBERS_DIGEST)):
+            checkpoint.remove_finished(*replaced)
         storage.previous(checkpoint.path).unlink(missing_ok=True)
         for file in checkpoint.shards().values():
             storage.remove_sums(file)
@@ -252,6 +253,7 @@ def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
         **identity(experiment),
         "model_modules": _stored_modules(experiment),
         "kind": experiment.kind,
+        "experiment": experiment.name,
         "title": experiment.title,
         "asks": experiment.asks,
         "figure": experiment.figure,
@@ -261,23 +263,6 @@ def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
         "complete": True,
         **storage.provenance(),
     }
-
-
-def results_of(spec_path: str | Path, out: str | Path = "results") -> Path:
-    """The results file of a spec file; StorageError if there is none or if it was made from another spec.
-
-    Results of a profile or with overrides count as those of the spec file.
-    """
-    path = Path(out) / f"{Path(spec_path).stem}.h5"
-    attributes = storage.read(path).attributes
-    if "model_sources" in attributes or attributes["spec"] != specs.text_of(spec_path):
-        profile = attributes["profile"]
-        if load(spec_path, profile).hash != attributes["spec_hash"]:
-            raise storage.StorageError(
-                f"{path}: holds results of another spec than {spec_path}; "
-                f"run `spi run {shlex.quote(str(spec_path))}` first"
-            )
-    return path
 
 
 def cost(experiment: specs.Experiment) -> Cost:

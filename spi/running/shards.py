@@ -34,10 +34,10 @@ def run_shard(
     """
     session = Session(experiment, out, fresh, watch, limits, sums_path(experiment, out, one))
     checkpoint = session.checkpoint
-    checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
+    known = checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
     mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
-    if not fresh:
-        checkpoint.merge(checkpoint.path, with_extra=False)
+    if not fresh and not (checkpoint.merge(checkpoint.path, with_extra=False) or known):
+        checkpoint.tell_of_other_sources()
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()

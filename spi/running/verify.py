@@ -1,28 +1,50 @@
-"""Stored results, checked by computing some of their paths again."""
+"""Stored results, checked: chunks of paths computed again, and numbers derived again from sums over paths."""
 
 import random
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from .. import NUMBERS_DIGEST, storage
+from .. import NUMBERS_DIGEST, specs, storage
 from ..kinds.plans import Plan, sums_of_chunk
+from ..kinds.state import State
 from ..numerics.rng import STREAM_VERSION
-from ..statistics.tallies import Chunk, digest
+from ..statistics.tallies import Chunk, PathSet, digest
 from ..storage import StorageError
 from ..storage.records import Results
+from .compared import differing
 from .load import load_stored, name_of, plans
+from .run import identity
+from .workers import advance_here, finalise
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
 CAUSES = {
     "source_digest": "source code of spi",
     "stream_version": "version of the random numbers",
     "machine_instruction_set": "instruction set",
+    "machine_vector_bits": "bits of vectors",
     "machine_processor": "processor",
     "machine_numba": "version of Numba",
     "machine_numpy": "version of NumPy",
     "machine_python": "version of Python",
 }
+
+Report = Callable[[int, int, str], None]  #: which of how many chunks comes next, and what it is called
+
+
+class Which(NamedTuple):
+    """A chunk of paths among those of all parts."""
+
+    part: str  #: "case/scheme", ...
+    path_set: int
+    number: int  #: of the chunk within its path set
+    paths: int
+
+    @classmethod
+    def of(cls, plan: Plan, chunk: Chunk) -> "Which":
+        """A chunk of a plan."""
+        return cls(name_of(plan), chunk.path_set, chunk.index, chunk.paths)
 
 
 class Verification(NamedTuple):
@@ -31,42 +53,165 @@ class Verification(NamedTuple):
     chunks: int  #: how many there are
     checked: tuple[str, ...]  #: those that were computed again: "case/part, paths from to"
     different: tuple[str, ...]  #: those among them that came out different
+    wrong: tuple[str, ...]  #: what else is not as it should be, in one line each
+    sums: Path | None  #: the file of sums over paths from which all numbers were derived again; None if there is none
+    tied: int  #: how many chunks were computed again together with all those with which the file has them in one sum
     causes: tuple[str, ...]  #: what is not as it was when the results were computed
+
+    @property
+    def whole(self) -> bool:
+        """Whether every chunk was computed again, and from them every number but times."""
+        return len(self.checked) == self.chunks > 0
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing was found."""
+        return not (self.different or self.wrong)
 
 
 def verify(
     path: str | Path,
-    chunks: int,
-    report: Callable[[int, int, str], None] = lambda number, total, name: None,
+    chunks: int | None,
+    report: Report = lambda number, total, name: None,
     trust_code: bool = False,
 ) -> Verification:
-    """Compute so many chunks of stored results again, chosen at random, and compare their sums to the last bit.
+    """Compute chunks of stored results again and compare their sums to the last bit: so many at random, None for all.
 
-    `report` is told which of how many comes next.  Raises StorageError if the file is no results file, or if its spec
-    now means something else.  Python code in the file is run only where :func:`load_stored` says so.
+    All numbers are derived again and compared, from the sums over paths if their file lies beside the results, and but
+    for times from the paths if all of them are computed.  `report` is told which of how many chunks comes next.
+
+    Raises StorageError if the file is no results file, or if its spec now means something else.  Python code in the
+    file is run only where :func:`load_stored` says so.
     """
     results = storage.read(path)
     experiment = load_stored(path, trust_code)
     if experiment.hash != results.attributes.get("spec_hash"):
         raise StorageError(f"{path}: its spec means something else to this version of spi; nothing can be compared")
-    by_name = {name_of(plan): plan for plan in plans(experiment)}
-    chosen = random.SystemRandom().sample(results.chunks, min(chunks, len(results.chunks)))
-    checked, different = [], []
-    for number, line in enumerate(sorted(chosen), 1):
-        name, path_set, index, paths, expected = line.rsplit(" ", 4)
-        chunk = _chunk(by_name[name], int(path_set), int(index), int(paths))
-        label = f"{name}, paths {chunk.end - chunk.paths} to {chunk.end - 1} of path set {path_set}"
-        report(number, len(chosen), label)
-        checked.append(label)
-        if digest(sums_of_chunk(by_name[name], chunk)) != expected:
-            different.append(label)
-    return Verification(len(results.chunks), tuple(checked), tuple(different), _causes(results))
+    ready, listed = plans(experiment), _listed(results)
+    every = {Which.of(plan, chunk): (plan, chunk) for plan in ready for chunk in _chunks(plan, listed)}
+    wrong = [*_not_of_the_spec(experiment, results), *_not_listed(every, listed)]
+    kept, states = _kept(Path(path), results, ready)
+    if kept:
+        wrong += [f"{name} does not follow from {kept}" for name in _differing(states, results, times=True)]
+        others = [one for state in states for one, text in _digests(state) if listed.get(one) != text]
+        wrong += [f"{kept} has other sums than the results over {_label(one)}" for one in others]
+    if chunks is None or chunks >= len(every):
+        again = _all_again(ready, len(every), report)
+        found = {one: text for state in again for one, text in _digests(state)}
+        wrong += [f"{name} does not follow from its paths" for name in _differing(again, results, times=False)]
+    else:
+        found = _some_again(random.SystemRandom().sample(sorted(every), chunks), every, report)
+    return Verification(
+        chunks=len(every),
+        checked=tuple(_label(one) for one in found),
+        different=tuple(_label(one) for one, text in found.items() if listed.get(one, text) != text),
+        wrong=tuple(wrong),
+        sums=kept,
+        tied=sum(_tied(state, found) for state in states),
+        causes=_causes(results),
+    )
 
 
-def _chunk(plan: Plan, path_set: int, index: int, paths: int) -> Chunk:
-    """The chunk of so many paths; a path set may have grown since the plan began."""
-    size = plan.path_sets(plan.initial_extra())[path_set].chunk_blocks
-    return Chunk.of(path_set, index, size, paths)
+def _listed(results: Results) -> dict[Which, str]:
+    """The digests of chunks that a file has; StorageError if they cannot be read."""
+    try:
+        each = [line.rsplit(" ", 4) for line in results.chunks]
+        return {Which(part, *map(int, numbers)): text for part, *numbers, text in each}
+    except (TypeError, ValueError):
+        raise StorageError("the digests of chunks in the results file are damaged; run the experiment again") from None
+
+
+def _chunks(plan: Plan, listed: dict[Which, str]) -> Iterator[Chunk]:
+    """All chunks that a part must have; where it chose its number of paths, as many as are listed."""
+    paths = Counter[int]()
+    for one in listed:
+        paths[one.path_set] += one.paths * (one.part == name_of(plan))
+    for number, least in enumerate(plan.path_sets(plan.initial_extra())):
+        yield from PathSet(max(least.samples, paths[number]), least.chunk_blocks).chunks(number)
+
+
+def _not_listed(every: dict[Which, Any], listed: dict[Which, str]) -> Iterator[str]:
+    """What is wrong with the list of chunks, part by part."""
+    wanted = Counter(one.part for one in every)
+    for part, count in Counter(one.part for one in every if one not in listed).items():
+        yield f"{part}: {count} of its {wanted[part]} chunks have no digest"
+    for part, count in Counter(one.part for one in listed if one not in every).items():
+        yield f"{part}: {count} digests are of no chunk that it has"
+
+
+def _not_of_the_spec(experiment: specs.Experiment, results: Results) -> Iterator[str]:
+    """What the file states of the spec and is not so."""
+    stated = identity(experiment) | {"kind": experiment.kind, "seed": experiment.cases[0].seed}
+    for name in ("kind", "seed", "samples", "expect"):
+        if stated[name] != results.attributes.get(name):
+            yield f"{name} is {results.attributes.get(name)!r}, and by the spec {stated[name]!r}"
+
+
+def _kept(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path | None, list[State]]:
+    """The file of sums over the paths of results, beside them, and the states that it knows; None if there is none."""
+    of_results = {name: results.attributes.get(name) for name in ("spec_hash", "source_digest")}
+    for file in sorted((path.parent / "sums").glob("*.npz")):
+        about = storage.about_sums(file)
+        if about is None or {name: about.get(name) for name in of_results} != of_results or not about["finished"]:
+            continue
+        read, states = storage.read_sums(file), [State(plan) for plan in ready]
+        try:
+            for state in states:
+                state.merge((read or ({}, {}))[1][name_of(state.plan)])
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError):
+            continue
+        if not any(state.missing() for state in states):
+            return file, states
+    return None, []
+
+
+def _differing(states: Sequence[State], results: Results, times: bool) -> list[str]:
+    """The names of what is otherwise in a file than it follows from states."""
+    return differing([group for state in states for group in state.groups()], results.groups, times)
+
+
+def _digests(state: State) -> Iterator[tuple[Which, str]]:
+    """The chunks of a state that is complete, with their digests."""
+    for number, path_set in enumerate(state.path_sets):
+        for chunk in path_set.chunks(number):
+            yield Which.of(state.plan, chunk), state.digests[number][chunk.index, chunk.paths]
+
+
+def _all_again(ready: Sequence[Plan], total: int, report: Report) -> list[State]:
+    """All that a run computes, computed again."""
+    states = [State(plan) for plan in ready]
+
+    def tick(number: int) -> None:
+        done = sum(len(digests) for state in states for digests in state.digests.values())
+        report(min(done + 1, total), total, name_of(ready[number]))
+
+    advance_here(states, tick)
+    finalise(states, tick)
+    return states
+
+
+def _some_again(chosen: Sequence[Which], every: dict[Which, tuple[Plan, Chunk]], report: Report) -> dict[Which, str]:
+    """The digests of some chunks, computed again."""
+    found = {}
+    for number, one in enumerate(sorted(chosen), 1):
+        report(number, len(chosen), _label(one))
+        found[one] = digest(sums_of_chunk(*every[one]))
+    return found
+
+
+def _tied(state: State, found: dict[Which, str]) -> int:
+    """Of how many chunks all are `found` that a state has in one sum."""
+    tied, part = 0, name_of(state.plan)
+    for number, path_set in enumerate(state.path_sets):
+        whole = {one.number for one in found if (one.part, one.path_set) == (part, number)}
+        nodes = [range(n << k, (n + 1) << k) for k, n in state.tally(number).nodes]
+        nodes += [range(index, index + 1) for index in state.tally(number).short if index >= path_set.whole]
+        tied += sum(len(node) for node in nodes if whole.issuperset(node))
+    return tied
+
+
+def _label(one: Which) -> str:
+    return f"{one.part}, {one.paths} paths of chunk {one.number} of path set {one.path_set}"
 
 
 def _causes(results: Results) -> tuple[str, ...]:

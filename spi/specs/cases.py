@@ -225,7 +225,7 @@ class ErrorCase(BaseCase):
         steps = [self._dyadic(h) for h in self.steps]
         if len(set(steps)) < len(steps):
             raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
-        check_schemes(self, self.schemes_used if self.bounded_increments else (), max(steps), "steps")
+        check_schemes(self, self.schemes_used if self.bounded_increments else (), steps, "steps")
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
     @condition("reference_scheme", "schemes", "eps")

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.protocol import area_pairs
 from ..ensemble.scheme_protocol import needs_areas
 from ..schemes import SCHEMES, weak_exponents
@@ -47,22 +48,40 @@ def check_names(case: Any) -> None:
     every(check, enumerate(case.schemes_used))
 
 
-def check_schemes(case: Any, used: tuple[str, ...], largest_step: float, key: str) -> None:
+def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key: str) -> None:
     """No scheme twice, no Lévy areas of more pairs of noises than compiled code takes; and what the truncation of
     increments asks for, where some of the schemes are `used`."""
     listed, truncated, pairs = case.schemes, case.truncate_noise, len(area_pairs(case.model))
     check_once(listed, "schemes")
-    if truncated and largest_step >= 1:
+    if truncated and max(steps) >= 1:
         has = "has" if key == "steps" else "is"
         right = "must be below 1 with truncate_noise, whose bound is 0 there"
-        raise wrong(f"{has} {quantity(largest_step)}", right, key)
+        raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
-        row, key = case.row(name), "schemes" if name in listed else "reference_scheme"
+        row, where = case.row(name), "schemes" if name in listed else "reference_scheme"
         if row.needs_truncation and name in used and not truncated:
-            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", key)
+            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", where)
         if pairs > MOST and needs_areas(row.record):
             what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
-            raise wrong(what, f"there may be {MOST}; leave out the scheme or some of the noises", key)
+            raise wrong(what, f"there may be {MOST}; leave out the scheme or some of the noises", where)
+    check_areas(case, min(steps), key)
+
+
+def check_areas(case: Any, h: float, key: str) -> None:
+    """There are random numbers enough for the Lévy areas over h, the smallest step that has them drawn."""
+    most = most_terms(case.model)
+
+    def terms(name: str, step: float) -> int:
+        return fourier_terms(case.model, [case.row(name).record], step)
+
+    for name in case.schemes_used:
+        if (found := terms(name, h)) > most:
+            has, least = "has" if key == "steps" else "is", h
+            while terms(name, least) > most:
+                least *= 2
+            what = f"{has} {quantity(h)}, where the Lévy areas of '{name}' take {found} terms of a Fourier series"
+            right = f"there are random numbers for {most}; use {quantity(least)} or more, or leave out the scheme"
+            raise wrong(what, right, key)
 
 
 def check_extrapolate(case: Any) -> None:

@@ -55,11 +55,14 @@ def _stage(text: Any, *keys: str | int) -> Flows:
     if len(orders) > 1 or told.count(_COIN) > 1:
         raise wrong(f"is {shown(text)} with several orders", _RIGHT, *keys)
     try:
-        return flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told)
+        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told)
     except NumberError as error:
         raise wrong(f"is {shown(text)} ({error})", _RIGHT, *keys) from None
     except ValueError as error:
         raise wrong(f"is {shown(text)}", f"{error}", *keys) from None
+    if stage.fraction == 0:
+        raise wrong(f"is {shown(text)}, which does nothing", "leave it out", *keys)
+    return stage
 
 
 def _fraction(text: str) -> float:

@@ -45,6 +45,12 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
     return record._replace(sigma=tuple(strength or None for strength in strengths))
 
 
+def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:
+    """The keys of a system in the file at this path; raises the error about the key ``system``."""
+    found: Mapping[str, Any] = _document(path, files).data
+    return found
+
+
 def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
     """The keys of a system with those that stand above them."""
     both = {

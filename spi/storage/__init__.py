@@ -1,7 +1,7 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
 from .files import StorageError, check_writable, contents, write_all
-from .identity import check_replaceable, is_finished, replaced_hash
+from .identity import check_replaceable, computed_by, finished, spec_and_sources
 from .provenance import provenance
 from .results import read, write
 from .sums import about_sums, previous, read_sums, remove_sums, write_sums
@@ -11,14 +11,15 @@ __all__ = [
     "about_sums",
     "check_replaceable",
     "check_writable",
+    "computed_by",
     "contents",
-    "is_finished",
+    "finished",
     "previous",
     "provenance",
     "read",
     "read_sums",
     "remove_sums",
-    "replaced_hash",
+    "spec_and_sources",
     "write",
     "write_all",
     "write_sums",

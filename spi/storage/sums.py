@@ -17,7 +17,8 @@ import numpy as np
 
 from .files import MOST_BYTES, aside, contents, write_bytes
 
-VERSION = 2  #: raised where chunks are divided in another way, since sums go on only with chunks of the same size
+#: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
+VERSION = 3
 
 #: What reading a damaged file may raise.
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, NotImplementedError)
@@ -54,10 +55,13 @@ def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
     return None
 
 
-def about_sums(path: Path) -> dict[str, Any] | None:
-    """What can be read without the sums themselves; None if there is no such file or it is damaged."""
+def about_sums(path: Path, any_version: bool = False) -> dict[str, Any] | None:
+    """What can be read without the sums themselves; None if there is no such file or it is damaged.
+
+    A file of another version of the layout counts as damaged, unless any version will do.
+    """
     with contextlib.suppress(*_DAMAGE), _opened(path) as file:
-        return _about(file)
+        return _about(file, any_version)
     return None
 
 
@@ -79,9 +83,9 @@ def _opened(path: Path) -> Iterator[Any]:
         yield archive
 
 
-def _about(file: Any) -> dict[str, Any]:
-    about = json.loads(file["about"].tobytes())
-    if about["version"] != VERSION:
+def _about(file: Any, any_version: bool = False) -> dict[str, Any]:
+    about = dict(json.loads(file["about"].tobytes()))
+    if about["version"] != VERSION and not any_version:
         raise ValueError(f"written in version {about['version']}")
     return about
 

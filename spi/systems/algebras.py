@@ -58,7 +58,8 @@ def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
     if make is None:
         raise NumberError(f"'{text}' is not a known algebra; known: {KNOWN}")
     if not all(least <= size <= most for size in sizes):
-        raise NumberError(f"the size in '{text}' must be from {least} to {most}")
+        sizes_known = f"from {least} to {most}" if least < most else f"{most}"
+        raise NumberError(f"the size in '{text}' must be {sizes_known}")
     return make(*sizes)
 
 

@@ -9,14 +9,15 @@
 All values are texts, lists and mappings of texts, as they stand in the file.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import sympy
 
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
-from .casimirs import search
+from .casimirs import counted, search
+from .data import Data
 from .forms import check_finite, check_name, degree_of, linear, shortened
 from .keys import KEYS, MOST, DefinitionError
 from .splitting import Constants, Flow, NoExactFlow, merged, single, split
@@ -24,15 +25,14 @@ from .symbolics import Symbolics
 from .system import Function, System
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
-T = TypeVar("T")
-
 
 class Defined(NamedTuple):
     """A system that has passed all checks."""
 
     system: System
     sizes: Mapping[str, int]
-    searched: int | None  #: up to this degree all Casimir functions are found; None if they were given
+    searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
+    independent: tuple[int, int]  #: how many independent Casimir functions are known, and how many there are
 
 
 def define(data: Mapping[str, Any]) -> Defined:
@@ -60,9 +60,9 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     return found
 
 
-class _Reader:
+class _Reader(Data):
     def __init__(self, data: Mapping[str, Any]) -> None:
-        self.data = data
+        super().__init__(data)
         self.sizes = {
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
@@ -100,45 +100,9 @@ class _Reader:
             squared_length_first=first is not None,
             constants=constants.values,
         )
-        return Defined(system, self.sizes, searched)
+        return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
 
     # ---- names and numbers ---------------------------------------------------------------------------------------
-
-    def at(self, keys: Sequence[Any], read: Callable[..., T], *arguments: Any) -> T:
-        """What `read` makes of the arguments; its NumberError becomes one about the place to which `keys` lead."""
-        try:
-            return read(*arguments)
-        except NumberError as error:
-            cut = "not closed" in str(error) and isinstance(keys[-1], int)
-            right = "put an entry with commas in quotes" if cut else "correct it here"
-            raise DefinitionError(f"is '{shortened(self.value(keys))}' ({error}); {right}", *keys) from None
-
-    def value(self, keys: Sequence[Any]) -> Any:
-        found: Any = self.data
-        for key in keys:
-            found = found[key]
-        return found
-
-    def mapping(self, key: str) -> Mapping[str, str]:
-        found = self.data.get(key, {})
-        if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
-            raise DefinitionError(f"must be a mapping such as {KEYS[key].partition('as in ')[2] or '{a: 1}'}", key)
-        return found
-
-    def texts(self, key: str) -> list[tuple[str, tuple[Any, ...]]]:
-        """The texts of a list, or the one text, each with its place."""
-        found = self.data.get(key, [])
-        if isinstance(found, str):
-            return [(found, (key,))]
-        if not isinstance(found, list) or not all(isinstance(text, str) for text in found):
-            raise DefinitionError("must be a list of texts", key)
-        return [(text, (key, n)) for n, text in enumerate(found)]
-
-    def expressions(self, key: str, formulas: Symbols) -> Iterator[tuple[tuple[Any, ...], str, Any]]:
-        """(place, text, expression) of each formula of a list, ranges written out."""
-        for text, keys in self.texts(key):
-            for one, inner in self.at(keys, entries, text, formulas):
-                yield keys, one.strip(), self.at(keys, expression, one, inner)
 
     def numbers(self) -> dict[str, Any]:
         """The parameters, exact numbers; each may use those before it."""

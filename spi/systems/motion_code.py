@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 import mpmath
 
 from .brackets import NOTHING
-from .code import Numbers, forms, total, written_sum
-from .spectrum import Block, Space
+from .code import Numbers, total
+from .eigenspaces import Space
+from .shear_code import Shears
+from .spectrum import Block
 
 
 class Motion(NamedTuple):
@@ -18,6 +20,7 @@ class Motion(NamedTuple):
     components: tuple[int, ...]  #: that are moved, new ones in z1, z2, ...
     angle: str  #: a bound of the angles whose sines it takes, from a1, a2, ...; "" if there are none
     kinds: tuple[str, ...]  #: what it consists of, in words
+    lost: int  #: digits that it loses, where eigenvalues are nearly equal
 
 
 def motion(blocks: Sequence[Block], count: int, numbers: Numbers, depends: bool) -> Motion:
@@ -26,46 +29,11 @@ def motion(blocks: Sequence[Block], count: int, numbers: Numbers, depends: bool)
     for block in blocks:
         writer.block(block)
     moved = tuple(sorted(i for block in blocks for i in block.components))
-    return Motion(tuple(writer.lines), moved, writer.angle(), tuple(writer.kinds))
+    lost = max((block.lost for block in blocks), default=0)
+    return Motion(tuple(writer.lines), moved, writer.angle(), tuple(writer.kinds), lost)
 
 
-class _Writer:
-    def __init__(self, count: int, numbers: Numbers, depends: bool) -> None:
-        self.count, self.numbers, self.depends = count, numbers, depends
-        self.lines: list[str] = []
-        self.phases: list[tuple[mpmath.mpf, ...]] = []
-        self.kinds: list[str] = []
-        self.left = 0
-        self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
-
-    def name(self, prefix: str) -> str:
-        """A name that no other line has."""
-        self.left += 1
-        return f"{prefix}{self.left}"
-
-    def let(self, prefix: str, code: str) -> str:
-        """Write a line that gives a name to some code, unless that is a name."""
-        if code.isidentifier():
-            return code
-        name = self.name(prefix)
-        self.lines.append(f"{name} = {code}")
-        return name
-
-    def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
-        """Names of the sine and the versine of an angle; `phase` is what the angle is made of."""
-        if angle not in self.taken:
-            s, v = self.name("s"), self.name("v")
-            self.lines.append(f"{s}, {v} = sin_versine(angles, {angle})")
-            self.phases.append(phase)
-            self.taken[angle] = s, v
-        return self.taken[angle]
-
-    def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
-        """Code of linear forms of named quantities."""
-        lines, codes = forms(rows, self.name("f") + "_", self.numbers, self.depends)
-        self.lines += lines
-        return codes
-
+class _Writer(Shears):
     def block(self, block: Block) -> None:
         if block.turn and self._turns(block):
             self.turn(block)
@@ -105,7 +73,7 @@ class _Writer:
         if square < 0 or (self.depends and len(block.components) > 2):
             return True
         by_spaces = sum(2 * len(row) for space in block.spaces for row in (*space.left, *space.right))
-        return len(block.components) > 2 and 2 * len(entries) <= by_spaces
+        return block.cancels or (len(block.components) > 2 and 2 * len(entries) <= by_spaces)
 
     def turn(self, block: Block) -> None:
         """y + sin(omega a)/omega M y + (1 - cos(omega a))/omega^2 M^2 y, or with hyperbolic functions."""
@@ -115,14 +83,14 @@ class _Writer:
         with mpmath.workdps(60):
             omega = mpmath.sqrt(abs(square))
             inverse, inverse_square = 1 / omega, 1 / abs(square)
-        z = self._product(omega, f"a{which + 1}")
+        z = self.product(omega, f"a{which + 1}")
         if square > 0:
             s, v = self.sine(z, tuple(omega if n == which else mpmath.mpf(0) for n in range(self.count)))
         else:
             s, v = self.name("s"), self.name("v")
             self.lines.append(f"{s}, {v} = sinh_coshm1({z})")
         self.kinds.append("rotation" if square > 0 else "hyperbolic rotation")
-        s, v = self.let("s", self._product(inverse, s)), self.let("v", self._product(inverse_square, v))
+        s, v = self.let("s", self.product(inverse, s)), self.let("v", self.product(inverse_square, v))
         rows = {i: {f"y{k + 1}": c for (r, k), c in entries.items() if r == i} for i in block.components}
         first = {i: self.let("m", code) for i, code in zip(rows, self.linear(list(rows.values())), strict=True)}
         again = [total((first[k], c) for (r, k), c in entries.items() if r == i and rows[k]) for i in block.components]
@@ -131,12 +99,6 @@ class _Writer:
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
             else:
                 self.lines.append(f"z{i + 1} = y{i + 1} + ({s} * {first[i]} + {v} * ({code}))")
-
-    def _product(self, c: mpmath.mpf, what: str) -> str:
-        if self.depends:
-            return f"{self.numbers.constant(c)} * {what}"
-        sign, code = self.numbers.times(c, what, False)
-        return code if sign == "+" else f"-{code}"
 
     # ---- a rotation of two components -------------------------------------------------------------------------------
 
@@ -154,7 +116,7 @@ class _Writer:
     def plane(self, block: Block) -> None:
         (space,) = block.spaces
         i, j = (n + 1 for n in block.components)
-        s, v = self.sine(self._sum(space.phases), space.phases)
+        s, v = self.sine(self.total_angle(space.phases), space.phases)
         # u = y_i -+ i y_j is multiplied by e^(ip)
         if mpmath.im(space.left[0][block.components[1]]) < 0:
             self.lines.append(f"z{i} = y{i} + ({s} * y{j} - {v} * y{i})")
@@ -163,17 +125,6 @@ class _Writer:
             self.lines.append(f"z{i} = y{i} - ({s} * y{j} + {v} * y{i})")
             self.lines.append(f"z{j} = y{j} + ({s} * y{i} - {v} * y{j})")
         self.kinds.append("rotation")
-
-    def _sum(self, factors: Sequence[mpmath.mpf]) -> str:
-        """The sum of the a with these factors."""
-        terms = []
-        for n, c in enumerate(factors):
-            if c and self.depends and abs(abs(c) - 1) > NOTHING:
-                terms.append(("+", f"{self.numbers.constant(c)} * a{n + 1}"))
-            elif c:
-                size = float(abs(c))
-                terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
-        return written_sum(terms)
 
     # ---- the general form ----------------------------------------------------------------------------------------
 
@@ -200,7 +151,7 @@ class _Writer:
                 self.lines.append(f"z{i + 1} = y{i + 1}")
             else:
                 code = code if code.isidentifier() else f"({code})"
-                change = self._product(common, code) if common != 1 else code
+                change = self.product(common, code) if common != 1 else code
                 self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
 
     def _common_factor(self, block: Block) -> mpmath.mpf:
@@ -213,10 +164,10 @@ class _Writer:
 
     def complex_space(self, space: Space, coordinates: Any) -> list[tuple[str, str]]:
         u = [(next(coordinates), next(coordinates)) for _ in space.left]
-        s, v = self.sine(self._sum(space.phases), space.phases)
+        s, v = self.sine(self.total_angle(space.phases), space.phases)
         real, imaginary = f"-{v}", s
         if any(space.rates):
-            e = self.let("e", f"expm1({self._sum(space.rates)})")
+            e = self.let("e", f"expm1({self.total_angle(space.rates)})")
             real = self.let("g", f"{e} * (1.0 - {v}) - {v}")
             imaginary = self.let("g", f"{s} + {e} * {s}")
         sheared = self.sheared(space, u)
@@ -242,54 +193,16 @@ class _Writer:
         self.kinds.append(_kind(space))
         if not any(space.rates):
             return [(c,) for c in sheared]
-        e = self.let("e", f"expm1({self._sum(space.rates)})")
+        e = self.let("e", f"expm1({self.total_angle(space.rates)})")
         moved = []
         for (a, _), c in zip(u, sheared, strict=True):
             extra = f" + ({c} + {e} * {c})" if c != "0.0" else ""
             moved.append((self.let("w", f"{e} * {a}{extra}"),))
         return moved
 
-    def sheared(self, space: Space, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-        """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
-        total: list[list[list[str]]] = [[[], []] for _ in u]
-        power = list(u)
-        for order, moving in enumerate(space.sheared_rows(), 1):
-            rows: list[list[list[tuple[str, str]]]] = [[[], []] for _ in u]
-            for n, shear in enumerate(space.shears):
-                for m, k, c in (entry for entry in shear if entry[0] in moving):
-                    for part, other, factor in self._products(c, order):
-                        if power[k][other] != "0.0":
-                            sign, code = self.numbers.times(factor, power[k][other], self.depends)
-                            rows[m][part].append(
-                                (sign, f"a{n + 1} * ({code})" if " " in code else f"a{n + 1} * {code}")
-                            )
-            power = [
-                (
-                    self.let("q", written_sum(row[0])) if row[0] else "0.0",
-                    self.let("q", written_sum(row[1])) if row[1] else "0.0",
-                )
-                for row in rows
-            ]
-            for sums, parts in zip(total, power, strict=True):
-                for terms, name in zip(sums, parts, strict=True):
-                    if name != "0.0":
-                        terms.append(name)
-        return [
-            (self.let("q", " + ".join(re)) if re else "0.0", self.let("q", " + ".join(im)) if im else "0.0")
-            for re, im in total
-        ]
-
-    @staticmethod
-    def _products(c: Any, order: int) -> list[tuple[int, int, mpmath.mpf]]:
-        """(part of the result, part of the factor, number) of c / order times a complex number."""
-        with mpmath.workdps(60):
-            re, im = mpmath.re(c) / order, mpmath.im(c) / order
-        found = [(0, 0, re), (1, 1, re), (0, 1, -im), (1, 0, im)]
-        return [(part, other, number) for part, other, number in found if number]
-
 
 def _kind(space: Space) -> str:
-    shear = "shear" if any(space.shears) else ""
+    shear = "shear" if any(space.shears) or space.near else ""
     kinds = {(True, True): "spiral", (True, False): "rotation", (False, True): "scaling", (False, False): ""}
     kind = kinds[space.is_complex, any(space.rates)]
     return " with ".join(part for part in (kind, shear) if part)

@@ -11,8 +11,11 @@ import sympy
 
 from .brackets import DIGITS, NOTHING, precise
 from .code import Formula, Numbers, written_sum
+from .eigenspaces import Inseparable
+from .forms import shortened
+from .keys import DefinitionError
 from .motion_code import Motion, motion
-from .spectrum import blocks
+from .spectrum import Block, blocks
 from .splitting import Flow, Functional, commute, form_text
 from .system import System
 
@@ -102,11 +105,20 @@ class _Generator:
         if key not in self.motions:
             depends = flow.varying
             before = len(self.numbers.constants)
-            found = blocks([self.bracket.field(f) for f, _ in moving])
+            found = self.blocks(flow, [f for f, _ in moving])
             made = motion(found, len(moving), self.numbers, depends)
             uses = len(self.numbers.constants) > before
             self.motions[key] = f"_motion{len(self.motions) + 1}", made, tuple(f for f, _ in moving), uses
         return key
+
+    def blocks(self, flow: Flow, functionals: Sequence[Functional]) -> list[Block]:
+        """What moves along the fields of some linear functions; DefinitionError if that cannot be told accurately."""
+        try:
+            return blocks([self.bracket.field(f) for f in functionals])
+        except Inseparable as error:
+            key = "noises" if flow in self.system.noises else "hamiltonian"
+            what = f"has no exact flow of full accuracy: '{shortened(self.world.name(flow.expression))}', {error}"
+            raise DefinitionError(f"{what}; change the parameters, or the units of the variables", key) from None
 
     def function(self, name: str, made: Motion, functionals: Sequence[Functional], uses: bool) -> list[str]:
         """A motion as a function of the angles a1, a2, ..."""

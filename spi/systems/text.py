@@ -27,7 +27,7 @@ FUNCTIONS = {
 _MOST = 10_000  # entries that one range may stand for
 _LARGEST = sympy.Float(sys.float_info.max)
 _DEEPEST = 50  # functions within functions; the recursions of SymPy end somewhere above 100
-_NAME = re.compile(r"[A-Za-z_]\w*")
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _RANGE = re.compile(r"\s*([A-Za-z_]\w*)\s*=\s*(.+?)\s*\.\.\s*(.+?)\s*$")
 
 
@@ -167,7 +167,7 @@ def names(text: str, algebra: Symbols) -> list[str]:
         for part in parts(body):
             word, parenthesis, rest = part.strip().partition("(")
             if not _NAME.fullmatch(word.strip()) or (parenthesis and not rest.endswith(")")):
-                raise NumberError(f"'{part.strip()}' is not a name")
+                raise NumberError(f"'{part.strip()}' is not a name; names have letters from a to z, digits and _")
             found.append(indexed(word.strip(), rest[:-1], inner) if parenthesis else word)
     return found
 

@@ -60,8 +60,10 @@ def test_an_experiment_by_name_is_what_the_command_line_computes():
     experiment = runs.load("rigid_body_strong", "quick", [f"{key}={value}" for key, value in TEXTS.items()])
     expected = spi.load(runs.run(experiment, "there"))
     found = spi.run("rigid_body_strong", **TINY)
-    assert found.path == Path("results/rigid_body_strong.h5") and found.path.is_file()
-    assert same(found, spi.load("rigid_body_strong")) and same(found, spi.load("rigid_body_strong", out="there"))
+    assert found.path.stem == experiment.results_name and found.path.is_file()
+    assert same(found, spi.load("rigid_body_strong", **TINY))
+    assert same(found, spi.load("rigid_body_strong", **TINY, results="there"))
+    assert messages(spi.load, "rigid_body_strong", out="there") == ["out: is now called results; write results='there'"]
     assert found.attributes["spec_hash"] == expected.attributes["spec_hash"]
     assert found.spec == expected.spec == experiment.text
     assert same(found, expected)
@@ -71,10 +73,11 @@ def test_an_experiment_by_name_is_what_the_command_line_computes():
     written = found.path.stat().st_mtime_ns
     assert same(spi.run("rigid_body_strong", **TINY), found)
     assert found.path.stat().st_mtime_ns == written  # nothing was computed again
-    with pytest.raises(spi.StorageError, match=r"results of another spec; use fresh=True .*out= for another folder"):
-        spi.run("rigid_body_strong", **TINY | {"seed": 5})
-    assert not same(spi.run("rigid_body_strong", **TINY | {"seed": 5}, name="other"), found)
-    assert Path("results/other.h5").is_file()
+    other = spi.run("rigid_body_strong", **TINY | {"seed": 5}, name="other")  # a file of its own
+    assert not same(other, found) and same(other, spi.load("other", **TINY | {"seed": 5}))
+    spi.run(SPEC, name="mine")
+    with pytest.raises(spi.StorageError, match=r"results of another spec, or .*; use fresh=True .*out= for another"):
+        spi.run(SPEC | {"seed": 5}, name="mine")
 
 
 SPEC = {
@@ -162,10 +165,10 @@ def test_an_experiment_of_another_kind():
     ]
     assert messages(spi.run, SPEC, out=None, as_="weak")[0].startswith("as_: is for experiments in files")
     assert messages(spi.run, "rigid_body_strong", as_="weak", sampels=3) == [
-        "rigid_body_strong_as_weak: sampels: is not a known key; did you mean 'samples'?"
+        "rigid_body_strong.weak: sampels: is not a known key; did you mean 'samples'?"
     ]
     made = experiment_of("rigid_body_strong", None, "laptop", {"samples": 7}, "weak")
-    assert (made.name, made.kind, made.samples) == ("rigid_body_strong_as_weak", "weak", (7,))
+    assert (made.name, made.kind, made.samples) == ("rigid_body_strong.weak", "weak", (7,))
     assert made.hash == load_as("weak", "rigid_body_strong", overrides=["samples=7"]).hash
 
 
@@ -334,7 +337,7 @@ light = sorted({"numpy", "numba", "matplotlib", "xarray", "pydantic"} & set(sys.
 offered = dir(spi)
 text = pydoc.plain(pydoc.render_doc(spi))
 def kernels():
-    return {str(file) for file in Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbc")}
+    return {str(file) for file in spi.kernels_folder().rglob("*.nbc")}
 before = kernels()
 y = spi.trajectory(%r, "splitting", **%r).y
 print(json.dumps([light, offered, text, sorted(kernels() - before), len(before) > 0, y.values.tolist()]))

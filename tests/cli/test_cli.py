@@ -20,6 +20,7 @@ from helpers import COMPILED, compiled_only
 
 from spi import __version__, cli
 from spi.kinds.strong import study as strong
+from spi.specs.naming import results_name
 
 EXPERIMENT = Path(__file__).parents[2] / "experiments" / "rigid_body_strong.yaml"
 SPI = Path(sys.executable).with_name("spi")
@@ -49,7 +50,8 @@ def spi(tmp_path, monkeypatch, capfd):
 
 
 SPEC = Path("experiments") / EXPERIMENT.name
-RESULTS = Path("results") / "rigid_body_strong.h5"
+OPTIONS = [TINY[n + 1] for n, word in enumerate(TINY) if word == "--set"]
+RESULTS = Path("results") / f"{results_name('rigid_body_strong', 'quick', OPTIONS)}.h5"
 
 
 def files():
@@ -139,9 +141,9 @@ def test_from_spec_to_figure(spi):
     assert list(rows[0])[:5] == ["case", "scheme", "h", "error", "error_stderr"]
     assert [float(r["error"]) for r in rows] == [r["error"] for r in records]
 
-    # Figures: all results, those of a file, those of a spec file, though it was run with overrides.
-    figures = [RESULTS.with_suffix(s) for s in (".pdf", ".png")]
-    for arguments in ((), (RESULTS,), (SPEC,)):
+    # Figures: all results, those of a file, those of a spec file or a name with the options of the run.
+    figures = [RESULTS.with_name(f"{RESULTS.stem}.{form}") for form in ("pdf", "png")]
+    for arguments in ((), (RESULTS,), (SPEC, *TINY), (SPEC.stem, *TINY)):
         code, out, err = spi("plot", *arguments)
         assert (code, out) == (0, "")
         assert err == "".join(f"wrote {f}\n" for f in figures)
@@ -157,23 +159,27 @@ def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
     assert spi("run", "a.yaml", "b.yaml", *TINY, "--samples", "2", "--out", "there")[0] == 0
     Path("there/sums").mkdir(exist_ok=True)
     Path("there/sums/a-0123.npz").write_bytes(b"whatever")
-    code, _, err = spi("plot", "--out", "there")
+    code, _, err = spi("plot", "--results", "there")
     assert code == 0
-    assert err.splitlines() == [f"wrote there/{name}.{kind}" for name in ("a", "b") for kind in ("pdf", "png")]
+    stems = [RESULTS.stem.replace(SPEC.stem, name) for name in ("a", "b")]
+    assert err.splitlines() == [f"wrote there/{stem}.{kind}" for stem in stems for kind in ("pdf", "png")]
+    for arguments in ((), ("a",), ("a.yaml",)):
+        moved = one_line(spi("plot", *arguments, "--out", "there"))
+        assert moved == "spi: --out is the folder of figures now; write --results there for the results there\n"
 
 
 def test_figures_go_where_out_says(spi):
     assert spi("run", SPEC, *TINY)[0] == 0
     assert spi("plot", RESULTS, "--out", "figures")[0] == 0
-    assert sorted(p.name for p in Path("figures").iterdir()) == ["rigid_body_strong.pdf", "rigid_body_strong.png"]
+    assert sorted(p.name for p in Path("figures").iterdir()) == [f"{RESULTS.stem}.{form}" for form in ("pdf", "png")]
     assert [p.name for p in Path("results").glob("*.*")] == [RESULTS.name]
 
 
 def test_short_options_are_what_set_says(spi):
     assert spi("run", SPEC, *TINY, "--seed", "2^40")[0] == 0
-    short = json.loads(spi("show", RESULTS, "--format", "json")[1])
+    short = json.loads(spi("show", SPEC.stem, *TINY, "--set", "seed=2^40", "--format", "json")[1])
     assert spi("run", SPEC, *TINY, "--set", "seed=2^40", "--threads", "1", "--out", "other")[0] == 0
-    long = json.loads(spi("show", Path("other") / RESULTS.name, "--format", "json")[1])
+    long = json.loads(spi("show", SPEC, *TINY, "--seed", "2^40", "--results", "other", "--format", "json")[1])
     assert [r["error"] for r in short] == [r["error"] for r in long]
 
 
@@ -261,7 +267,7 @@ def test_bad_overrides_are_refused_in_one_line(spi, arguments, needed):
         (("run", SPEC, "--threads", "0"), "--threads"),
         (("run", SPEC, "--threads", "many"), "--threads"),
         (("run", SPEC, "--threads", "100000"), "--threads"),
-        (("show",), "argument"),
+        (("show",), "--results"),
         (("show", RESULTS, "--format", "xml"), "--format"),
         (("plot", "--profile", "quick"), "--profile"),
     ],
@@ -291,20 +297,63 @@ def test_folders_that_cannot_be_written_are_refused(spi):
 
 def test_results_of_another_spec_are_refused(spi):
     assert spi("run", SPEC, *TINY)[0] == 0
-    before = files()
-    message = one_line(spi("run", SPEC, *TINY, "--seed", "77"))
-    assert f"{RESULTS}: holds results of another spec; use --fresh" in message
-    assert files() == before
-
     SPEC.write_text(SPEC.read_text(encoding="utf-8").replace("seed: 1", "seed: 78"), encoding="utf-8")
     before = files()
-    message = one_line(spi("plot", SPEC))
-    assert f"{RESULTS}: holds results of another spec than {SPEC}" in message
-    assert "run `spi run" in message or "; run" in message or "--fresh" in message
+    message = one_line(spi("run", SPEC, *TINY))
+    assert f"{RESULTS}: holds results of another spec, or of this one before it was edited; use --fresh" in message
+    message = one_line(spi("plot", SPEC, *TINY))
+    assert f"{RESULTS}: holds results of another spec than {SPEC}; run `spi run {SPEC} --profile quick" in message
     assert files() == before
 
     assert spi("run", SPEC, *TINY, "--fresh")[0] == 0
-    assert spi("plot", SPEC)[0] == 0
+    assert spi("plot", SPEC, *TINY)[0] == 0
+
+
+def test_runs_with_other_options_are_files_of_their_own(spi):
+    """Profile, seed, --set and --as do not collide, more samples go on in the same file, and show finds each."""
+    lines = SPEC.read_text(encoding="utf-8").split("expect:")[0].splitlines()
+    short = {"steps": "[2^-4, 2^-5]", "reference_step": "2^-7", "schemes": "[euler_maruyama]", "samples": 9}
+    kept = [line for line in lines if line.partition(":")[0] not in short]
+    profiles = ["profiles: {quick: {steps: [2^-3, 2^-4]}}"]
+    Path("body.yaml").write_text("\n".join([*kept, *(f"{k}: {v}" for k, v in short.items()), *profiles]))
+    every = {
+        "body": [],
+        "body.quick": ["--profile", "quick"],
+        "body.seed=2": ["--seed", "2"],
+        "body.quick.model.sigma=1,0,0": ["--profile", "quick", "--set", "model.sigma=[1, 0, 0]"],
+        "body.strong.seed=2": ["--as", "strong", "--set", "seed=2"],
+    }
+    tables = {}
+    for options in every.values():
+        code, tables[tuple(options)], err = spi("run", "body.yaml", *options)
+        assert code == 0, err
+    assert {path.stem for path in Path("results").glob("*.h5")} == set(every)
+    for options in every.values():
+        assert "already has the results" in spi("run", "body.yaml", *options)[2]
+        for called in ("body", "body.yaml"):
+            assert spi("show", called, *options)[1] == tables[tuple(options)]
+    assert spi("run", "body.yaml", "--samples", "20")[0] == 0
+    assert {row["samples"] for row in json.loads(spi("show", "body", "--format", "json")[1])} == {20}
+    assert {path.stem for path in Path("results").glob("*.h5")} == set(every)
+    assert spi("plot", "body", "--seed", "2")[0] == 0 and Path("results/body.seed=2.pdf").is_file()
+    assert spi("verify", "body", "--profile", "quick", "--chunks", "1")[0] == 0
+    assert spi("report", "body", "--profile", "quick")[0] == 0
+
+
+def test_show_lists_what_is_there(spi):
+    assert spi("run", SPEC, *TINY)[0] == 0
+    code, out, err = spi("show")
+    assert (code, err) == (0, "") and RESULTS.stem in out
+    assert re.search(r"    strong, 9 samples, 20\d\d-", out) and "--profile quick" in out
+    assert spi("show", RESULTS.stem) == spi("show", RESULTS)
+    missing = one_line(spi("show", SPEC.stem))
+    assert missing == (
+        "spi: results/rigid_body_strong.h5: no such file; `spi run rigid_body_strong` writes it; "
+        f"there is {RESULTS.stem}\n"
+    )
+    assert "is a file; leave out --profile quick" in one_line(spi("show", RESULTS, "--profile", "quick"))
+    RESULTS.write_bytes(b"damaged")
+    assert "not a whole HDF5 file" in spi("show")[2]
 
 
 def test_files_that_are_no_results_are_refused(spi):
@@ -315,8 +364,8 @@ def test_files_that_are_no_results_are_refused(spi):
         assert "notes.h5: not a whole HDF5 file" in one_line(spi(command, "notes.h5"))
         assert "experiments: " in one_line(spi(command, "experiments"))
     assert "no results here" in one_line(spi("plot"))
-    assert "no results here" in one_line(spi("plot", "--out", "nowhere"))
-    assert f"{RESULTS}: no such file; `spi run` writes one" in one_line(spi("plot", SPEC))
+    assert "no results here" in one_line(spi("plot", "--results", "nowhere"))
+    assert f"rigid_body_strong.h5: no such file; `spi run {SPEC}` writes it" in one_line(spi("plot", SPEC))
     assert files() == before
 
 
@@ -325,15 +374,15 @@ def test_figures_that_cannot_be_written_are_refused(spi):
     assert spi("run", SPEC, *TINY)[0] == 0
     Path("taken").write_text("mine")
     before = files()
-    code, out, err = spi("plot", SPEC, "--out", "taken")
+    code, out, err = spi("plot", RESULTS, "--out", "taken")
     assert (code, out) == (2, "")
     assert "taken" in err
     # the figure itself
-    RESULTS.with_suffix(".pdf").mkdir()
+    RESULTS.with_name(f"{RESULTS.stem}.pdf").mkdir()
     code, out, err = spi("plot")
     assert code in (1, 2)
     assert err.count("\n") == 1
-    assert "rigid_body_strong.pdf" in err
+    assert f"{RESULTS.stem}.pdf" in err
     assert files() == before
 
 
@@ -414,7 +463,8 @@ def test_a_terminal_shows_progress_and_a_stopped_run_goes_on(tmp_path):
 
     program = OnTerminal(arguments, tmp_path / "stdout")
     assert program.wait() == 0
-    assert {p for p in out.rglob("*") if p.is_file()} == {out / "rigid_body_strong.h5", checkpoint}
+    results = out / "rigid_body_strong.quick.schemes=euler_maruyama.h5"
+    assert {p for p in out.rglob("*") if p.is_file()} == {results, checkpoint}
     assert "Euler-Maruyama: order" in (tmp_path / "stdout").read_text()
     assert program.lines()[-1].startswith("results: ")
 
@@ -500,4 +550,4 @@ def test_all_experiments_of_a_command_are_run_before_a_failed_claim_ends_it(spi)
     other.write_bytes(SPEC.read_bytes())
     code, _, err = spi("run", SPEC, other, *TINY, *claiming("nonfinite: at least 1"))
     assert code == 4 and err.count("claims: 1 failed") == 2
-    assert RESULTS.exists() and RESULTS.with_name("other.h5").exists()
+    assert RESULTS.exists() and RESULTS.with_name(RESULTS.name.replace(SPEC.stem, "other")).exists()

@@ -41,7 +41,7 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and out.startswith("rigid_body_strong: valid")
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
-    assert refusal("check", "rigid_body_strong", "--as=weak", "--seed=x").startswith("spi: rigid_body_strong_as_weak: ")
+    assert refusal("check", "rigid_body_strong", "--as=weak", "--seed=x").startswith("spi: rigid_body_strong.weak: ")
     assert refusal("merge", "rigid_body_strong") == (
         f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
         "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
@@ -85,7 +85,7 @@ def test_stored_results_are_found_by_name():
     assert call("show", "mine")[0] == 0
     Path("mine").rmdir()
     storage.write("other/mine.h5", strong(strong_group("splitting", case_title="of the other folder")))
-    assert call("plot", "mine", "--out", "other")[0] == 0
+    assert call("plot", "mine", "--results", "other")[0] == 0
     assert sorted(path.name for path in Path("other").iterdir()) == ["mine.h5", "mine.pdf", "mine.png"]
     Path("mine").write_bytes(Path("results/mine.h5").read_bytes())  # a file of that name goes first
     Path("results/mine.h5").write_text("damaged")

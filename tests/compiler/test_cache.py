@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers import compiled_only
 from test_floors import PACKAGE, imports
 
 import spi
@@ -108,11 +109,38 @@ PLACE = """
 import json, os, pathlib, subprocess, sys
 import spi
 from spi.ensemble.loop import integrate as kernel
-path = getattr(getattr(kernel, "_cache", None), "cache_path", os.environ["NUMBA_CACHE_DIR"])
+path = getattr(getattr(kernel, "_cache", None), "cache_path", str(spi.kernels_folder()))
 child = [sys.executable, "-c", "import spi; print(spi.CACHE_PROBLEM)"]
 child = subprocess.run(child, capture_output=True, text=True, check=True).stdout.strip()
-print(json.dumps([spi.CACHE_PROBLEM, path, os.access(path, os.W_OK), child]))
+print(json.dumps([spi.CACHE_PROBLEM, path, os.access(pathlib.Path(path).parent, os.W_OK), child]))
 """
+
+
+SETTINGS = """
+import os, sys
+import numba
+before = dict(os.environ), numba.config.CACHE_DIR
+
+@numba.njit(cache=True)
+def theirs(x):
+    return x + 1
+
+import spi
+from spi.ensemble.loop import integrate
+assert (dict(os.environ), numba.config.CACHE_DIR) == before
+print(theirs._cache.cache_path, getattr(integrate, "_cache", theirs._cache).cache_path, sep="\\n")
+"""
+
+
+@compiled_only
+@pytest.mark.parametrize("name", ["NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES", "NEITHER"])
+def test_the_settings_of_numba_stay_those_of_the_program(tmp_path, name):
+    """Whatever they are, kernels of this package lie in its own folder, so that none is stale."""
+    (tmp_path / "program.py").write_text(SETTINGS)
+    value = "InTreeCacheLocator" if "CLASSES" in name else str(tmp_path / "numba")
+    theirs, ours = start(tmp_path / "cache", tmp_path, "program.py", **{name: value})[0].split()
+    assert Path(theirs).is_relative_to(tmp_path / ("numba" if "DIR" in name else "__pycache__"))
+    assert Path(ours).is_relative_to(tmp_path / "cache" / spi.KERNEL_DIGEST)
 
 
 def test_where_kernels_can_be_kept_nothing_is_said(tmp_path):
@@ -142,3 +170,26 @@ def test_a_run_says_in_one_line_that_kernels_cannot_be_kept(tmp_path, below):
     said = [line for line in err.splitlines() if "cannot be saved" in line]
     assert len(said) == (below != "cache")
     assert all(line.startswith(f"spi: {tmp_path / below}") for line in said)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and modes are those of POSIX")
+@pytest.mark.parametrize("of", ["", "modules", spi.KERNEL_DIGEST])
+@pytest.mark.parametrize("how", ["owner", "mode"])
+def test_a_cache_that_others_can_change_is_not_used(tmp_path, of, how):
+    """Compiled kernels and stored modules are run as they are found there."""
+    program = "import spi, os; print(spi.CACHE_PROBLEM); print(os.environ['SPI_CACHE_DIR'])"
+    cache = tmp_path / "cache"
+    assert start(cache, tmp_path, "-c", program)[0].splitlines() == ["None", str(cache)]
+    place = cache / of
+    assert place.stat().st_mode & 0o777 == 0o700
+    if how == "mode":
+        place.chmod(0o775)
+        said = "others can write to it and could have any code run here (chmod go-w)"
+    elif os.geteuid() == 0:
+        os.chown(place, 12345, -1)
+        said = "belongs to another user, who could have any code run here"
+    else:
+        pytest.skip("only the superuser gives files away")
+    problem, used = start(cache, tmp_path, "-c", program)[0].splitlines()
+    assert problem == f"{place}: {said}"
+    assert Path(used).name.startswith("spi-") and not Path(used).exists()

@@ -11,11 +11,9 @@ from scheme_cases import relative
 from weak_cases import case_of, results_of
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.areas import TOLERANCE, fourier_terms
 from spi.ensemble.protocol import area_pairs, noise_indices
 from spi.ensemble.scheme_protocol import REPORT, advance
 from spi.models import MODELS, RigidBody
-from spi.schemes import SCHEMES
 from spi.schemes.splitting import LIE_TROTTER, LIE_TROTTER_AREAS, splitting
 from spi.schemes.stages import compositions, flows
 from spi.schemes.sweeps import sweeps
@@ -121,21 +119,6 @@ def test_characteristic_function_of_an_increment_and_an_area(drawn):
         worst[terms] = max(deviations)
     assert worst[40] < 4
     assert worst[1] > 5  # negative control: one term is too few for the tail to look normal
-
-
-def test_number_of_terms():
-    """n with sqrt(m) h / (sqrt(12) pi n) <= TOLERANCE h^(3/2), the areas of finer steps counted together."""
-    areas, h = [SCHEMES["splitting_areas"].record], 2.0**-10
-
-    def bound(n, drawn, used):
-        return math.sqrt(used / drawn) * math.sqrt(3) * drawn / (math.sqrt(12) * math.pi * n)
-
-    for drawn in (h, h / 4):
-        n = fourier_terms(RIGID_BODY, areas, drawn, h)
-        assert bound(n, drawn, h) <= TOLERANCE * h**1.5 < bound(n - 1, drawn, h)
-    assert fourier_terms(RIGID_BODY, areas, 1.0) == 1
-    assert fourier_terms(RIGID_BODY, [SCHEMES["splitting"].record, None], h) == 0
-    assert fourier_terms(RIGID_BODY._replace(sigma=(1.0, None, None)), areas, h) == 0
 
 
 # --- the scheme ------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from helpers import printed
 from weak_results import LIMIT, H, by_differences, weak, weak_group
@@ -70,8 +71,8 @@ def test_printed_summary(results):
     assert (
         "standard error 1.0e-5 at 2^-3 in 4 s of processor time; 10^9 independent samples would give 4.7e-5\n" in text
     )
-    assert text.count("lacks h_ref/h = 25 % of the finest error (order 1); corrected") == 1
-    assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2); corrected" in text
+    assert text.count("lacks h_ref/h = 25 % of the finest error (order 1), which is added to all errors") == 1
+    assert "lacks (h_ref/h)^2 = 6.2 % of the finest error (order 2), which is added to all errors" in text
     assert "E square(y(T)) = 1.610000e-1 ± 1e-10 (bound)" in text and "    degree 40\n" in text
 
 
@@ -185,7 +186,8 @@ def test_differences():
     assert lines.count("    differences to splitting_order2: variance h^1.00 [0.90, 1.10]") == 2
     levels = "levels: mean h^1.00 [0.90, 1.10], variance h^2.00 [1.90, 2.10], cost h^-0.95; with antithetic paths"
     assert text.count(levels) == 2
-    assert "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2); corrected" in text
+    told = "lacks (h_ref/h)^2 = 6.2 % of the error of splitting_order2 at the finest step (order 2), which is added"
+    assert told in text
     for function in ("phi", "square"):
         name = f"splitting, multilevel, {function}"
         assert f"{name}: differences to splitting_order2" in text and f"{name} of splitting_order2: levels" in text
@@ -196,3 +198,21 @@ def test_differences():
     assert text.count("kurtosis 150 at 2^-5: the variance estimate is poor") == 1
     assert text.count("consistency 1.50 at 2^-3: the expectation is not that of its levels") == 1
     assert any(line.split()[:1] == ["2^-4"] and line.split()[-1] == "7" for line in text.splitlines())
+
+
+@pytest.mark.parametrize(("bend", "told"), [(0.0, False), (20.0, True)])
+def test_a_reference_whose_error_is_not_of_its_order_is_told(bend, told):
+    """Errors 0.5 h + bend h^2: what the smallest step makes of the reference's own error, and the next, differ."""
+    group = weak_group("splitting", "plain", functions=1, stderr=1e-6)
+    h, h_ref = H[-2:][::-1], 2.0**-10
+    errors = 0.5 * H + bend * H**2 - (0.5 * h_ref + bend * h_ref**2)  # against the reference
+    (own, by_next) = errors[:-3:-1] / (h / h_ref - 1)
+    signs = np.where(np.arange(64) % 2, 1.0, -1.0)[:, None, None]
+    without = errors + own + 1e-6 * signs * H**0 / 63**0.5
+    group.variables.update(
+        error=(("function", "h"), errors[None] + own), error_without=(("left_out", "function", "h"), without)
+    )
+    text = printed(weak(group._replace(coordinates={**group.coordinates, "left_out": np.arange(64)})))
+    line = f"the reference's own, {own:.1e} by the smallest step, is added; by the next step it is {by_next:.1e}, so"
+    assert ("errors are not yet C h: try a smaller reference_step" in text) is told
+    assert (line.replace("e-0", "e-") in text) is told

@@ -12,7 +12,7 @@ from weak_cases import (
     SYSTEMS,
     after_blocks,
     case_of,
-    extended,
+    completed,
     has_order,
     levels_plan_of,
     results_of,
@@ -104,15 +104,15 @@ def test_the_three_estimators_agree(system, scheme):
     case = case_of(*COARSE, "samples=131072", "seconds=0.3", system=system)
     in_plain, _ = results_of(case, scheme, "plain")
     levels, _ = results_of(case, scheme, "multilevel", levels_plan_of)
-    factor = np.array([extended(case, scheme, h) for h in case.steps])
     level_stderr = np.sqrt(levels["level_variance"] / levels["level_samples"])
 
     def largest_deviations(value, error):
-        differences, both = value[:, :-1] - value[:, -1:], error[:, :-1] + error[:, -1:]
+        errors = np.array(completed(case, scheme, (value[:, :-1] - value[:, -1:]).T)).T
+        both = error[:, :-1] + error[:, -1:]
         between = (value[:, :-1] - value[:, 1:])[:, ::-1]
         return [
-            deviations(in_plain["error"] * factor, in_plain["error_stderr"] * factor, differences, both),
-            deviations(levels["error"] * factor, levels["error_stderr"] * factor, differences, both),
+            deviations(in_plain["error"], in_plain["error_stderr"], errors, both),
+            deviations(levels["error"], levels["error_stderr"], errors, both),
             deviations(levels["level_mean"], level_stderr, between, both),
             deviations(in_plain["expectation"], in_plain["expectation_stderr"], value[:, :-1], error[:, :-1]),
             deviations(levels["expectation"], levels["expectation_stderr"], value[:, :-1], error[:, :-1]),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import COMPILED, LANES, compiled_only, final_states
-from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of
+from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of, shares_of_levels
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
 from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
@@ -81,14 +81,14 @@ def test_differences_are_what_plain_numpy_finds():
     assert attributes["samples"] == sum(blocks) * LANES
     assert found["difference_samples"].tolist() == [LANES * n for n in blocks[3:]]
     assert found["level_samples"].tolist() == [LANES * n for n in blocks[:2]]
+    shares = shares_of_levels(case, "splitting_order2")  # what the reference lacks is of order 2
     for f in range(len(FUNCTIONS)):
         for i, (h, (d, _)) in enumerate(zip(case.steps, differences, strict=True)):
             below = round(math.log2(h / case.reference_step))
-            factor = 1 / (1 - (case.reference_step / h) ** 2)  # what the reference of order 2 lacks
-            error = factor * sum(one[f].mean() for one in levels[:below]) + d[f].mean()
-            assert math.isclose(found["error"][f, i], error, rel_tol=1e-9)
-            spread = [factor**2 * one[f].var() / one[f].size for one in levels[:below]] + [d[f].var() / d[f].size]
-            assert abs(found["error_stderr"][f, i] / math.sqrt(sum(spread)) - 1) < 0.5
+            parts = [share * one[f] for share, one in zip(shares[i], levels, strict=True)] + [d[f]]
+            assert math.isclose(found["error"][f, i], sum(one.mean() for one in parts), rel_tol=1e-9)
+            spread = sum(one.var() / one.size for one in parts)
+            assert abs(found["error_stderr"][f, i] / math.sqrt(spread) - 1) < 0.5
             up = sum(one[f].mean() for one in levels[below:])
             assert math.isclose(found["expectation"][f, i], base[f].mean() - up + d[f].mean(), rel_tol=1e-9)
             centred = d[f] - d[f].mean()
@@ -119,10 +119,12 @@ def test_work_is_shared_out_so_that_all_errors_have_the_least_variance():
     variance, cost = generator.uniform(0.1, 1.0, (2, len(p.levels)))
     root, samples = p.least_work(variance, cost)
     used = np.arange(len(p.levels)) != p.base
+    shares = np.ones(len(p.levels))
+    shares[: p.base] = shares_of_levels(p.case, "splitting_order2")[0]
 
     def largest(n):
         """The variance of the error at the largest step, of which that at others is a part, and of each difference."""
-        each = np.where(used, variance / n, 0.0)
+        each = np.where(used, shares**2 * variance / n, 0.0)
         return each[: p.base].sum() + each[p.base + 1 :].max()
 
     assert math.isclose(samples[used] @ cost[used], root, rel_tol=1e-12)

@@ -10,10 +10,10 @@ from weak_cases import (
     FUNCTIONS,
     after_blocks,
     case_of,
-    extended,
     levels_after,
     levels_plan_of,
     plan_of,
+    shares_of_levels,
     stderr_by_hand,
 )
 
@@ -73,6 +73,7 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
     assert attributes["samples"] == sum(blocks) * LANES
     assert list(coordinates["level"]) == [case.reference_step * 2**j for j in range(1, len(blocks))]
     assert found["level_samples"].tolist() == [LANES * n for n in blocks[:-1]]
+    shares = shares_of_levels(case, scheme)
     for f in range(len(FUNCTIONS)):
         for j, d in enumerate(differences):
             centred = d[f] - d[f].mean()
@@ -82,7 +83,7 @@ def test_multilevel_is_what_plain_numpy_finds(scheme):
             assert math.isclose(found["level_kurtosis"][f, j], kurtosis, rel_tol=1e-7)
         for i, h in enumerate(case.steps):
             below = round(math.log2(h / case.reference_step))
-            of_level = [d[f] / extended(case, scheme, h) for d in differences[:below]]
+            of_level = [share * d[f] for share, d in zip(shares[i], differences, strict=True)]
             error = sum(d.mean() for d in of_level)
             assert math.isclose(found["error"][f, i], error, rel_tol=1e-9)
             textbook = math.sqrt(sum(d.var() / d.size for d in of_level))
@@ -114,10 +115,9 @@ def test_standard_errors_of_multilevel_leave_out_groups():
     found = p.results(after_blocks(p, blocks)).group().arrays["error_stderr"]
     assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
     levels, *_ = levels_by_hand(case, "splitting", blocks)
-    for i, h in enumerate(case.steps):
-        below = round(math.log2(h / case.reference_step))
+    for i, shares in enumerate(shares_of_levels(case, "splitting")):
         for f in range(len(FUNCTIONS)):
-            sums = sum(d[f] for d, _ in levels[:below]) / extended(case, "splitting", h)
+            sums = sum(share * d[f] for share, (d, _) in zip(shares, levels, strict=True))
             assert math.isclose(error[f, i], sums.mean(), rel_tol=1e-9)
             assert math.isclose(found[f, i], stderr_by_hand(sums), rel_tol=1e-8)
 
@@ -148,7 +148,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
     case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "seconds=null", wish)
     p = levels_plan_of(case, scheme)
     pilot = levels_after(p, 2 * ROUND)
-    variance = pilot.moments().variance.max(axis=1)[:-1]
+    variance = pilot.moments().variance.max(axis=1)[:-1] * shares_of_levels(case, scheme)[0] ** 2
     cost = np.array([level.steps for level in p.levels])[:-1]
     for share in (0.5, 1.0):
         blocks = p.allocation(pilot, share)
@@ -173,7 +173,7 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
         assert 0.5 * 0.8 < spent < 0.5 * 1.1 + pilot_work + rounding
     else:
         # the jackknife over 64 groups knows a standard error to 9 %
-        assert 0.7 * 0.0005 < stderr * extended(case, scheme, case.steps[0]) < 1.3 * 0.0005
+        assert 0.7 * 0.0005 < stderr < 1.3 * 0.0005
     history = found["history_error_stderr"][:, :, 0].max(axis=1)
     assert history[-1] == stderr
     assert np.all(np.diff(history[:-1]) < 0)

@@ -68,4 +68,9 @@ def test_an_installed_wheel_works_in_an_empty_folder(wheel, tmp_path):
     assert spi("run", "lotka_volterra_positivity", *short).startswith("Positivity")
     assert spi("check", "top.yaml", "mine.yaml", "rigid_body_strong").count(": valid") == 3
     here = {path.relative_to(empty).as_posix() for path in empty.rglob("*.*") if "sums" not in path.parts}
-    assert here == {"top.yaml", "mine.yaml", "systems/heavy_top.yaml", "results/lotka_volterra_positivity.h5"}
+    assert here == {
+        "top.yaml",
+        "mine.yaml",
+        "systems/heavy_top.yaml",
+        "results/lotka_volterra_positivity.final_time=0.5.h5",
+    }

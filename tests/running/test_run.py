@@ -11,11 +11,13 @@ import pytest
 import xarray
 from helpers import COMPILED, compiled_only
 
-from spi import storage
+from spi import NUMBERS_DIGEST, __version__, storage
 from spi.ensemble import loop
 from spi.kinds.strong import study as strong
 from spi.numerics.rng import LANES, STREAM_VERSION
+from spi.running import checkpoint as checkpoints
 from spi.running import run as runner
+from spi.running.finding import Wanted
 from spi.running.run import Limits, Watch, load
 from spi.storage import StorageError
 
@@ -82,7 +84,7 @@ def test_a_run_writes_a_complete_file(tmp_path):
     wanted = experiment("samples=70")
     reports = Reports()
     path = runner.run(wanted, tmp_path / "new" / "folder", watch=Watch(report=reports))
-    assert path == tmp_path / "new" / "folder" / "rigid_body_strong.h5"
+    assert path == tmp_path / "new" / "folder" / f"{wanted.results_name}.h5"
     sums = runner.sums_path(wanted, path.parent)
     assert set(path.parent.rglob("*")) == {path, sums.parent, sums}
     attributes = storage.read(path).attributes
@@ -148,23 +150,73 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(tmp_path):
 # --- results that are there already ----------------------------------------------------------------------------------
 
 
+def edited(tmp_path, seed):
+    """The experiment with samples=5 in a file of its own, with another seed."""
+    spec = tmp_path / EXPERIMENT.name
+    spec.write_text(EXPERIMENT.read_text(encoding="utf-8").replace("seed: 1", f"seed: {seed}"), encoding="utf-8")
+    found = load(spec, "quick", [f"schemes=[{', '.join(SCHEMES)}]", *SIZES, "samples=5"])
+    spec.unlink()
+    return found
+
+
 def test_results_of_another_spec_are_kept_unless_fresh(tmp_path):
     path = runner.run(experiment("samples=5"), tmp_path)
-    before, reports = path.read_bytes(), Reports()
+    before, reports, other = path.read_bytes(), Reports(), edited(tmp_path, 2)
     with pytest.raises(StorageError, match=r"another spec.*--fresh") as caught:
-        runner.run(experiment("samples=5", "seed=2"), tmp_path, watch=Watch(report=reports))
+        runner.run(other, tmp_path, watch=Watch(report=reports))
     assert "\n" not in str(caught.value)
     assert str(path) in str(caught.value)
     assert not reports  # told before anything is computed
     assert path.read_bytes() == before
     kept = runner.sums_path(experiment("samples=5"), tmp_path)
     assert files(tmp_path) == {path, kept}
-    assert runner.run(experiment("samples=5", "seed=2"), tmp_path, fresh=True) == path
+    assert runner.run(other, tmp_path, fresh=True) == path
     assert {g.attributes["seed"] for g in storage.read(path).groups} == {2}
     assert files(tmp_path) == {
         path,
-        runner.sums_path(experiment("samples=5", "seed=2"), tmp_path),
+        runner.sums_path(other, tmp_path),
     }
+
+
+@pytest.fixture
+def other_sources(monkeypatch):
+    """other_sources("0123") makes this program that of other sources."""
+
+    def change(digest):
+        for module in (runner, checkpoints):
+            monkeypatch.setattr(module, "NUMBERS_DIGEST", digest)
+
+    return change
+
+
+def test_what_other_sources_computed_is_kept(tmp_path, small_batches, other_sources):
+    """Unfinished sums, with which the sources go on that began them, and results, which --fresh replaces."""
+    wanted = experiment(f"samples={MANY}", schemes=SCHEMES[:1])
+    with pytest.raises(runner.Stopped):
+        runner.run(wanted, tmp_path, watch=Watch(report=Reports(SCHEMES[0], 1)))
+    (sums,) = files(tmp_path)
+    before, own, news = sums.read_bytes(), runner.run(wanted, tmp_path.with_name("own")), []
+
+    other_sources("0123456789abcdef")
+    with pytest.raises(runner.Stopped):
+        runner.run(wanted, tmp_path, watch=Watch(report=(reports := Reports(SCHEMES[0], 1)), tell=news.append))
+    assert reports.done(SCHEMES[0])[0] == 0 and sums.read_bytes() == before
+    kept = f"{sums} has sums over these paths that other sources of spi computed (spi {__version__}, digest "
+    assert [one for one in news if one.startswith(kept) and "they are kept" in one]
+
+    other_sources(NUMBERS_DIGEST)
+    path = runner.run(wanted, tmp_path, watch=Watch(report=(reports := Reports())))
+    assert reports.done(SCHEMES[0])[0] > 0 and numbers(path) == numbers(own)
+    results = path.read_bytes()
+
+    other_sources("0123456789abcdef")
+    assert runner.run(wanted, tmp_path, watch=Watch(tell=news.append)) == path
+    assert "already has the results of this spec, which other sources of spi computed" in news[-1]
+    with pytest.raises(StorageError, match=r"other sources of spi computed .* they are kept: use --fresh"):
+        runner.run(experiment(f"samples={MANY + 1}", schemes=SCHEMES[:1]), tmp_path)
+    assert path.read_bytes() == results and sums.exists()
+    runner.run(wanted, tmp_path, fresh=True)
+    assert storage.read(path).attributes["source_digest"] == "0123456789abcdef" and not sums.exists()
 
 
 def test_a_finished_spec_computes_nothing(tmp_path):
@@ -195,7 +247,7 @@ def test_a_new_title_needs_no_new_paths(tmp_path):
 
 
 def test_a_file_that_is_no_results_file_is_not_touched(tmp_path):
-    path = tmp_path / "rigid_body_strong.h5"
+    path = runner.results_path(experiment("samples=5"), tmp_path)
     path.write_text("somebody's notes")
     with pytest.raises(StorageError, match="not a whole HDF5 file"):
         runner.run(experiment("samples=5"), tmp_path)
@@ -205,14 +257,20 @@ def test_a_file_that_is_no_results_file_is_not_touched(tmp_path):
 def test_results_of_a_spec_file(tmp_path):
     spec = tmp_path / "mine.yaml"
     spec.write_text(EXPERIMENT.read_text(encoding="utf-8"), encoding="utf-8")
-    with pytest.raises(StorageError, match="no such file"):
+    with pytest.raises(StorageError, match="no such file; `spi run"):
         runner.results_of(spec, tmp_path)
     overrides = ["schemes=[splitting]", "samples=5", *SIZES]
     path = runner.run(load(spec, "quick", overrides), tmp_path)
-    assert runner.results_of(spec, tmp_path) == path
-    spec.write_text(spec.read_text(encoding="utf-8").replace("seed: 1", "seed: 2"), encoding="utf-8")
-    with pytest.raises(StorageError, match="another spec"):
+    wanted = Wanted("quick", (*overrides, "samples=7"))  # a number of samples chooses nothing
+    assert runner.results_of(spec, tmp_path, wanted) == path
+    with pytest.raises(StorageError, match=r"mine.h5: no such file; .*; there is mine.quick"):
         runner.results_of(spec, tmp_path)
+    text = spec.read_text(encoding="utf-8")
+    spec.write_text(text.replace("title: Strong errors", "title: Other words"), encoding="utf-8")
+    assert runner.results_of(spec, tmp_path, wanted) == path
+    spec.write_text(text.replace("seed: 1", "seed: 2"), encoding="utf-8")
+    with pytest.raises(StorageError, match="another spec"):
+        runner.results_of(spec, tmp_path, wanted)
 
 
 # --- interruption ----------------------------------------------------------------------------------------------------
@@ -249,8 +307,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, un
 def test_a_run_that_is_killed_goes_on_from_its_last_checkpoint(tmp_path, small_batches, monkeypatch, uninterrupted):
     """SIGKILL, a crash: nothing can be saved any more, but checkpoints were written now and then."""
     monkeypatch.setattr("spi.running.checkpoint._SHARE", 1e9)
-    killed, wanted = Reports("splitting", 2, error=MemoryError), experiment(f"samples={MANY}")
-    with pytest.raises(MemoryError):
+    killed, wanted = Reports("splitting", 2, error=SystemExit), experiment(f"samples={MANY}")
+    with pytest.raises(SystemExit):
         runner.run(wanted, tmp_path, watch=Watch(report=killed), limits=Limits(checkpoint_seconds=0.0))
     second = Reports()
     path = runner.run(wanted, tmp_path, watch=Watch(report=second))

@@ -165,6 +165,8 @@ RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
             "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
         ),
         ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
+        ("[drift 0, drift 1, noise 1]", "entry 1 is 'drift 0', which does nothing; leave it out"),
+        ("[drift 1, noise 1, drift 1 - 1 backwards]", "entry 3 is '.*', which does nothing; leave it out"),
         ("[noise 1/2, drift 1]", "is not a whole step; the fractions of the noise add up to 0.5 and not to 1"),
         (
             "[noise 1, drift 1, drift -1/2]",

@@ -231,18 +231,19 @@ def test_damaged_group(tmp_path):
 def finished_with(path, **attributes):
     """Write results of the spec "abc" with paths "p", 70 of them in one case and 5 in another."""
     identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5), "overrides": (), "spec": "x: σ\n"}
+    identity["source_digest"] = "now"
     storage.write(path, Results({**identity, "kind": "strong", "complete": True, **attributes}, (group(),)))
     return identity
 
 
 def test_results_of_another_spec_are_not_replaced(tmp_path):
     path = tmp_path / "r.h5"
-    identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5)}
+    identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5), "source_digest": "now"}
     storage.check_replaceable(path, identity)
-    assert storage.replaced_hash(path) is None
+    assert storage.spec_and_sources(path) is None
     finished_with(path)
     storage.check_replaceable(path, identity)
-    assert storage.replaced_hash(path) == "abc"
+    assert storage.spec_and_sources(path) == ("abc", "now")
     text = message(storage.check_replaceable, path, {**identity, "spec_hash": "other", "paths_hash": "q"})
     assert "another spec" in text and "--fresh" in text and "--out" in text and str(path) in text
     more = {**identity, "spec_hash": "other"}
@@ -251,20 +252,23 @@ def test_results_of_another_spec_are_not_replaced(tmp_path):
     for fewer in ((69, 5), (700, 4)):
         text = message(storage.check_replaceable, path, {**more, "samples": fewer})
         assert "more samples" in text and "--fresh" in text and "--out" in text and str(path) in text
+    text = message(storage.check_replaceable, path, {**identity, "source_digest": "later"})
+    assert "other sources of spi computed (digest now); they are kept: use --fresh" in text and "--out" in text
     path.write_bytes(b"no results")
     assert "not a whole HDF5 file" in message(storage.check_replaceable, path, identity)
-    assert storage.replaced_hash(path) is None
+    assert storage.spec_and_sources(path) is None
 
 
 def test_results_are_finished_if_everything_is_the_same(tmp_path):
     path = tmp_path / "r.h5"
-    assert not storage.is_finished(path, {"spec_hash": "abc"})
+    assert storage.finished(path, {"spec_hash": "abc"}) is None
     identity = finished_with(path)
-    assert storage.is_finished(path, identity)
-    for other in ({"spec": "x: 2\n"}, {"samples": (70, 6)}, {"overrides": ("seed=2",)}, {"source_digest": "later"}):
-        assert not storage.is_finished(path, {**identity, **other})
+    for sources in ("now", "later"):
+        assert storage.finished(path, {**identity, "source_digest": sources})["source_digest"] == "now"
+    for other in ({"spec": "x: 2\n"}, {"samples": (70, 6)}, {"overrides": ("seed=2",)}):
+        assert storage.finished(path, {**identity, **other}) is None
     finished_with(path, complete=False)
-    assert not storage.is_finished(path, identity)
+    assert storage.finished(path, identity) is None
 
 
 #: What a part may tell of itself.

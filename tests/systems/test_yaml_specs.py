@@ -63,7 +63,14 @@ noises:
             "{a: 0}",
             "4: model.parameters.a: makes the Hamiltonian infinite, 'a' is 0; take another value",
         ),
-        (SPEC, "{a: 3}", "{c: y}", "4: model.parameters.c: is 'y' (unknown word 'y'"),
+        (SPEC, "{a: 3}", "{a: y}", "4: model.parameters.a: is 'y' (unknown word 'y'"),
+        (
+            SPEC,
+            "{a: 3}",
+            "{aa: 9}",
+            "4: model.parameters.aa: is no parameter of the system, and no formula names it; did you mean 'a'?",
+        ),
+        (SPEC, "{a: 3}", "{a: 3}\n  sizes: {n: 3}", "5: model.sizes.n: is no size of the system"),
         (SPEC, "top.yaml", "topp.yaml", "3: model.system: is 'topp.yaml', and there is no file topp.yaml; did you"),
         (SPEC, "{a: 3}", "{a: 3}\n  noise: [y1]", "5: model.noise: is not a known key; did you mean 'noises'?"),
         (SPEC, "{a: 3}", "{a: 3}\n  name: 2top", "5: model.name: is '2top'; must be a word of letters"),
@@ -92,6 +99,46 @@ def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
     assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
 
 
+FINITE = "near the initial state the formulas must be finite"
+LOG, ROOT = "log(1 - y3) + y1^2", "sqrt(y3 + y1 - 5) + b*y2^2"
+
+
+@pytest.mark.parametrize(
+    ("formula", "noise", "state", "wrong"),
+    [
+        (LOG, "y1", "0.6, 0, 0.8]", None),
+        (LOG, "y1", "0.001, 0, 0.99999]", None),
+        (LOG, "y1", "0, 0, 1]", FINITE),
+        (ROOT, "y3", "5, 0, 5]", None),
+        (ROOT, "y3", "2, 0, 2]", FINITE),
+        (LOG, "sqrt(y2 - 9)", "0.6, 0, 0.8]", f"noise_gradient, k = 1, is not finite at y = .*; {FINITE}"),
+        ("abs(y1) + y2^2", "y1", "0, 0, 5]", None),
+    ],
+)
+def test_formulas_are_judged_on_the_surface_of_the_initial_state(spec, tmp_path, formula, noise, state, wrong):
+    """There y3 <= 1 and y1 + y3 > 5; elsewhere the formulas need not be defined."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("y1^2/a + b*y2^2", formula).replace("\n  - y3", f"\n  - {noise}"))
+    text = SPEC.replace("1, 0.5, 0.2]", state)
+    if wrong is None:
+        assert spec(text).cases[0].model.a == 3.0
+    else:
+        with pytest.raises(SpecError, match=wrong):
+            spec(text)
+
+
+def test_what_passed_with_other_numbers_is_checked_again(spec, tmp_path):
+    """The class is the same: whether a spec is right does not depend on which ones were read before."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", f"b*log(a - y3)*{time.time_ns()}"))
+    text = SPEC.replace("1, 0.5, 0.2]", "0.6, 0, 0.8]")
+    right, wrong = text, text.replace("{a: 3}", "{a: 1/2}")
+    for _ in range(2):
+        spec(right)
+        with pytest.raises(SpecError, match=FINITE):
+            spec(wrong)
+        with pytest.raises(SpecError, match=FINITE):
+            spec(right.replace("0.6, 0, 0.8]", "0, 0, 3]"))
+
+
 @pytest.mark.parametrize("stem", ["class", "2d", "my-top", "None", "_x"])
 def test_a_file_may_be_called_anything(spec, tmp_path, stem):
     (tmp_path / f"{stem}.yaml").write_text(FILE)
@@ -113,6 +160,46 @@ def test_the_spec_overrides_the_file(top):
     found = top(overrides=["model.parameters.b=7", "model.noises=[y1]"]).cases[0].model
     assert (found.a, found.b, type(found).noises) == (3.0, 7.0, 1)
     assert top("{a: 3}", "{a: 3}\n  name: spinning").cases[0].model_name == "spinning"
+
+
+MISSPELT = "is no parameter of the system, and no formula names it; did you mean 'weight'?"
+
+
+@pytest.mark.parametrize(
+    ("more", "options", "place"),
+    [
+        ("", {"overrides": ["model.parameters.wieght=9"]}, "s.yaml: --set model.parameters.wieght: "),
+        ("cases: [{name: one, model: {parameters: {wieght: 9}}}]\n", {}, "s.yaml:11: cases.model.parameters.wieght: "),
+        ("profiles: {quick: {model: {parameters: {wieght: 9}}}}\n", {}, "s.yaml:11: profiles.quick.model.parameters"),
+        ("cases: [{name: x, model: {parameters: {wieght: s}}}]\n", {}, "s.yaml:11: cases.model.parameters"),
+    ],
+)
+def test_a_misspelt_parameter_of_a_layer_is_told(spec, more, options, place):
+    """Also where the system stands in the spec itself."""
+    text = """\
+kind: stability
+model: {algebra: so(3), parameters: {weight: 1}, hamiltonian: weight*y3^2, noises: [y1]}
+initial: [1, 0.5, s]
+sweep: {s: [0.1, 0.2]}
+final_time: 1
+steps: [1/4]
+reference_step: 1/8
+samples: 100
+schemes: [splitting]
+panels: [casimir]
+"""
+    with pytest.raises(SpecError) as error:
+        spec(text + more, **options)
+    assert str(error.value).startswith(place) and str(error.value).endswith(MISSPELT)
+    spec(text)
+    spec(text + more.replace("wieght", "weight"), **(options and {"overrides": ["model.parameters.weight=9"]}))
+
+
+def test_a_layer_may_bring_parameters_for_its_own_formulas(top):
+    model = top("{a: 3}", "{c: 3, d: c/2}\n  hamiltonian: d*y1^2").cases[0].model
+    assert (model.c, model.d, model.a) == (3.0, 1.5, 2.0)
+    model = top(overrides=["model.parameters.c=4", "model.noises=[c*y1]"]).cases[0].model
+    assert model.c == 4.0
 
 
 def test_other_values_need_no_other_kernel(top):

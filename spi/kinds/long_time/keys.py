@@ -46,7 +46,7 @@ class Case(BaseCase):
             nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
             raise wrong(f"is {self.step_count}", nearest, "step_count")
         check_once(self.steps, "steps")
-        check_schemes(self, self.schemes, max(self.steps), "steps")
+        check_schemes(self, self.schemes, self.steps, "steps")
         if any(self.row(name).multiscale for name in self.schemes):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})

@@ -63,7 +63,7 @@ class Case(BaseCase):
     def _check_step(self) -> Self:
         check_count(self.final_time, self.step, "step")
         check_multiple(self.final_time, self.step, "step", "is")
-        check_schemes(self, self.schemes, self.step, "step")
+        check_schemes(self, self.schemes, [self.step], "step")
         return self
 
     @condition("every", "step")

@@ -1,9 +1,12 @@
-"""What the readings of one case tell together: sampled errors beside deterministic ones, and the largest over eps."""
+"""What readings tell beside their errors: how far those of a case agree, the largest over eps, the reference's own."""
 
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from spi.printing.sentences import joined
+from spi.printing.text import short
 
 from .results import WeakErrors
 
@@ -37,6 +40,59 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
                 found.deviation[f, i] = (reading.error[f, i] - exact.error[at]) / spread
                 found.share[f, i] = stderr / np.abs(exact.error[at])
     return found
+
+
+class OwnError(NamedTuple):
+    """The reference's own error, which all errors of a reading contain; arrays (F,)."""
+
+    value: np.ndarray  #: C h_ref^p by the smallest step, as it was added
+    by_next: np.ndarray  #: by the step after it, as if that were the smallest
+    differ: np.ndarray  #: whether the two differ, and by more than some of the standard errors
+
+
+def own_error(reading: WeakErrors) -> OwnError | None:
+    """The reference's own error by the two smallest steps; None where it was not added, or there is one step only.
+
+    Where errors are C h^p + D h^q there, 2^q >= 2, and the steps differ by a factor of 2, what was added is off by at
+    most about as much as the two differ.
+    """
+    from spi.statistics.estimators import PARTS, is_resolved, jackknife_stderr  # takes a while
+
+    sampled, order = reading.sampled, reading.expected_order
+    if sampled is None or sampled.error_without is None or not order or len(reading.h) < 2:
+        return None
+    if reading.reference_scheme or reading.differences:
+        return None
+    without = sampled.error_without
+    share = (reading.reference_step / reading.h[:-3:-1]) ** order  # of the two smallest steps, the smallest first
+
+    def by_both(errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        added = errors[..., -1] * share[0]
+        return added, (errors[..., -2] - added) * share[1] / (1.0 - share[1])
+
+    value, by_next = by_both(reading.error)
+    off, off_without = value - by_next, np.subtract(*by_both(without))
+    clear = is_resolved(np.abs(off), jackknife_stderr(off, off_without, np.full(len(without), PARTS)))
+    return OwnError(value, by_next, clear & (np.abs(off) > sampled.error_stderr.min(axis=-1)))
+
+
+def cannot_do(estimators: str, schemes: Sequence[str]) -> str:
+    """That there are no results of some schemes."""
+    return f"{estimators} cannot do {joined(schemes)}: there are no such results"
+
+
+def not_reached(reading: WeakErrors) -> str:
+    """That numerical errors are larger than was asked for; empty if they are not, or if nothing was asked for."""
+    known: dict[str, float] = {}
+    if reading.unsampled:
+        bounds = {"errors": reading.unsampled.error_bound, "expectations": reading.unsampled.expectation_bound}
+        known |= {name: float(bound.max()) for name, bound in bounds.items()}
+    if reading.levels and reading.levels.control:
+        known["expectations of the control"] = reading.levels.control_bound
+    if reading.accuracy is None:
+        return ""
+    poor = [f"{name} are known to {short(bound)}" for name, bound in known.items() if not bound <= reading.accuracy]
+    return f"accuracy {short(reading.accuracy, 'g')} is not reached: {joined(poor)}" if poor else ""
 
 
 def sweeps(readings: Iterable[WeakErrors]) -> dict[tuple[str, str], list[WeakErrors]]:

@@ -1,7 +1,7 @@
 """The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from spi.schemes import has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
 from spi.statistics.richardson import Extrapolation
 
+from ..estimators import left_out
 from ..results import WeakErrors
 
 
@@ -32,6 +33,17 @@ class WeakPlan(PartPlan):
         return np.array(self.case.steps)[self.extrapolation.chosen]
 
     @property
+    def by_level(self) -> tuple[Self, ...]:
+        """The plan as that of each level of extrapolation, fewest first: so sums over the same paths have them."""
+        return tuple(sorted(self.each, key=lambda one: one.part.extrapolate))
+
+    @property
+    def own_steps(self) -> slice:
+        """Where the steps of the results stand among those of :attr:`by_level`, one after the other."""
+        before = sum(len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
+        return slice(before, before + len(self.h))
+
+    @property
     def expected_order(self) -> float | None:
         """The weak order of the scheme, after extrapolation; None where theory says nothing."""
         if not self.part.extrapolate:
@@ -40,14 +52,24 @@ class WeakPlan(PartPlan):
         return exponents[-1] if exponents else None
 
     @property
-    def extension(self) -> np.ndarray:
-        """(S,) by how much to multiply E phi(y_h) - E phi(y_ref), which is (1 - (h_ref/h)^p) C h^p, to have C h^p.
+    def reference_share(self) -> float:
+        """e(h_ref) / (E phi(y_h) - E phi(y_ref)) at the smallest step h, where errors are e(h) = C h^p.
 
-        With extrapolation both are extrapolated, and p is the order that they have then.  1 where the reference is
-        another scheme, whose own error is not of this form, or where theory states no order p.
+        That is 1 / ((h/h_ref)^p - 1).  With extrapolation both are extrapolated, and p is the order that they have
+        then.  0 where the reference is another scheme, whose own error is not of this form, or where theory states no
+        order p.
         """
         order = None if self.case.reference_scheme else self.expected_order
-        return 1.0 / (1.0 - (self.case.reference_step / self.h) ** order) if order else np.ones_like(self.h)
+        return 1.0 / ((self.h[-1] / self.case.reference_step) ** order - 1.0) if order else 0.0
+
+    def completed(self, differences: np.ndarray) -> np.ndarray:
+        """The errors (..., S) from differences E phi(y_h) - E phi(y_ref), which lack the reference's own error.
+
+        That is **one** number for all steps, C h_ref^p, with C from the smallest step alone, since at large steps
+        errors need not be C h^p.  Leave-one-out values are completed alike, so that standard errors know of it.
+        """
+        share = self.reference_share
+        return differences + share * differences[..., -1:] if share else differences
 
     def weak_errors(self, seconds: float, **estimated: Any) -> WeakErrors:
         """What the estimator estimated, and what all estimators state of a case; `seconds` is the wall-clock time."""
@@ -61,6 +83,7 @@ class WeakPlan(PartPlan):
             reference_step=case.reference_step,
             reference_scheme=case.reference_scheme,
             panels=case.panels or ("errors",),
+            left_out=left_out(case, self.part.estimator),
             wall_seconds=seconds,
             threads=thread_count(),
             **estimated,

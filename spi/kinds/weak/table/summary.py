@@ -9,7 +9,7 @@ import numpy as np
 
 from spi.printing.text import fraction, order_found, power_of_two, readable, short, with_interval
 
-from ..comparisons import agreement
+from ..comparisons import agreement, cannot_do, not_reached, own_error
 from ..results import Sampled, WeakErrors
 from .eps import limits_shown, over_eps
 from .levels import difference_warnings, level_warnings
@@ -27,6 +27,9 @@ def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
     yield from over_eps(readings)
     yield from _references(readings)
     yield from limits_shown(readings)
+    for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
+        if schemes:
+            yield cannot_do(estimator, schemes)
 
 
 def name_of(reading: WeakErrors, f: int) -> str:
@@ -37,13 +40,15 @@ def name_of(reading: WeakErrors, f: int) -> str:
 
 def _summary(reading: WeakErrors) -> Iterator[str]:
     """What is to be said about all step sizes of one scheme with one estimator."""
-    points = len(reading.h)
+    points, own = len(reading.h), own_error(reading)
     for f, function in enumerate(reading.functions):
         order, low, high, used = reading.orders[f]
         through = f", through {used} of {points} step sizes" if math.isfinite(order) and used < points else ""
         yield f"{name_of(reading, f)}: {order_found(order, low, high, reading.expected_order)}{through}"
         if reading.sampled:
             yield f"    {_accuracy(reading, reading.sampled, f)}"
+        if own and own.differ[f]:
+            yield f"    {_assumed(reading, float(own.value[f]), float(own.by_next[f]))}"
         if reading.unsampled:
             limit, bound = (values[f].item() for values in (reading.unsampled.limit, reading.unsampled.limit_bound))
             yield f"    E {function}(y(T)) = {with_interval(limit, bound)} (bound)"
@@ -53,6 +58,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
             yield from (f"    {line}" for line in level_warnings(reading.levels, f))
     if reading.unsampled and (resolution := _resolution(reading.unsampled.noted)):
         yield f"    {resolution}"
+    if poor := not_reached(reading):
+        yield f"    {poor}"
     if reading.reference_nonfinite:
         yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
 
@@ -69,6 +76,18 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
         if stderr > paper > 0 and math.isfinite(stderr):
             told += f", which would take about {_two_digits(seconds * (stderr / paper) ** 2)} s here"
     return told
+
+
+def _assumed(reading: WeakErrors, added: float, by_next: float) -> str:
+    """That the reference's own error, as it was added, is not what the next step makes it."""
+    power = _power(reading.expected_order or math.nan, "h")
+    told = f"to all errors the reference's own, {short(added)} by the smallest step, is added; by the next step it is"
+    return f"{told} {short(by_next)}, so errors are not yet C {power}: try a smaller reference_step or smaller steps"
+
+
+def _power(order: float, base: str) -> str:
+    """``h``, ``h^2`` or ``(h_ref/h)^(3/2)``."""
+    return base if order == 1 else f"{base}^{fraction(order)}"
 
 
 def _two_digits(x: float) -> str:
@@ -91,9 +110,10 @@ def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
             yield f"{where} is {scheme}: errors are not corrected for what it lacks"
         elif order:
             share = 100 * (reference / finest) ** order
-            ratio = "h_ref/h" if order == 1 else f"(h_ref/h)^{fraction(order)}"
+            ratio = "h_ref/h" if order == 1 else _power(order, "(h_ref/h)")
             whose = f"the error of {compared} at the finest step" if compared else "the finest error"
-            yield f"{where} lacks {ratio} = {share:.2g} % of {whose} (order {fraction(order)}); corrected"
+            lacks = f"lacks {ratio} = {share:.2g} % of {whose} (order {fraction(order)})"
+            yield f"{where} {lacks}, which is added to all errors"
         else:
             yield f"{where}: errors are not corrected for what it lacks, as theory states no order"
 

@@ -43,6 +43,11 @@ class Solution(NamedTuple):
         raise TypeError("a solution without sampling is found at once")
 
 
+def together(case: Any, part: Part) -> list[tuple[int, ...]]:
+    """One solution serves all levels of extrapolation."""
+    return [case.extrapolate]
+
+
 def plan(case: Any, part: Part) -> "KolmogorovPlan":
     """The plan for one scheme of a case."""
     return KolmogorovPlan(case=case, part=part)
@@ -122,6 +127,7 @@ class KolmogorovPlan(WeakPlan):
             expectation=combine.combined(found.value),
             orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
             unsampled=unsampled,
+            accuracy=self.case.accuracy,
             cpu_seconds=found.cpu_seconds,
         )
 

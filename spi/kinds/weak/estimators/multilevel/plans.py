@@ -94,7 +94,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
-        return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
+        steps = sum(len(one.h) for one in self.by_level)
+        return Decisions.pilot(len(self.levels), len(self.case.functions), steps, bool(self.control))
 
     def path_sets(self, extra: Decisions) -> Sequence[PathSet]:
         """The samples of each level that the current allocation wants."""
@@ -143,7 +144,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
             return self._with_control(self.control, extra)
         levels = self.level_sums(state)
         if not extra.recorded:
-            extra = extra.with_errors(self.errors(levels), levels.cpu_seconds.sum())
+            extra = extra.with_errors(self.all_errors(levels), levels.cpu_seconds.sum())
         if extra.allocations == len(SHARES):
             return extra if extra is not state.extra else None
         targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[extra.allocations]))
@@ -193,9 +194,10 @@ class MultilevelPlan(Blockwise, WeakPlan):
 
         The least work by which all errors have the variance s^2 is R^2 / s^2, and takes (work / R) n samples of each
         level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
-        square of what of the level is in the error at the largest step.
+        square of what of the level is in the error at the largest step, with the extrapolation in which that is most.
         """
-        variance = variance * np.append(self.combination.shares()[0] ** 2, 1.0)
+        shares = np.abs([one.completed(one.combination.shares().T)[:, 0] for one in self.each]).max(axis=0)
+        variance = variance * np.append(shares**2, 1.0)
         return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
 
     def allocation(self, levels: LevelSums, share: float) -> np.ndarray:
@@ -219,8 +221,14 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def errors(self, levels: LevelSums) -> Errors:
         """The errors that the differences of the levels make."""
         mean, without = levels.averages()
-        combine, extension = self.combination.errors, self.extension
-        return Errors(combine(mean[:-1]) * extension, combine(without[:, :-1]) * extension, EQUAL)
+        combine = self.combination.errors
+        return Errors(self.completed(combine(mean[:-1])), self.completed(combine(without[:, :-1])), EQUAL)
+
+    def all_errors(self, levels: LevelSums) -> Errors:
+        """Those of all levels of extrapolation behind one another, fewest first, as the decisions keep them."""
+        each = [one.errors(levels) for one in self.by_level]
+        error, without = (np.concatenate(values, axis=-1) for values in list(zip(*each, strict=True))[:2])
+        return Errors(error, without, EQUAL)
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
@@ -229,9 +237,9 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, extra = self.errors(levels), state.extra
+        errors, extra, own = self.errors(levels), state.extra, self.own_steps
         fields, sampled = sampled_errors(self.h, *errors)
-        expectation, of_expectation = self._expectations(levels, errors.error)
+        expectation, of_expectation = self._expectations(levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
         work: Any = {"samples": int(levels.samples.sum()), "ns_per_step": 1e9 * float(cpu_seconds / steps)}
         return self.weak_errors(
@@ -242,11 +250,12 @@ class MultilevelPlan(Blockwise, WeakPlan):
             levels=levels.table(self._coarse, has_antithetic_path(self.scheme), extra.control_bound),
             history=History(
                 allocations=np.arange(1, len(SHARES) + 1),
-                error=extra.history_error,
-                error_stderr=extra.history_error_stderr,
+                error=extra.history_error[..., own],
+                error_stderr=extra.history_error_stderr[..., own],
                 cpu_seconds=extra.history_cpu_seconds,
             ),
             cpu_seconds=cpu_seconds,
+            accuracy=self.case.accuracy if self.control else None,
         )
 
     @property
@@ -254,7 +263,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
         """(levels - 1,) the coarse steps of the differences."""
         return self.case.reference_step * 2.0 ** np.arange(1, self.base + 1)
 
-    def _expectations(self, levels: LevelSums, error: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+    def _expectations(self, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]:
         """E phi at all steps: at the largest one from the last level, at the others by the differences between levels.
 
         Beside it the fields of Sampled that state its uncertainty.
@@ -262,7 +271,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         h, coarse, moments = np.array(self.case.steps), self._coarse, levels.moments()
         last, variances = moments.stderr[-1] ** 2, moments.stderr[:-1] ** 2
         fine, square = levels.means_of_powers()[VALUE][:2, -1]
-        differences, largest = error / self.extension, error[:, :1] / self.extension[:1]
+        differences = self.combination.errors(moments.mean[:-1])
+        largest = differences[:, :1]
         if self.part.extrapolate:
             to_reference, to_steps = self.combination.shares_above()
             largest = (to_reference @ moments.mean[:-1])[:, np.newaxis]

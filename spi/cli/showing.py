@@ -1,0 +1,182 @@
+"""The commands that show stored results: show, plot, and as a page report."""
+
+import contextlib
+from collections.abc import Iterator
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .names import RESULTS, complete_results, stored
+from .options import FAILED, INVALID, As, Overrides, Profile, ResultsFolder, Samples, Seed, Several, end
+from .streams import takes_all_characters, tell
+
+if TYPE_CHECKING:
+    from ..storage.records import Results
+
+_PAGE = 9.0  # inches of the height of a page's text
+
+
+class Format(StrEnum):
+    table = "table"
+    json = "json"
+    csv = "csv"
+
+
+class Style(StrEnum):
+    screen = "screen"
+    paper = "paper"
+
+
+def show(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FILE|SPEC|NAME",
+            help="A file of results, or an experiment that was run, with the options of the run (default: a list).",
+            autocompletion=complete_results,
+        ),
+    ] = None,
+    profile: Profile = None,
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
+    results: ResultsFolder = RESULTS,
+    format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
+) -> None:
+    """Print stored results to standard output; without a name, list what results there are."""
+    from .. import storage
+    from ..printing import as_csv, as_json
+    from ..report import views
+
+    if source is None:
+        _list(results)
+        return
+    (file,) = stored([source], results, profile, overrides, samples, seed, kind)
+    found = storage.read(file)
+    with _about(file):
+        if format is Format.table:
+            views.print_tables(found)
+        else:
+            rows = views.rows(found)
+            typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
+
+
+def _list(folder: Path) -> None:
+    """Print what results there are in a folder."""
+    from ..printing.catalogue import print_results
+    from ..running.finding import listed
+
+    found, problems = listed(folder)
+    if not found and not problems:
+        end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
+    print_results(found)
+    for problem in problems:
+        tell(f"spi: {problem}")
+
+
+def plot(
+    sources: Several = None,
+    profile: Profile = None,
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
+    results: Annotated[Path | None, typer.Option(help="Folder of results.", show_default="results")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of figures (default: beside the results).")] = None,
+    style: Annotated[
+        Style, typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf.")
+    ] = Style.screen,
+    width: Annotated[
+        str | None, typer.Option(help="Width of a figure for a paper: one or two (columns), or e.g. 5.125in, 130mm.")
+    ] = None,
+    font: Annotated[
+        str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
+    ] = None,
+    film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
+) -> None:
+    """Draw figures from stored results: <out>/<name>.pdf and .png."""
+    from .. import storage
+    from ..report import views
+
+    try:
+        views.check_style(style, width, font)
+    except ValueError as error:
+        end(INVALID, f"--{error}")
+    if results is None and out is not None and out.resolve() != RESULTS.resolve():
+        _refuse_results_in(out, sources)
+    for path in stored(sources, results or RESULTS, profile, overrides, samples, seed, kind):
+        found = storage.read(path)
+        with _about(path):
+            figure = views.figure(found, style, width, font)
+        stem = path.stem if style is Style.screen else f"{path.stem}_paper"
+        for written in views.save(figure, out or path.parent, stem):
+            tell(f"wrote {written}")
+        if style is Style.paper:
+            tell(f"caption: {views.caption(figure)}")
+            if (height := figure.get_figheight()) > _PAGE:
+                more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"
+                tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")
+        if film:
+            _write_film(path, found, out or path.parent)
+
+
+def _write_film(path: Path, found: "Results", folder: Path) -> None:
+    from ..report import views
+    from .progress import ProgressLine
+
+    with _about(path), ProgressLine(path.stem) as line:
+        moving = views.film(found)
+        written = views.save_film(moving, folder, path.stem, line.report_frame)
+    tell(f"wrote {written}")
+
+
+def _refuse_results_in(out: Path, sources: list[Path] | None) -> None:
+    """--out once meant the folder of results as well: say so where it still seems to."""
+    names = ["*"] if not sources else [f"{source.stem}*" for source in sources if source.suffix != ".h5"]
+    if any(file for name in names for file in out.glob(f"{name}.h5")):
+        end(INVALID, f"--out is the folder of figures now; write --results {out} for the results there")
+
+
+def report(
+    sources: Several = None,
+    profile: Profile = None,
+    overrides: Overrides = None,
+    samples: Samples = None,
+    seed: Seed = None,
+    kind: As = None,
+    results: ResultsFolder = RESULTS,
+    out: Annotated[Path, typer.Option(help="File name of the page.")] = Path("report.html"),
+    latex: Annotated[Path | None, typer.Option(help="Folder for the tables as LaTeX: <latex>/<name>.tex.")] = None,
+    data: Annotated[Path | None, typer.Option(help="Folder for the curves as CSV: <data>/<name>.csv.")] = None,
+) -> None:
+    """Write results to one self-contained HTML page."""
+    from ..report.page import files
+    from ..storage import write_all
+    from .progress import ProgressLine
+
+    for option, folder in (("--latex", latex), ("--data", data)):
+        if str(folder).startswith("-"):  # an option was taken for its value
+            end(INVALID, f"{option}: is '{folder}'; must be a folder, e.g. {option} tables")
+    paths = stored(sources, results, profile, overrides, samples, seed, kind)
+    with ProgressLine(out.name) as line:
+        written = files(paths, out, latex, data, line.report_figure)
+    write_all(written)
+    tell(f"wrote {out}")
+    for folder in filter(None, (latex, data)):
+        tell(f"wrote {len(paths)} file{'s' * (len(paths) > 1)} into {folder}")
+
+
+@contextlib.contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """Say which file it is whose content cannot be shown."""
+    from ..storage import StorageError
+
+    try:
+        yield
+    except StorageError as error:
+        end(INVALID, f"{path}: {error}")
+    except ValueError as error:
+        end(FAILED, f"{path}: {error}")
