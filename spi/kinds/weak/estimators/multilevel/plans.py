@@ -21,7 +21,7 @@ R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another 
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,8 @@ class Rows(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class MultilevelPlan(Blockwise, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
+
+    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
     levels: tuple[Level, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
