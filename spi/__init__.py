@@ -8,14 +8,25 @@
 """
 
 import atexit
+import contextlib
+import errno
 import hashlib
 import importlib
 import os
+import shutil
 import sys
 import tempfile
+import time
 from pathlib import Path
 
-__version__ = "0.1.0"
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None
+
+__version__ = "0.2.0"
+#: What `pip` installs; a package called `spi` on the index is another program.
+DISTRIBUTION = "stochastic-poisson-integrators"
 
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
@@ -83,29 +94,72 @@ def modules_folder():
     return Path(_parent_of_caches(), "modules").absolute()
 
 
+_LOCK, _NEW = ".spi-lock", 60.0  # the file, and the seconds after which its process must have locked it
+
+
+@contextlib.contextmanager
+def scratch_folder():
+    """The path of a temporary folder that is gone when the block ends; those that killed processes left go first.
+
+    A process holds a lock on a file in its folder as long as it lives, which tells one kind from the other.
+    """
+    for folder in Path(tempfile.gettempdir()).glob("spi-*"):
+        _remove_if_left(folder)
+    with (
+        tempfile.TemporaryDirectory(prefix="spi-", ignore_cleanup_errors=True) as folder,
+        open(Path(folder, _LOCK), "w") as lock,
+    ):
+        if fcntl:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield folder
+
+
+def _remove_if_left(folder):
+    """Remove a folder of ours, if it is one, whose process is gone; not a new one, which may not be locked yet."""
+    with contextlib.suppress(OSError):
+        about = os.lstat(folder / _LOCK)
+        if fcntl and about.st_uid == os.geteuid() and time.time() - about.st_mtime > _NEW:
+            with open(folder / _LOCK) as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                shutil.rmtree(folder)
+
+
+def _check_ours(folder):
+    """OSError if a folder is another user's, or if others can change what is in it."""
+    if hasattr(os, "geteuid"):
+        about = os.stat(folder)
+        if about.st_uid != os.geteuid():
+            raise PermissionError(errno.EPERM, "belongs to another user, who could have any code run here")
+        if about.st_mode & 0o022:
+            raise PermissionError(errno.EPERM, "others can write to it and could have any code run here (chmod go-w)")
+
+
 def _point_cache_at_sources():
     """Give Numba's disk cache a folder named by the hash of the sources whose code is compiled.
 
     Numba notices an edit in the file of a kernel, not in the files of the functions that the kernel calls; with a new
     folder after any edit nothing stale can be found.  Must run before any kernel is declared.
 
-    Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there after an
-    edit.  Then a temporary folder, gone when the program ends, takes its place, also of that of stored modules; returns
-    why, otherwise None.
+    Whoever can write there can have any code run, so no folder is used that belongs to another user or that others can
+    change.  Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there
+    after an edit.  In both cases a temporary folder, gone when the program ends, takes its place, also of that of
+    stored modules; returns why, otherwise None.
     """
     digest, problem = KERNEL_DIGEST, None
     try:
-        place = folder = Path(_parent_of_caches(), digest)
-        folder.mkdir(parents=True, exist_ok=True)
-        modules = modules_folder()
-        for place in (folder, modules if modules.exists() else modules.parent):
-            tempfile.TemporaryFile(dir=place).close()
+        place = parent = Path(_parent_of_caches())
+        for place in (parent, folder := parent / digest, modules_folder()):
+            place.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _check_ours(place)
+            if place != parent:
+                tempfile.TemporaryFile(dir=place).close()
     except (OSError, RuntimeError) as error:  # the latter if nothing tells the home folder
         problem = f"{place}: {error.strerror}" if isinstance(error, OSError) else str(error)
-        temporary = tempfile.TemporaryDirectory(prefix="spi-")
-        atexit.register(temporary.cleanup)
-        os.environ["SPI_CACHE_DIR"] = temporary.name  # also for programs that this one starts
-        folder = Path(temporary.name, digest)
+        temporary = contextlib.ExitStack()
+        atexit.register(temporary.close)
+        # also for programs that this one starts
+        os.environ["SPI_CACHE_DIR"] = temporary.enter_context(scratch_folder())
+        folder = Path(os.environ["SPI_CACHE_DIR"], digest)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)

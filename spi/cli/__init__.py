@@ -7,7 +7,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, load
+from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
@@ -51,28 +51,31 @@ app.command()(showing.show)
 @app.command()
 def check(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
     kind: As = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Validate experiments and estimate their cost."""
-    experiments = load(specs, profile, overrides, samples, seed, kind)
-    from ..printing import print_cost, print_reports
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
+    from ..printing import print_cost, print_remarks, print_reports
+    from ..running.load import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
+        print_remarks(experiment, remarks(experiment))
         print_reports(reports(experiment))
 
 
 @app.command()
-def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
+def model(specs: Specs, profile: Profile = None, overrides: Overrides = None, trust_code: TrustCode = False) -> None:
     """Print the Python source of the models of experiments."""
     from ..running.run import sources
 
-    for experiment in load(specs, profile, overrides, None, None):
+    for experiment in load(specs, profile, overrides, None, None, trust_code=trust_code):
         for text in sources(experiment):
             typer.echo(text.rstrip("\n"))
 
@@ -99,24 +102,36 @@ def main() -> NoReturn:
     if arguments[:1] == ["help"]:  # `spi help run` means `spi run --help`
         arguments = [*arguments[1:], "--help"]
     try:
-        code = app(arguments, standalone_mode=False, prog_name="spi")
-        sys.stdout.flush()
+        code = _run(arguments)
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
-    except BrokenPipeError:  # whoever reads the output has seen enough
-        code = FAILED
-    except Exception as error:
-        code = _code(error)
-        if code is None:
-            raise
-        message = _usage(error) if isinstance(error, typer.TyperException) else str(error)
-        tell(message if message.startswith("Usage") else "\n".join(f"spi: {line}" for line in message.split("\n")))
     if code == 128 + signal.SIGINT:
         STOP.ignore()
         tell("spi: stopped")
         code = STOPPED
     drop_unwritable_output()
     sys.exit(code or DONE)
+
+
+def _run(arguments: list[str]) -> int:
+    """The exit code of a command, which says in one line what went wrong."""
+    try:
+        code: int = app(arguments, standalone_mode=False, prog_name="spi")
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # whoever reads the output has seen enough
+        return FAILED
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # not only Exception: a stop within Rust may become a panic
+        known = _code(error)
+        if known != STOPPED:  # what is built or drawn by others may turn a stop into any other error
+            STOP.check()
+        if known is None:
+            raise
+        message = _usage(error) if isinstance(error, typer.TyperException) else str(error)
+        tell(message if message.startswith("Usage") else "\n".join(f"spi: {line}" for line in message.split("\n")))
+        return known
 
 
 def _usage(error: typer.TyperException) -> str:
@@ -129,12 +144,13 @@ def _usage(error: typer.TyperException) -> str:
     return f"{message.rstrip('.')}: {right[0].lower()}{right[1:]}; see `{context.command_path} --help`"
 
 
-def _code(error: Exception) -> int | None:
+def _code(error: BaseException) -> int | None:
     """The exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError
     from ..running.run import Stopped
+    from ..running.workers import WorkersLost
     from ..specs import SpecError
     from ..storage import StorageError
 
@@ -142,4 +158,4 @@ def _code(error: Exception) -> int | None:
         return STOPPED
     if isinstance(error, SpecError | StorageError):
         return INVALID
-    return FAILED if isinstance(error, OSError | CompilationError) else None
+    return FAILED if isinstance(error, OSError | CompilationError | WorkersLost) else None

@@ -3,7 +3,6 @@
 import importlib.metadata
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from llvmlite import binding
 
-from .. import CACHE_PROBLEM, __version__, modules_folder, storage
+from .. import CACHE_PROBLEM, __version__, modules_folder, scratch_folder, storage
 from ..checks.compilable import CompilationError
 from ..ensemble.loop import thread_count
 from ..running.run import NOBODY, Watch, load, run
@@ -127,7 +126,7 @@ def _small_run(watch: Watch) -> Iterator[Finding]:
         return
     experiment = load("doctor", text=_SPEC)
     try:
-        with tempfile.TemporaryDirectory(prefix="spi-") as folder:
+        with scratch_folder() as folder:
             (group,) = storage.read(run(experiment, folder, watch=watch)).groups
     except (CompilationError, OSError, storage.StorageError) as error:
         yield Finding("numbers", f"the small run failed ({error})", "install spi again, in a new environment", False)

@@ -63,6 +63,7 @@ class ProgressLine:
 
     def report_beginning(self, title: str, cost: "Cost") -> None:
         """Say what runs and how long it will take; where that is open, what runs."""
+        STOP.check()
         long = f"; {'at most ' * cost.at_most}about {human_time(cost.seconds)} once compiled"
         self.tell(f"{self.name}: {printable(title)}{long * math.isfinite(cost.seconds)}")
 

@@ -1,6 +1,5 @@
 """A film: a figure that changes from frame to frame, written as a GIF."""
 
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -8,6 +7,7 @@ from typing import NamedTuple
 from matplotlib.animation import PillowWriter
 from matplotlib.figure import Figure
 
+from .. import scratch_folder
 from . import page
 
 _DPI = 100
@@ -26,7 +26,7 @@ class Film(NamedTuple):
 def as_gif(film: Film, report: Callable[[int, int], None]) -> bytes:
     """The content of the GIF file of a film; `report` is told the frames drawn and how many there are."""
     writer = PillowWriter(fps=min(max(film.frames // _SECONDS, _SLOWEST), _FASTEST))
-    with tempfile.TemporaryDirectory(prefix="spi-", ignore_cleanup_errors=True) as folder, page.applied():
+    with scratch_folder() as folder, page.applied():
         path = Path(folder, "film.gif")
         # Not `with writer.saving(...)`, which finishes the film also when it is interrupted, and fails without a frame.
         writer.setup(film.figure, str(path), _DPI)

@@ -7,8 +7,8 @@ multilevel estimator does.  When there are none, it **finalises**: it measures t
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -107,6 +107,9 @@ class Plan(Protocol):
     def results(self, state: State) -> Stored:
         """The results, from the final state; nothing is computed at length or measured here."""
 
+    def all_results(self, state: State) -> tuple[Stored, ...]:
+        """Those of all levels of extrapolation that the paths serve, the results first."""
+
 
 def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
     """The sums over one chunk, computed from its first path on."""
@@ -200,6 +203,16 @@ class PartPlan:
     def finalise(self, state: State) -> Iterator[Any]:
         """Nothing is left."""
         yield from ()
+
+    @property
+    def each(self) -> tuple[Self, ...]:
+        """The plan as that of each level of extrapolation that its paths serve, itself first."""
+        return tuple(replace(self, part=part) for part in self.part.each()) if self.part.also else (self,)
+
+    def all_results(self, state: State) -> tuple[Stored, ...]:
+        """Those of each level of extrapolation."""
+        of_each: Any = self.each
+        return tuple(one.results(state) for one in of_each)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
+from spi.storage.records import Group
 
 if TYPE_CHECKING:
     from .plans import Plan
@@ -66,6 +67,10 @@ class State:
     def seconds(self) -> float:
         """Wall-clock time spent so far."""
         return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()))
+
+    def groups(self) -> list[Group]:
+        """The results, of the final state."""
+        return [one.group() for one in self.plan.all_results(self)]
 
     def plain(self) -> dict[str, Any]:
         """All that is known as dicts, lists, arrays, numbers and texts, for a file."""

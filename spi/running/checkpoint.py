@@ -17,6 +17,7 @@ from ..storage import StorageError
 from ..storage.sums import VERSION
 from .known import Kept, Keys, sizes
 from .load import name_of, plans
+from .workers import WorkersLost
 
 #: Of the time of a run, what writing checkpoints may take.
 _SHARE = 0.01
@@ -84,6 +85,8 @@ class Checkpoint:
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
         self.failed = False
+        self.begun_with: float | None = None  #: the work that was known before this run
+        self.saved_work = 0.0
 
     @property
     def by_name(self) -> dict[str, State]:
@@ -186,14 +189,16 @@ class Checkpoint:
             "finished": finished,
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
-        self.saved = time.monotonic()
+        self.saved, self.saved_work = time.monotonic(), self._work()
         self.pause = max(self.limits.checkpoint_seconds, (self.saved - began) / _SHARE)
 
     def tick(self) -> None:
         """Save if it is time to; a checkpoint that cannot be written is no reason to stop."""
-        now = time.monotonic()
-        if now - self.began > self.limits.max_seconds:
-            raise _TimeIsUp
+        now, work = time.monotonic(), self._work()
+        if self.begun_with is None:
+            self.begun_with = work
+        elif now - self.began > self.limits.max_seconds and work > self.begun_with:
+            raise _TimeIsUp  # not before anything is done: a limit shorter than the start would mean no end
         if now - self.saved > self.pause:
             try:
                 self.save()
@@ -215,6 +220,17 @@ class Checkpoint:
             except StorageError as error:
                 raise Stopped(f"{why}; progress could not be saved: {error}") from None
             raise Stopped(f"{why}; progress is saved in {self.path}: run the same command again to resume") from None
+        except Exception as error:  # whatever it is, what is done is not lost with it
+            if self._work() > self.saved_work:
+                with contextlib.suppress(StorageError):
+                    self.save()
+                    if isinstance(error, WorkersLost):
+                        raise WorkersLost(f"{error}; progress is saved in {self.path}") from None
+            raise
+
+    def _work(self) -> float:
+        """Seconds spent on all that is known."""
+        return sum(state.seconds for state in self.states)
 
     def _same_sources(self, about: dict) -> bool:
         return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST

@@ -11,14 +11,15 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from .. import scratch_folder
 from ..checks.compilable import explained
 from ..compiler.inlining import is_compiled, types_of
 from ..compiler.modules import is_foreign
 from ..compiler.records import record_classes
+from . import orphans
 
 _JOBS = "jobs"  # file of the pickled jobs
 #: What a worker runs, with the folder as argument; it imports from where this process does.
@@ -26,7 +27,8 @@ _WORKER = f"""
 import pickle, sys
 with open(sys.argv[1] + "/{_JOBS}", "rb") as file:
     sys.path[:] = pickle.load(file)
-    import {__name__}
+    import {orphans.__name__}, {__name__}
+    {orphans.__name__}.end_with(sys.stdin.fileno())
     {__name__}.work(sys.argv[1], pickle.load(file))
 """
 
@@ -50,7 +52,7 @@ def compile_missing(labelled_calls, report=lambda number, total, label: None):
     jobs = _missing(labelled_calls)
     if not jobs:
         return
-    with tempfile.TemporaryDirectory(prefix="spi-") as folder, contextlib.ExitStack() as workers:
+    with scratch_folder() as folder, contextlib.ExitStack() as workers:
         if (count := min(len({job.label for job in jobs}), processors()) - 1) and _written(folder, jobs):
             started = [workers.enter_context(_worker(folder)) for _ in range(count)]
         else:
@@ -113,7 +115,7 @@ def _written(folder, jobs):
 @contextlib.contextmanager
 def _worker(folder):
     """A process that compiles; it ends with the block at the latest."""
-    silent: dict = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    silent: dict = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     with subprocess.Popen([sys.executable, "-c", _WORKER, folder], **silent) as process:
         try:
             yield process

@@ -19,7 +19,7 @@ from ..storage.records import Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, sums_path
 from .finding import results_of
-from .load import Source, headings, layers, load, plans, reports, sources
+from .load import Source, headings, layers, load, load_any, plans, reports, sources
 from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "headings",
     "layers",
     "load",
+    "load_any",
     "plans",
     "reports",
     "results_of",
@@ -175,7 +176,7 @@ class Session:
         experiment, checkpoint = self.experiment, self.checkpoint
         finalise(checkpoint.states, self.tick)
         replaced = storage.spec_and_sources(self.target)
-        groups = tuple(state.plan.results(state).group() for state in checkpoint.states)
+        groups = tuple(group for state in checkpoint.states for group in state.groups())
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 self.check_replaceable()

@@ -166,7 +166,7 @@ def _kept(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path | N
 
 def _differing(states: Sequence[State], results: Results, times: bool) -> list[str]:
     """The names of what is otherwise in a file than it follows from states."""
-    return differing([state.plan.results(state).group() for state in states], results.groups, times)
+    return differing([group for state in states for group in state.groups()], results.groups, times)
 
 
 def _digests(state: State) -> Iterator[tuple[Which, str]]:

@@ -20,6 +20,7 @@ from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of
+from .orphans import end_with_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times.
 MOST_LOSSES = 5
@@ -34,6 +35,10 @@ def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
     """The sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
     with _ONE_AT_A_TIME, limited_threads(threads):
         return sums_of_chunk(plans_of(source)[number], chunk)
+
+
+class WorkersLost(RuntimeError):
+    """There is nobody left to compute, or what is to be computed ends whoever tries."""
 
 
 class Workers(Protocol):
@@ -103,11 +108,13 @@ class Processes:
             process.terminate()
 
     def _start(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=_leave_signals_to_the_parent)
+        return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=_follow_the_parent)
 
 
-def _leave_signals_to_the_parent() -> None:
+def _follow_the_parent() -> None:
+    """Leave signals to the process that started this one, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
 
 
 class Dask:
@@ -160,12 +167,16 @@ def dask(address: str) -> Iterator[Dask]:
     # A worker that is lost makes every chunk it had suspect, and four such suspicions end a chunk for good; chunks are
     # independent, so only what is lost over and over is given up (MOST_LOSSES).
     with dask.config.set({"distributed.scheduler.allowed-failures": MOST_LOSSES}), contextlib.ExitStack() as stack:
+        cluster = None
         if address.startswith("local:"):
             size = _size(address.removeprefix("local:"))
             quiet = {"dashboard_address": None, "silence_logs": logging.ERROR}
             cluster = LocalCluster(n_workers=size, threads_per_worker=1, processes=True, **quiet)
             address = stack.enter_context(cluster)
-        yield Dask(stack.enter_context(Client(address)))
+        client = stack.enter_context(Client(address))
+        if cluster:
+            client.register_worker_callbacks(end_with_parent)
+        yield Dask(client)
 
 
 def _size(text: str) -> int:
@@ -229,7 +240,7 @@ def advance_with(workers: Workers, source: Source, states: Sequence[State], tick
         for task in lost:
             losses[task] += 1
             if losses[task] > MOST_LOSSES:
-                raise RuntimeError(f"{losses[task]} workers were lost over the same chunk, {task}")
+                raise WorkersLost(f"{losses[task]} workers were lost over the same paths; give fewer, with more memory")
             waiting[workers.submit(source, *task)] = task
 
 

@@ -18,6 +18,12 @@ class Part(NamedTuple):
     estimator: str = ""
     eps: float | None = None  #: of a scheme for the multiscale system
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
+    also: tuple[int, ...] = ()  #: further levels, whose results come of the same paths
+
+    def each(self) -> tuple["Part", ...]:
+        """The part as that of each of its levels of extrapolation, with the others behind it."""
+        levels = self.extrapolate, *self.also
+        return tuple(self._replace(extrapolate=n, also=tuple(k for k in levels if k != n)) for n in levels)
 
     @property
     def variant(self) -> str:

@@ -142,3 +142,26 @@ def test_a_run_says_in_one_line_that_kernels_cannot_be_kept(tmp_path, below):
     said = [line for line in err.splitlines() if "cannot be saved" in line]
     assert len(said) == (below != "cache")
     assert all(line.startswith(f"spi: {tmp_path / below}") for line in said)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="owners and modes are those of POSIX")
+@pytest.mark.parametrize("of", ["", "modules", spi.KERNEL_DIGEST])
+@pytest.mark.parametrize("how", ["owner", "mode"])
+def test_a_cache_that_others_can_change_is_not_used(tmp_path, of, how):
+    """Compiled kernels and stored modules are run as they are found there."""
+    program = "import spi, os; print(spi.CACHE_PROBLEM); print(os.environ['SPI_CACHE_DIR'])"
+    cache = tmp_path / "cache"
+    assert start(cache, tmp_path, "-c", program)[0].splitlines() == ["None", str(cache)]
+    place = cache / of
+    assert place.stat().st_mode & 0o777 == 0o700
+    if how == "mode":
+        place.chmod(0o775)
+        said = "others can write to it and could have any code run here (chmod go-w)"
+    elif os.geteuid() == 0:
+        os.chown(place, 12345, -1)
+        said = "belongs to another user, who could have any code run here"
+    else:
+        pytest.skip("only the superuser gives files away")
+    problem, used = start(cache, tmp_path, "-c", program)[0].splitlines()
+    assert problem == f"{place}: {said}"
+    assert Path(used).name.startswith("spi-") and not Path(used).exists()

@@ -307,8 +307,8 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, small_batches, un
 def test_a_run_that_is_killed_goes_on_from_its_last_checkpoint(tmp_path, small_batches, monkeypatch, uninterrupted):
     """SIGKILL, a crash: nothing can be saved any more, but checkpoints were written now and then."""
     monkeypatch.setattr("spi.running.checkpoint._SHARE", 1e9)
-    killed, wanted = Reports("splitting", 2, error=MemoryError), experiment(f"samples={MANY}")
-    with pytest.raises(MemoryError):
+    killed, wanted = Reports("splitting", 2, error=SystemExit), experiment(f"samples={MANY}")
+    with pytest.raises(SystemExit):
         runner.run(wanted, tmp_path, watch=Watch(report=killed), limits=Limits(checkpoint_seconds=0.0))
     second = Reports()
     path = runner.run(wanted, tmp_path, watch=Watch(report=second))

@@ -5,22 +5,36 @@ that of weak order 2 where it takes differences to it; what that reference lacks
 order.  ``kolmogorov`` does not sample and measures against the law of the equation.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 from spi.storage.records import Part
 
-from ..estimators import ESTIMATORS
+from ..comparisons import cannot_do
+from ..estimators import ESTIMATORS, left_out
 
 
 def parts(case: Any) -> list[Part]:
-    """What is run one after the other: each scheme with each estimator that can do it."""
-    return [
-        Part(scheme, estimator, eps, levels)
+    """What is run one after the other: each scheme with each estimator that can do it, extrapolated or not."""
+    each = [
+        Part(scheme, name, eps)
         for scheme, eps in case.runs
-        for levels in case.extrapolate
-        for estimator in case.estimators
-        if ESTIMATORS[estimator].keys.can_do(case, scheme)
+        for name in case.estimators
+        if ESTIMATORS[name].keys.can_do(case, scheme)
     ]
+    return [
+        part._replace(extrapolate=first, also=tuple(others))
+        for part in each
+        for first, *others in ESTIMATORS[part.estimator].together(case, part)
+    ]
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """What of a case will not be computed, or not as it was asked for."""
+    for name in case.estimators:
+        if schemes := left_out(case, name):
+            yield cannot_do(name, schemes)
+        yield from ESTIMATORS[name].remarks(case)
 
 
 def plan(case: Any, part: Part) -> Any:

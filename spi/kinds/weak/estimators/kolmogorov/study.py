@@ -43,6 +43,11 @@ class Solution(NamedTuple):
         raise TypeError("a solution without sampling is found at once")
 
 
+def together(case: Any, part: Part) -> list[tuple[int, ...]]:
+    """One solution serves all levels of extrapolation."""
+    return [case.extrapolate]
+
+
 def plan(case: Any, part: Part) -> "KolmogorovPlan":
     """The plan for one scheme of a case."""
     return KolmogorovPlan(case=case, part=part)
@@ -53,6 +58,10 @@ class KolmogorovPlan(WeakPlan):
     """Weak errors of one splitting scheme from its backward operators."""
 
     of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "prefixes"))
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """One solution serves all levels of extrapolation."""
+        return super().deciding(number) | {"part": self.part._replace(extrapolate=0, also=())}
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
@@ -124,6 +133,7 @@ class KolmogorovPlan(WeakPlan):
             expectation=combine.combined(found.value),
             orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
             unsampled=unsampled,
+            accuracy=self.case.accuracy,
             cpu_seconds=found.cpu_seconds,
         )
 

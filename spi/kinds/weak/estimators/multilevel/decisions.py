@@ -19,7 +19,7 @@ class Errors(NamedTuple):
 
 
 class Decisions(NamedTuple):
-    """What is known besides sums over paths, of F test functions at S step sizes."""
+    """What is known besides sums over paths, of F test functions at S step sizes, over all levels of extrapolation."""
 
     seconds: float  #: wall clock
     cpu_seconds: float

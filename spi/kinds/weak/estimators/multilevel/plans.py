@@ -96,7 +96,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
-        return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
+        steps = sum(len(one.h) for one in self.by_level)
+        return Decisions.pilot(len(self.levels), len(self.case.functions), steps, bool(self.control))
 
     def path_sets(self, extra: Decisions) -> Sequence[PathSet]:
         """The samples of each level that the current allocation wants."""
@@ -145,7 +146,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
             return self._with_control(self.control, extra)
         levels = self.level_sums(state)
         if not extra.recorded:
-            extra = extra.with_errors(self.errors(levels), levels.cpu_seconds.sum())
+            extra = extra.with_errors(self.all_errors(levels), levels.cpu_seconds.sum())
         if extra.allocations == len(SHARES):
             return extra if extra is not state.extra else None
         targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[extra.allocations]))
@@ -195,9 +196,9 @@ class MultilevelPlan(Blockwise, WeakPlan):
 
         The least work by which all errors have the variance s^2 is R^2 / s^2, and takes (work / R) n samples of each
         level but that of the largest step alone: N_l proportional to (V_l / C_l)^(1/2).  V_l is the variance times the
-        square of what of the level is in the error at the largest step.
+        square of what of the level is in the error at the largest step, with the extrapolation in which that is most.
         """
-        shares = self.completed(self.combination.shares().T)[:, 0]
+        shares = np.abs([one.completed(one.combination.shares().T)[:, 0] for one in self.each]).max(axis=0)
         variance = variance * np.append(shares**2, 1.0)
         return float(np.sqrt(variance * cost)[: self.base].sum()), np.sqrt(variance / cost)
 
@@ -225,6 +226,12 @@ class MultilevelPlan(Blockwise, WeakPlan):
         combine = self.combination.errors
         return Errors(self.completed(combine(mean[:-1])), self.completed(combine(without[:, :-1])), EQUAL)
 
+    def all_errors(self, levels: LevelSums) -> Errors:
+        """Those of all levels of extrapolation behind one another, fewest first, as the decisions keep them."""
+        each = [one.errors(levels) for one in self.by_level]
+        error, without = (np.concatenate(values, axis=-1) for values in list(zip(*each, strict=True))[:2])
+        return Errors(error, without, EQUAL)
+
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
         return self.results_of(self.level_sums(state), state)
@@ -232,7 +239,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, extra = self.errors(levels), state.extra
+        errors, extra, own = self.errors(levels), state.extra, self.own_steps
         fields, sampled = sampled_errors(self.h, *errors)
         expectation, of_expectation = self._expectations(levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
@@ -245,11 +252,12 @@ class MultilevelPlan(Blockwise, WeakPlan):
             levels=levels.table(self._coarse, has_antithetic_path(self.scheme), extra.control_bound),
             history=History(
                 allocations=np.arange(1, len(SHARES) + 1),
-                error=extra.history_error,
-                error_stderr=extra.history_error_stderr,
+                error=extra.history_error[..., own],
+                error_stderr=extra.history_error_stderr[..., own],
                 cpu_seconds=extra.history_cpu_seconds,
             ),
             cpu_seconds=cpu_seconds,
+            accuracy=self.case.accuracy if self.control else None,
         )
 
     @property

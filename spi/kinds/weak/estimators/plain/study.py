@@ -31,7 +31,8 @@ class Totals(NamedTuple):
     """What is known of some paths.
 
     Of F test functions at L step sizes, the reference first and then from small to large; with extrapolation there are
-    more step sizes of paths than of values.
+    more step sizes of paths than of values.  Where the paths serve several levels of extrapolation, they have L step
+    sizes together, those of one level behind those of another.
     """
 
     paths: int
@@ -58,10 +59,15 @@ class Rows(NamedTuple):
     report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
 
 
+def together(case: Any, part: Part) -> list[tuple[int, ...]]:
+    """The same paths serve all levels of extrapolation."""
+    return [case.extrapolate]
+
+
 def plan(case: Any, part: Part) -> "PlainPlan":
     """The plan for one scheme of a case."""
     reference = case.reference_record(part.eps)
-    of_reference = {case.reference_step * 2.0**i for i in range(1, part.extrapolate + 1)}
+    of_reference = {case.reference_step * 2.0**i for i in range(1, max(part.extrapolate, *part.also, 0) + 1)}
     steps = sorted({*case.steps, *of_reference}, reverse=True)
     schemes = [case.row(part.scheme, part.eps).record, reference]
     terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
@@ -82,8 +88,14 @@ class PlainPlan(WeakPlan, BlocksPlan):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(L, F): step sizes of the results, the reference included, and test functions."""
-        return 1 + len(self.h), len(self.case.functions)
+        """(L, F): step sizes of the results, references included, and test functions."""
+        return sum(1 + len(one.h) for one in self.by_level), len(self.case.functions)
+
+    @property
+    def own(self) -> slice:
+        """Where the reference and the step sizes of this level of extrapolation stand among all."""
+        before = sum(1 + len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
+        return slice(before, before + 1 + len(self.h))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
@@ -107,19 +119,19 @@ class PlainPlan(WeakPlan, BlocksPlan):
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        levels, functions = len(self.grid.doublings), self.shape[1]
+        levels, functions = max(len(self.grid.doublings), self.shape[0]), self.shape[1]
         return max(1, int(_BATCH_BYTES / (8 * LANES * levels * (len(self.initial) + 3 * functions))))
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks."""
         values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
-        return Rows(self._extrapolated(values), report)
+        return Rows(np.concatenate([one._extrapolated(values) for one in self.by_level], axis=1), report)
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
         """The totals with the rows `at`, of which the first is that of block `first`."""
         values = rows.values[at]
         with np.errstate(invalid="ignore", over="ignore"):
-            differences = values - values[:, :1]
+            differences = np.concatenate([v - v[:, :1] for v in (values[:, one.own] for one in self.by_level)], axis=1)
         lanes = np.arange(first * LANES, (first + len(values)) * LANES).reshape(-1, 1, LANES) < end
         lost = ~np.isfinite(values).all(axis=2) & lanes
         of_prefixes = sums.prefix_differences.copy()
@@ -149,12 +161,12 @@ class PlainPlan(WeakPlan, BlocksPlan):
         if not known.paths:
             return Done(0, self.samples, float("nan"))
         counts = group_counts(known.paths)
-        error, without = self.errors(known.differences, counts)
+        error, without = self.errors(known.differences[:, self.own], counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
-        totals, counts = state.total(), group_counts(self.samples)
+        totals, counts = self._of_own(state.total()), group_counts(self.samples)
         mean, without = mean_over_paths(totals.values[0], counts)
         expectation = _by_step(mean)
         fields, sampled = sampled_errors(self.h, *self.errors(totals.differences, counts), counts)
@@ -181,13 +193,23 @@ class PlainPlan(WeakPlan, BlocksPlan):
         mean, without = map(_by_step, mean_over_paths(differences[0], counts))
         return self.completed(mean), self.completed(without)
 
+    def _of_own(self, totals: Totals) -> Totals:
+        """The totals without the step sizes of other levels of extrapolation."""
+        own = self.own
+        return totals._replace(
+            values=totals.values[:, own],
+            differences=totals.differences[:, own],
+            nonfinite=totals.nonfinite[own],
+            prefix_differences=totals.prefix_differences[:, :, own],
+        )
+
     def _extrapolated(self, values: np.ndarray) -> np.ndarray:
-        """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, L, F, LANES)."""
+        """Values (blocks, step sizes of paths, F, LANES) extrapolated path by path, (blocks, 1 + S, F, LANES)."""
         weights, smallest = self.extrapolation.weights.tolist(), self.case.reference_step
-        if len(weights) == 1:
-            return values
         sizes = (smallest * 2.0**self.grid.doublings).tolist()
         wanted = [smallest, *reversed(self.h.tolist())]
+        if not self.part.extrapolate:
+            return values[:, [sizes.index(h) for h in wanted]]
         with np.errstate(invalid="ignore", over="ignore"):
             each = (w * values[:, [sizes.index(h * 2.0**i) for h in wanted]] for i, w in enumerate(weights))
             return np.sum(list(each), axis=0)

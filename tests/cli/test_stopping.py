@@ -1,0 +1,65 @@
+"""A command that is asked to stop says so in one line, whatever libraries make of the exception that this raises."""
+
+import os
+import signal
+import sys
+
+import pytest
+from damage import call
+from kills import stopped_at
+
+from spi import cli, storage
+from spi.cli.options import INVALID, end
+from spi.cli.signals import STOP
+from spi.running.run import Stopped
+
+
+class Panic(BaseException):
+    """What a program in Rust may make of an exception, which is none of Python's usual ones."""
+
+
+@pytest.mark.parametrize("error", [ValueError, SystemError, Panic, lambda: storage.StorageError("r.h5: damaged")])
+def test_a_stop_that_becomes_another_error_is_a_stop(monkeypatch, error):
+    def app(*_, **__):
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise error() from None
+
+    monkeypatch.setattr(cli, "app", app)
+    assert call("check", "x") == (3, "", "spi: stopped\n")
+
+
+def test_an_innocent_file_is_not_blamed(monkeypatch):
+    def app(*_, **__):
+        STOP.wanted = True
+        end(INVALID, "r.h5: damaged")
+
+    monkeypatch.setattr(cli, "app", app)
+    assert call("check", "x") == (3, "", "spi: stopped\n")
+
+
+def test_what_a_stopped_run_says_stays(monkeypatch):
+    def app(*_, **__):
+        STOP.wanted = True
+        raise Stopped("stopped; progress is saved")
+
+    monkeypatch.setattr(cli, "app", app)
+    assert call("check", "x") == (3, "", "spi: stopped; progress is saved\n")
+
+
+def test_other_errors_stay_what_they_are(monkeypatch):
+    def app(*_, **__):
+        raise Panic
+
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(Panic):
+        call("check", "x")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no such signals")
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.55, 0.8])
+def test_a_signal_at_any_call_of_a_function(share):
+    code, err, _ = stopped_at(share, "check", "rigid_body_strong")
+    assert (code, err) == (3, "spi: stopped\n")

@@ -1,0 +1,202 @@
+"""What a run leaves that ends in an unusual way: no processes, no folders, and nothing computed is lost."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import BrokenExecutor, Future
+from pathlib import Path
+
+import pytest
+from helpers import COMPILED
+
+import spi
+from spi import storage
+from spi.cli import main
+from spi.numerics.rng import LANES
+from spi.running import run as runner
+from spi.running import workers
+from spi.running.run import Limits, Watch, load
+from spi.statistics import tallies
+
+fcntl = pytest.importorskip("fcntl")  # there is none on Windows, where files of living processes cannot be removed
+
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+SAMPLES = 20 * LANES
+
+
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch):
+    monkeypatch.setattr(tallies, "CHUNK_WORK", 2**21)
+
+
+def strong(*overrides):
+    return load(EXPERIMENTS / "rigid_body_strong.yaml", "quick", [f"samples={SAMPLES}", *overrides])
+
+
+# --- processes --------------------------------------------------------------------------------------------------------
+
+#: Locks a file, says so and lets no other thread of Python have its turn, as a kernel does, for as long as it lives.
+BUSY = """
+import ctypes, fcntl
+
+def busy(path):
+    file = open(path, "w")
+    fcntl.flock(file, fcntl.LOCK_EX)
+    file.write("locked")
+    file.flush()
+    ctypes.PyDLL(None).sleep(60)
+"""
+
+PARENTS = {
+    "worker": """
+from spi.running import workers
+from busy import busy
+
+if __name__ == "__main__":
+    with workers.processes(1) as pool:
+        pool.executor.submit(busy, "lock").result()
+""",
+    "compiler": """
+from contextlib import ExitStack
+from pathlib import Path
+from spi.running import compiling
+
+if __name__ == "__main__":
+    Path("busy_job.py").write_text("import busy; busy.busy('lock')")
+    job = compiling.Job("x", "busy_job", "x", ())
+    assert compiling._written(".", [job])
+    with compiling._worker(".") as worker:
+        worker.wait()
+""",
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a process ends after its kernel")
+@pytest.mark.share(1)
+@pytest.mark.parametrize("kind", PARENTS)
+def test_no_process_outlives_one_that_is_killed(tmp_path, kind):
+    (tmp_path / "busy.py").write_text(BUSY)
+    (tmp_path / "parent.py").write_text(PARENTS[kind])
+    path = os.pathsep.join([str(tmp_path), str(Path(spi.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    parent = subprocess.Popen([sys.executable, "parent.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": path})
+    lock = tmp_path / "lock"
+    for _ in range(600):
+        if lock.exists() and lock.read_text() == "locked":
+            break
+        assert parent.poll() is None
+        time.sleep(0.1)
+    parent.kill()
+    parent.wait()
+    with open(lock) as file:
+        for _ in range(50):
+            time.sleep(0.1)
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                continue
+        else:
+            pytest.fail("the process lives after 5 seconds")
+
+
+class Losing:
+    """Workers of which each is lost, but for the first few chunks."""
+
+    lost = (BrokenExecutor,)
+    size = 1
+
+    def __init__(self, good=0):
+        self.good = good
+
+    def submit(self, source, number, chunk):
+        future = Future()
+        self.good -= 1
+        if self.good >= 0:
+            future.set_result(workers.compute(source, number, chunk, 1))
+        else:
+            future.set_exception(BrokenExecutor())
+        return future
+
+    def stuck(self):
+        return False
+
+    def renewed(self, waiting):
+        return []
+
+
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+def test_what_is_done_is_kept_where_workers_are_lost_again_and_again(tmp_path, monkeypatch, capsys):
+    def run():
+        runner.run(strong(), tmp_path, workers=Losing(4))
+
+    with pytest.raises(workers.WorkersLost, match=r"lost over the same paths; .*; progress is saved in .*npz$"):
+        run()
+    _, parts = storage.read_sums(runner.sums_path(strong(), tmp_path))
+    assert sum(len(kept["digests"]) for part in parts.values() for kept in part["path_sets"]) == 4
+    monkeypatch.setattr("spi.cli.app", lambda *_, **__: run())
+    monkeypatch.setattr(sys, "argv", ["spi"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    assert capsys.readouterr().err.startswith("spi: 6 workers were lost")
+
+
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+def test_what_is_done_is_kept_whatever_ends_a_run(tmp_path):
+    def fail(progress):
+        if progress.done:
+            raise MemoryError
+
+    with pytest.raises(MemoryError):
+        runner.run(strong(), tmp_path, watch=Watch(report=fail))
+    assert storage.about_sums(runner.sums_path(strong(), tmp_path))["finished"] is False
+
+
+# --- a limit of time that is shorter than the start -----------------------------------------------------------------
+
+
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+@pytest.mark.parametrize("kind", ["here", "workers"])
+def test_a_run_without_time_does_something_before_it_stops(tmp_path, kind, monkeypatch):
+    monkeypatch.setattr("spi.ensemble.loop.BATCH_SECONDS", 0.0)
+    stops = 0
+    while True:
+        pool = None if kind == "here" else Losing(good=10**9)
+        try:
+            runner.run(strong("samples=300"), tmp_path, limits=Limits(max_seconds=0.0), workers=pool)
+            break
+        except runner.Stopped as stopped:
+            assert "the time limit is reached; progress is saved" in str(stopped)
+            stops += 1
+            assert stops < 100
+    assert stops > 1
+
+
+# --- folders ----------------------------------------------------------------------------------------------------------
+
+
+def test_folders_of_processes_that_were_killed_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    program = "import spi, os\nwith spi.scratch_folder() as folder: print(folder, flush=True); input()"
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+        )
+        for _ in range(2)
+    ]
+    left, lives = (Path(process.stdout.readline().strip()) for process in processes)
+    processes[0].kill()
+    processes[0].communicate()
+    foreign = tmp_path / "spi-results"
+    foreign.mkdir()
+    with spi.scratch_folder():  # it may not be locked yet
+        assert left.is_dir()
+    for folder in (left, lives):
+        os.utime(folder / ".spi-lock", (0, 0))
+    with spi.scratch_folder() as mine:
+        assert {lives, foreign, Path(mine)} == set(tmp_path.iterdir())
+    processes[1].communicate("\n")
+    assert set(tmp_path.iterdir()) == {foreign}
