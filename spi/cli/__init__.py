@@ -6,7 +6,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import running, showing, starting
+from . import cache, running, showing, starting
 from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
@@ -92,6 +92,7 @@ def schema() -> None:
 
 app.command()(showing.report)
 app.command()(starting.doctor)
+app.command()(cache.cache)
 
 
 def main() -> NoReturn:
