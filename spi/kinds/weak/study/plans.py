@@ -1,7 +1,7 @@
 """The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -31,17 +31,6 @@ class WeakPlan(PartPlan):
     def h(self) -> np.ndarray:
         """(S,) the steps of the results, from large to small; with extrapolation 2h, ... are steps of the case, too."""
         return np.array(self.case.steps)[self.extrapolation.chosen]
-
-    @property
-    def by_level(self) -> tuple[Self, ...]:
-        """The plan as that of each level of extrapolation, fewest first: so sums over the same paths have them."""
-        return tuple(sorted(self.each, key=lambda one: one.part.extrapolate))
-
-    @property
-    def own_steps(self) -> slice:
-        """Where the steps of the results stand among those of :attr:`by_level`, one after the other."""
-        before = sum(len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + len(self.h))
 
     @property
     def expected_order(self) -> float | None:
