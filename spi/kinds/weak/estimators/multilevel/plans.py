@@ -277,8 +277,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         largest = differences[:, :1]
         if self.part.extrapolate:
             to_reference, to_steps = self.combination.shares_above()
-            largest = (to_reference @ moments.mean[:-1])[:, np.newaxis]
-            spread = np.sqrt(last + to_steps**2 @ variances).T
+            largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
+            spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
         else:
             above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
             spread = np.array([np.sqrt(last + variances[used].sum(axis=0)) for used in above]).T
