@@ -27,7 +27,7 @@ def end_with(parent: int) -> None:
     signal that the pipe is closed; elsewhere it does not, or the signal is ignored.
     """
     threading.Thread(target=_wait_for, args=(parent,), daemon=True).start()
-    if fcntl and sys.platform == "linux":
+    if sys.platform == "linux" and "F_SETOWN" in dir(fcntl):
         with contextlib.suppress(OSError):  # not every kernel does so
             fcntl.fcntl(parent, fcntl.F_SETOWN, os.getpid())
             fcntl.fcntl(parent, fcntl.F_SETFL, fcntl.fcntl(parent, fcntl.F_GETFL) | os.O_ASYNC)
