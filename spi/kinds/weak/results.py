@@ -133,6 +133,12 @@ class WeakErrors(Stored):
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
     panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
 
+    def __post_init__(self) -> None:
+        if self.sampled is None and self.unsampled is None:
+            raise KeyError("error_stderr")
+        if len(self.formulas) != len(self.functions):
+            raise ValueError(f"{len(self.formulas)} formulas for {len(self.functions)} functions")
+
     @property
     def half(self) -> np.ndarray:
         """(F, S) half the 95 % interval of the error, or the bound of its numerical error."""

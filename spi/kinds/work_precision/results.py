@@ -44,6 +44,10 @@ class WorkPrecision(Stored):
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
     note: Annotated[str, fact("what is to be said of points that are not resolved")] = ""
 
+    def __post_init__(self) -> None:
+        if self.error_stderr is None and self.error_bound is None:
+            raise KeyError("error_stderr")
+
     @property
     def exact(self) -> bool:
         """Whether nothing was sampled."""
