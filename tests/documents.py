@@ -145,10 +145,11 @@ def check_command(command):
     """Wrong unless the program knows a command with such options, and its experiments are valid; nothing is run."""
     try:
         given = _given(*command.arguments, spoken_of=command.spoken_of)
-        if given.get("specs"):
-            wanted = [given.get(key) for key in ("specs", "profile", "overrides", "samples", "seed")]
-            options.load(*wanted, given.get("kind"))
-        for source in [*(given.get("sources") or ()), *filter(None, [given.get("source")])]:
+        results = [spec for spec in given.get("specs") or () if spec.suffix == ".h5"]
+        if written := [spec for spec in given.get("specs") or () if spec not in results]:
+            wanted = [given.get(key) for key in ("profile", "overrides", "samples", "seed", "kind")]
+            options.load(written, *wanted)
+        for source in [*(given.get("sources") or ()), *filter(None, [given.get("source")]), *results]:
             name = Path(source).name.partition(".")[0]
             if name not in shipped.names() and not Path(f"{name}.yaml").exists():
                 raise Wrong(f"no experiment is called {name}")

@@ -22,20 +22,22 @@ def run(
     what: str | Path | Mapping[str, Any],
     *,
     name: str | None = None,
-    profile: str = "laptop",
+    profile: str | None = None,
     as_: str | None = None,
     out: str | Path | None = "results",
     fresh: bool = False,
     threads: int | None = None,
     workers: int | str | None = None,
     progress: bool | None = None,
+    trust_code: bool = False,
     **overrides: Any,
 ) -> Results:
     """Run an experiment and return its results.
 
-    `what` is a spec file, the name of an experiment that comes with spi (see :func:`spi.experiments`), or a mapping
-    with the keys of a spec file.  Values are Python data: numbers, texts such as "2^-5 .. 2^-13", lists, mappings,
-    NumPy arrays; ``model`` may also be the name, the class or a record of a model.
+    `what` is a spec file, the name of an experiment that comes with spi (see :func:`spi.experiments`), a results file,
+    whose spec, profile and overrides then count, or a mapping with the keys of a spec file.  Values are Python data:
+    numbers, texts such as "2^-5 .. 2^-13", lists, mappings, NumPy arrays; ``model`` may also be the name, the class or
+    a record of a model.
 
     Further keywords override keys of the spec, as ``--set`` does: ``samples=1000``, ``schemes=["splitting"]``.  A
     mapping overrides only what it names: ``model={"sigma": [1, 0, 0]}`` keeps the other parameters, and
@@ -51,12 +53,14 @@ def run(
     of threads; `workers` the number of processes on this machine, or the address of a Dask scheduler.  `progress` shows
     a progress line; by default in a notebook only.
 
+    Python code in a results file is run only if a file at the same path has the same text, or with `trust_code`.
+
     Raises SpecError if anything is wrong with the spec, StorageError if the results cannot be written or are those of
     another spec; KeyboardInterrupt if interrupted; progress is then saved, and the same call resumes.
     """
     if isinstance(what, Mapping) and name is None and out is not None:
         raise SpecError("spec: name: missing; add name='...' for the results file, or out=None to write none")
-    experiment = experiment_of(what, name, profile, overrides, as_)
+    experiment = experiment_of(what, name, profile, overrides, as_, trust_code)
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(scratch_folder()) if out is None else out
         stack.enter_context(_threads(threads))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler import modules
 from ..models import MODELS
-from ..running.load import load, load_as
+from ..running.load import load, load_any
 from ..specs import Experiment, SpecError
 from ..specs.writing import as_override, as_yaml, separated
 from ..storage import StorageError
@@ -27,14 +27,15 @@ _AS_ARGUMENT = {
 def experiment_of(
     what: str | Path | Mapping[str, Any],
     name: str | None,
-    profile: str,
+    profile: str | None,
     overrides: Mapping[str, Any],
     kind: str | None = None,
+    trust_code: bool = False,
 ) -> Experiment:
     """The experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
 
-    That in a file may be made into one of another `kind`.  SpecError if anything is wrong; of a mapping it names no
-    lines.
+    That in a file, of results too, may be made into one of another `kind`.  SpecError if anything is wrong; of a
+    mapping it names no lines.
     """
     right = "must be a spec file, a name that spi.experiments() lists, or a mapping with the keys of a spec file"
     check_type("spec", what, (str, Path, Mapping), right)
@@ -46,9 +47,9 @@ def experiment_of(
     texts = as_overrides(overrides, arrays)
     with in_python():
         if isinstance(what, Mapping):
-            return of_mapping(what, name or "experiment", profile, texts, arrays=arrays)
+            return of_mapping(what, name or "experiment", profile or "laptop", texts, arrays=arrays)
         added = tuple(arrays.items())
-        found = load(what, profile, texts, added=added) if kind is None else load_as(kind, what, profile, texts, added)
+        found = load_any(what, profile, texts, kind, added, trust_code)
     return found if name is None else found._replace(name=name)
 
 

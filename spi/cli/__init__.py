@@ -6,8 +6,8 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import running, showing, starting
-from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, load
+from . import cache, running, showing, starting
+from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
 
@@ -51,28 +51,31 @@ app.command()(showing.show)
 @app.command()
 def check(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
     kind: As = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Validate experiments and estimate their cost."""
-    experiments = load(specs, profile, overrides, samples, seed, kind)
-    from ..printing import print_cost, print_reports
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
+    from ..printing import print_cost, print_remarks, print_reports
+    from ..running.load import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
+        print_remarks(experiment, remarks(experiment))
         print_reports(reports(experiment))
 
 
 @app.command()
-def model(specs: Specs, profile: Profile = "laptop", overrides: Overrides = None) -> None:
+def model(specs: Specs, profile: Profile = None, overrides: Overrides = None, trust_code: TrustCode = False) -> None:
     """Print the Python source of the models of experiments."""
     from ..running.run import sources
 
-    for experiment in load(specs, profile, overrides, None, None):
+    for experiment in load(specs, profile, overrides, None, None, trust_code=trust_code):
         for text in sources(experiment):
             typer.echo(text.rstrip("\n"))
 
@@ -89,6 +92,7 @@ def schema() -> None:
 
 app.command()(showing.report)
 app.command()(starting.doctor)
+app.command()(cache.cache)
 
 
 def main() -> NoReturn:

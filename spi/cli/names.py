@@ -17,7 +17,7 @@ def assignments(overrides: Iterable[str] | None, samples: str | None, seed: str 
 def stored(
     sources: Sequence[Path] | None,
     folder: Path,
-    profile: str,
+    profile: str | None,
     overrides: Iterable[str] | None,
     samples: str | None,
     seed: str | None,
@@ -30,7 +30,7 @@ def stored(
     """
     from ..running.finding import Wanted, every, found
 
-    wanted = Wanted(profile, tuple(assignments(overrides, samples, seed)), kind)
+    wanted = Wanted(profile or "laptop", tuple(assignments(overrides, samples, seed)), kind)
     return [found(source, folder, wanted) for source in sources] if sources else every(folder, wanted)
 
 

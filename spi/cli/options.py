@@ -17,7 +17,9 @@ DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
 Specs = Annotated[
     list[Path],
     typer.Argument(
-        metavar="SPEC", help="Experiment files (YAML), or names listed by `spi list`.", autocompletion=complete_spec
+        metavar="SPEC",
+        help="Experiment files (YAML), names listed by `spi list`, or files of results, whose spec and options count.",
+        autocompletion=complete_spec,
     ),
 ]
 Stored = Annotated[
@@ -37,7 +39,8 @@ Several = Annotated[
     ),
 ]
 Profile = Annotated[
-    str, typer.Option(help="laptop (the file itself), paper or quick.", autocompletion=complete_profile)
+    str | None,
+    typer.Option(help="laptop (the file itself, the default), paper or quick.", autocompletion=complete_profile),
 ]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the spec.")]
 Samples = Annotated[str | None, typer.Option(help="Number of paths; short for --set samples=N.")]
@@ -60,24 +63,25 @@ TrustCode = Annotated[
     bool,
     typer.Option(
         "--trust-code",
-        help="Run Python code that the file of results holds, though no file here equals it; only if you trust it.",
+        help="Run Python code that a file of results holds, though no file here equals it; only if you trust it.",
     ),
 ]
 
 
 def load(
     specs: list[Path],
-    profile: str,
+    profile: str | None,
     overrides: list[str] | None,
     samples: str | None,
     seed: str | None,
     kind: str | None = None,
+    trust_code: bool = False,
 ) -> list["Experiment"]:
     """All experiments, before anything runs; converted to another kind if that is given.
 
-    Raises SpecError with the mistakes of all of them.
+    Raises SpecError with the mistakes of all of them; StorageError if results cannot be read, or may not be run.
     """
-    from ..running.load import load, load_as
+    from ..running.load import load_any, means_another
     from ..specs import SpecError
 
     overrides = assignments(overrides, samples, seed)
@@ -85,8 +89,9 @@ def load(
     problems: list[str] = []
     for path in specs:
         try:
-            read = load(path, profile, overrides) if kind is None else load_as(kind, path, profile, overrides)
-            experiments.append(read)
+            experiments.append(load_any(path, profile, overrides, kind, trust_code=trust_code))
+            if not (profile or overrides or kind) and means_another(path, experiments[-1]):
+                tell(f"spi: {path}: its spec means something else to this version of spi, so numbers will differ")
         except SpecError as error:
             problems += error.messages
     if problems:

@@ -47,7 +47,7 @@ Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often
 
 def run(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
@@ -65,12 +65,13 @@ def run(
         str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster, e.g. tcp://host:8786 or local:4.")
     ] = None,
     kind: As = None,
+    trust_code: TrustCode = False,
 ) -> None:
     """Run experiments: write <out>/<name>.h5 and print a table.
 
     Exit code 4 if a claim of a spec failed.
     """
-    experiments = load(specs, profile, overrides, samples, seed, kind)
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..running import run as runner
     from ..running import shards
     from .progress import ProgressLine
@@ -93,7 +94,7 @@ def run(
 
 def merge(
     specs: Specs,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
@@ -101,12 +102,13 @@ def merge(
     kind: As = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
+    trust_code: TrustCode = False,
 ) -> None:
     """Merge the shards that `spi run --shard` computed.
 
     Then write the results and print the table as `spi run` does.
     """
-    experiments = load(specs, profile, overrides, samples, seed, kind)
+    experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..running import shards
 
     _prepare(threads)
@@ -115,7 +117,7 @@ def merge(
 
 def verify(
     source: Stored,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,

@@ -38,7 +38,7 @@ def show(
             autocompletion=complete_results,
         ),
     ] = None,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
@@ -69,17 +69,17 @@ def _list(folder: Path) -> None:
     from ..printing.catalogue import print_results
     from ..running.finding import listed
 
-    if not folder.is_dir():
-        end(INVALID, f"{folder}: no such folder; run an experiment first, or name the folder with --results")
     found, problems = listed(folder)
-    print_results(f"results in {folder}: spi show NAME", found)
+    if not found and not problems:
+        end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
+    print_results(found)
     for problem in problems:
         tell(f"spi: {problem}")
 
 
 def plot(
     sources: Several = None,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,
@@ -142,7 +142,7 @@ def _refuse_results_in(out: Path, sources: list[Path] | None) -> None:
 
 def report(
     sources: Several = None,
-    profile: Profile = "laptop",
+    profile: Profile = None,
     overrides: Overrides = None,
     samples: Samples = None,
     seed: Seed = None,

@@ -1,6 +1,7 @@
 """The commands with which a person begins: list, new, doctor."""
 
 import shlex
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -68,7 +69,7 @@ def new(
         typer.Option(
             "--from",
             metavar="EXPERIMENT",
-            help="Copy this experiment and the files it refers to.",
+            help="Copy this experiment, also that behind a file of results, and the files it refers to.",
             autocompletion=complete_spec,
         ),
     ] = None,
@@ -102,14 +103,29 @@ def _template(which: str, target: Path) -> dict[Path, bytes]:
 
 def _copies(source: str, target: Path, kind: str | None) -> dict[Path, bytes]:
     """An experiment and the files that it names, by the paths at which copies are to stand."""
-    from ..running.load import load, load_as
+    from ..running.load import STORED, load, load_as
     from ..specs.files import content
 
-    experiment = load(source) if kind is None else load_as(kind, source)
-    return {
-        target: experiment.text.encode(),
-        **{target.parent / path: content(text) for path, text in experiment.files},
-    }
+    if Path(source).suffix in STORED:
+        text, files = _from_results(source, target, kind)
+    else:
+        experiment = load(source) if kind is None else load_as(kind, source)
+        text, files = experiment.text, experiment.files
+    return {target: text.encode(), **{target.parent / path: content(text) for path, text in files}}
+
+
+def _from_results(source: str, target: Path, kind: str | None) -> tuple[str, Sequence[tuple[str, str]]]:
+    """The spec and the files in a file of results, which are not run; says with which options they were."""
+    from ..running.finding import Wanted
+    from ..running.load import stored_spec
+
+    stored = stored_spec(source)
+    if kind is not None:
+        end(INVALID, f"--as: write the copy first, then `spi new NAME --from {shlex.quote(str(target))} --as {kind}`")
+    options = Wanted(stored.profile, stored.overrides).options
+    if options:
+        tell(f"spi: the results are those of `{shlex.join(['spi', 'run', str(target), *options])}`")
+    return stored.text, stored.files
 
 
 def _write(files: dict[Path, bytes], target: Path) -> list[Path]:

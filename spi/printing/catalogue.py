@@ -35,31 +35,29 @@ def print_experiments(title: str, experiments: Mapping[str, Any], file: IO[str] 
     _print(title, ["name", "figure", "title"], rows, file)
 
 
-def print_results(title: str, results: Iterable[Any], file: IO[str] | None = None) -> None:
-    """Print what results there are (``spi.running.finding.Listed``)."""
-    rows = []
+def print_results(results: Iterable[Any], file: IO[str] | None = None) -> None:
+    """Print what results there are (``spi.running.finding.Listed``): their names, and under each what it is."""
+    console = new_console(file)
     for one in results:
         counts = sorted({count for count in one.samples if count})
-        samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]])) or "-"
-        lines = [one.title, *[one.how] * bool(one.how)]
-        rows.append((one.name, one.kind, samples, one.created[:16].replace("T", " "), "\n".join(lines)))
-    _print(title, ["name", "kind", "samples", "computed", "title, and options of the run"], rows, file, 110)
+        samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
+        facts = [one.kind, *[f"{samples} samples"] * bool(samples), one.created[:16].replace("T", " ")]
+        for line in filter(None, (one.name, f"    {', '.join(facts)}: {one.title}", f"    {one.how}".rstrip())):
+            console.print(printable(line), markup=False, soft_wrap=True)
 
 
-def _print(
-    title: str, headings: Iterable[str], rows: Iterable[Iterable[str]], file: IO[str] | None, width: int = _WIDTH
-) -> None:
-    """Print a table as wide as the terminal, or at least `width`, whose last column wraps."""
+def _print(title: str, headings: Iterable[str], rows: Iterable[Iterable[str]], file: IO[str] | None) -> None:
+    """Print a table as wide as the terminal, whose last column wraps."""
     from rich.measure import Measurement
     from rich.text import Text
 
     console = new_console(file)
     table = new_table(title, headings, left=1)
     last = table.columns[-1]
-    last.justify, last.no_wrap, last.overflow = "left", False, "fold"
+    last.justify, last.no_wrap = "left", False
     for row in rows:
         table.add_row(*(Text(printable(cell)) for cell in row))
     needed = Measurement.get(console, console.options.update(max_width=10_000), table).minimum
-    console.width = max(console.width if console.is_terminal else width, needed, width)
+    console.width = max(console.width if console.is_terminal else _WIDTH, needed, _WIDTH)
     console.print(table)
     console.print()

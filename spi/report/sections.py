@@ -36,6 +36,7 @@ _PROVENANCE = {
     "spec_hash": "digest of the spec (SHA-256)",
     "machine_processor": "processor",
     "machine_instruction_set": "instruction set",
+    "machine_vector_bits": "bits of vectors",
     "machine_cpu_count": "processors",
     "machine_platform": "platform",
     "machine_python": "Python",
@@ -61,7 +62,8 @@ class Section(NamedTuple):
     items: list[Titled | str]  #: what `spi show` prints
     cost: Facts
     provenance: Facts
-    command: str  #: that repeats it
+    command: str  #: that repeats it from the results file
+    from_spec: str  #: that repeats it from the spec
     files: Facts  #: the spec and the files that belong to it: name and text
 
     @property
@@ -99,7 +101,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         items=recorder.items,
         cost=list(_cost(results)),
         provenance=list(_provenance(attributes)),
-        command=_command(attributes.get("experiment", path.stem), attributes),
+        command=shlex.join(["spi", "run", path.name]),
+        from_spec=_from_spec(attributes.get("experiment", path.stem), attributes),
         files=list(_files(attributes.get("experiment", path.stem), attributes)),
     )
 
@@ -170,8 +173,8 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "overrides", "; ".join(attributes["overrides"])
 
 
-def _command(name: str, attributes: dict[str, Any]) -> str:
-    """What repeats the results, by the name of the experiment if it came with the program as it stands there."""
+def _from_spec(name: str, attributes: dict[str, Any]) -> str:
+    """The command that repeats results from their spec, by its name if it came with the program as it stands there."""
     source, _, kind = name.rpartition(".")
     if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
         words = ["spi", "run", name]

@@ -13,10 +13,10 @@ from ..specs.naming import of_kind, results_name
 from ..storage import StorageError
 from ..storage.results import read_root
 from . import shipped
-from .load import load, load_as
+from .load import STORED, load_any
 
-#: The endings of spec files, and of files of results.
-SPECS, FILES = (".yaml", ".yml"), (".h5",)
+#: The endings of spec files.
+SPECS = (".yaml", ".yml")
 
 
 class Wanted(NamedTuple):
@@ -56,7 +56,7 @@ def found(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
     if source.suffix in SPECS:
         return results_of(source, folder, wanted)
     path = folder / f"{wanted.name(str(source))}.h5"
-    is_name = source.name == str(source) and source.suffix not in FILES and not source.is_file()
+    is_name = source.name == str(source) and source.suffix not in STORED and not source.is_file()
     if is_name and (path.is_file() or not source.is_dir()):
         return _there(path, source.name, str(source), folder, wanted)
     if wanted != PLAIN:
@@ -120,7 +120,7 @@ def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted 
     stored = read_root(path)
     if wanted.kind or "model_sources" in stored or stored["spec"] != text_of(spec):
         how = stored["profile"], tuple(stored["overrides"])
-        now = load(spec, *how) if wanted.kind is None else load_as(wanted.kind, spec, *how)
+        now = load_any(spec, *how, wanted.kind)
         if now.hash != stored["spec_hash"]:
             again = shlex.join(["spi", "run", str(spec), *wanted.options])
             raise StorageError(f"{path}: holds results of another spec than {spec}; run `{again}` first")

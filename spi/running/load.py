@@ -8,7 +8,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .. import specs, storage, systems
 from ..kinds import KINDS
@@ -22,6 +22,9 @@ from ..specs.keys import suggestion
 from ..specs.naming import of_kind
 from ..storage.results import read_root
 from . import shipped
+
+#: The endings of files of results.
+STORED = (".h5",)
 
 
 @functools.cache
@@ -54,26 +57,92 @@ def load(
     return specs.load(path, layers(), profile, overrides, text, files, called, trusts, added)
 
 
-def load_stored(path: str | Path, trust_code: bool = False, overrides: Iterable[str] = ()) -> specs.Experiment:
+def load_any(
+    path: str | Path,
+    profile: str | None = None,
+    overrides: Iterable[str] = (),
+    kind: str | None = None,
+    added: Iterable[tuple[str, str]] = (),
+    trust_code: bool = False,
+) -> specs.Experiment:
+    """The experiment that a person means: a spec file, a name, or results, whose spec and options then count.
+
+    `profile` takes the place of that of the results, and `overrides` are added to theirs; another `kind` is made of it.
+    SpecError and StorageError as for the functions below.
+    """
+    if Path(path).suffix in STORED:
+        return load_stored(path, trust_code, overrides, profile, kind, added)
+    if kind is None:
+        return load(path, profile or "laptop", overrides, added=added)
+    return load_as(kind, path, profile or "laptop", overrides, added)
+
+
+def load_stored(
+    path: str | Path,
+    trust_code: bool = False,
+    overrides: Iterable[str] = (),
+    profile: str | None = None,
+    kind: str | None = None,
+    added: Iterable[tuple[str, str]] = (),
+) -> specs.Experiment:
     """The experiment whose results are in a file, as it was run, with further `overrides`.
+
+    Another `profile` takes the place of that of the run, another `kind` can be made of it, and files be `added`.
 
     This alone decides whether Python code that a results file holds is run: with `trust_code`, or where the person has
     a file with the same text at the path that the spec names, seen from the current folder or from ./experiments.
     StorageError if the file cannot be read, and before any such code is run if it may not be; SpecError as for load.
     """
-    stored = read_root(path)
+    stored = stored_spec(path)
+    as_run = profile or stored.profile, (*stored.overrides, *overrides)
+    read = functools.partial(
+        specs.load,
+        Path(path).with_name(f"{stored.name}.yaml"),
+        layers(),
+        files=[*stored.files, *added],
+        called=str(path),
+        trusts=lambda name, text: trust_code or _is_here(name, text),
+    )
     try:
-        as_run = stored["profile"], (*stored["overrides"], *overrides), stored["spec"]
-        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources", "{}")).items()]
-    except (KeyError, TypeError, ValueError, AttributeError):
-        raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
-    try:
-        return load(path, *as_run, files, lambda name, text: trust_code or _is_here(name, text))
+        if kind is None:
+            return read(*as_run, stored.text)
+        _check_kind(kind)
+        source = read(text=stored.text)
+        made = source.text if source.kind == kind else _of_another(kind, source)
+        return read(*as_run, made)._replace(name=of_kind(stored.name, kind))
     except UntrustedCode as error:
         raise storage.StorageError(
             f"{path}: holds Python code, {error}, that equals no file of that path here; read it first "
             "(`spi report` shows it), then --trust-code runs it"
         ) from None
+
+
+class StoredSpec(NamedTuple):
+    """The spec behind results, and how it was run."""
+
+    name: str  #: of the experiment
+    profile: str
+    overrides: tuple[str, ...]
+    text: str
+    files: tuple[tuple[str, str], ...]
+
+
+def stored_spec(path: str | Path) -> StoredSpec:
+    """The spec in a file of results, which is not read; StorageError if the file cannot be read."""
+    stored = read_root(path)
+    try:
+        files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources", "{}")).items()]
+        name = str(stored.get("experiment", ""))
+        if Path(name).name != name or not name.isprintable() or name.startswith(".") or not name:
+            name = Path(path).stem  # since it becomes the name of a file
+        return StoredSpec(name, stored["profile"], tuple(stored["overrides"]), stored["spec"], tuple(files))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
+
+
+def means_another(path: str | Path, experiment: specs.Experiment) -> bool:
+    """Whether the spec in a file of results means something else than when they were computed."""
+    return Path(path).suffix in STORED and read_root(path).get("spec_hash") != experiment.hash
 
 
 def _is_here(name: str, text: str) -> bool:
@@ -96,19 +165,28 @@ def load_as(
 
     SpecError if the file is invalid, if there is no such kind, or if what is made of it is no experiment.
     """
-    if kind not in KINDS:
-        raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
+    _check_kind(kind)
     source = load(path)
     if source.kind == kind:
         return load(path, profile, overrides, added=added)._replace(name=of_kind(source.name, kind))
-    keys = KINDS[kind].keys
-    try:
-        text = specs.converted(source.text, source.title, source.cases, kind, keys)
-    except ValueError as error:
-        raise specs.SpecError(f"{path}: --as {kind}: {error}") from None
+    text = _of_another(kind, source)
     target = source.path.with_name(f"{of_kind(source.name, kind)}.yaml")
     called = None if Path(source.called) == source.path else target.stem
     return specs.load(target, layers(), profile, overrides, text, called=called, added=added)
+
+
+def _check_kind(kind: str) -> None:
+    """SpecError if there is no such kind."""
+    if kind not in KINDS:
+        raise specs.SpecError(f"--as: '{kind}' is not a kind of experiment; {suggestion(kind, KINDS)}")
+
+
+def _of_another(kind: str, source: specs.Experiment) -> str:
+    """The text of an experiment made into one of another kind."""
+    try:
+        return specs.converted(source.text, source.title, source.cases, kind, KINDS[kind].keys)
+    except ValueError as error:
+        raise specs.SpecError(f"{source.called}: --as {kind}: {error}") from None
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
@@ -130,6 +208,13 @@ def plans(experiment: specs.Experiment) -> list[Plan]:
     """The plans of all parts of all cases, in the order in which they are run."""
     study = KINDS[experiment.kind].study
     return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
+
+
+def remarks(experiment: specs.Experiment) -> list[str]:
+    """What of an experiment will not be computed, or not as it was asked for, a line each."""
+    of_case: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
+    several = len(experiment.cases) > 1
+    return [f"{case.name}: " * several + line for case in experiment.cases for line in of_case(case)]
 
 
 def name_of(plan: Plan) -> str:

@@ -19,7 +19,7 @@ from ..storage.records import Results
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, sums_path
 from .finding import results_of
-from .load import Source, headings, layers, load, plans, reports, sources
+from .load import Source, headings, layers, load, load_any, plans, reports, sources
 from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "headings",
     "layers",
     "load",
+    "load_any",
     "plans",
     "reports",
     "results_of",

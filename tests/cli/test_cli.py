@@ -344,7 +344,7 @@ def test_show_lists_what_is_there(spi):
     assert spi("run", SPEC, *TINY)[0] == 0
     code, out, err = spi("show")
     assert (code, err) == (0, "") and RESULTS.stem in out
-    assert re.search(r"strong +9 +20\d\d-", out) and "--profile quick" in out
+    assert re.search(r"    strong, 9 samples, 20\d\d-", out) and "--profile quick" in out
     assert spi("show", RESULTS.stem) == spi("show", RESULTS)
     missing = one_line(spi("show", SPEC.stem))
     assert missing == (

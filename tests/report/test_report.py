@@ -189,13 +189,14 @@ def test_the_command_names_an_experiment_that_comes_with_the_program(tmp_path, u
     spec = shipped.path_of("rigid_body_strong").read_text(encoding="utf-8")
     path = tmp_path / "rigid_body_strong.h5"
     results = strong_results(spec=spec, profile="laptop", overrides=())
-    assert sections.section(path, results, "e1").command == "spi run rigid_body_strong"
+    assert sections.section(path, results, "e1").from_spec == "spi run rigid_body_strong"
+    assert sections.section(path, results, "e1").command == "spi run rigid_body_strong.h5"
     changed = strong_results(spec=spec + "#\n", profile="laptop", overrides=())
-    assert sections.section(path, changed, "e1").command == "spi run rigid_body_strong.yaml"
+    assert sections.section(path, changed, "e1").from_spec == "spi run rigid_body_strong.yaml"
     made = load_as("weak", "rigid_body_strong")
     of_another_kind = strong_results(spec=made.text, profile="laptop", overrides=())
     path = tmp_path / f"{made.name}.h5"
-    assert sections.section(path, of_another_kind, "e1").command == "spi run rigid_body_strong --as weak"
+    assert sections.section(path, of_another_kind, "e1").from_spec == "spi run rigid_body_strong --as weak"
 
 
 def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_path, undrawn):

@@ -21,8 +21,11 @@ from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
+from spi.kinds.weak.comparisons import cannot_do, not_reached
+from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.results import WeakErrors
 from spi.numerics.rng import LANES
+from spi.printing.sentences import joined
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
@@ -40,6 +43,20 @@ def parts(case: Any) -> list[Part]:
         for one in part.each():
             first.setdefault(one.variant, one._replace(also=()))
     return list(first.values())
+
+
+def left_out(case: Any) -> tuple[str, ...]:
+    """The schemes that no estimator of weak errors can do."""
+    done = {part.scheme for part in parts(case)}
+    return tuple(scheme for scheme in case.schemes if scheme not in done)
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """What of a case will not be computed, or not as it was asked for."""
+    if schemes := left_out(case):
+        yield cannot_do(joined(case.estimators), schemes)
+    used = dict.fromkeys(part.estimator for part in parts(case))
+    yield from (line for name in used if name for line in ESTIMATORS[name].remarks(case))
 
 
 def plan(case: Any, part: Part) -> "WorkPlan":
@@ -184,6 +201,7 @@ class WorkPlan(PartPlan):
             seconds_per_path_low=low,
             seconds_per_path_high=high,
             repeats=case.repeats,
+            left_out=left_out(case),
             targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )
 
@@ -215,6 +233,7 @@ def _of_weak(found: WeakErrors) -> dict[str, Any]:
         "resolved": found.resolved[0],
         "nonfinite": found.nonfinite,
         "order": found.orders[0],
+        "note": not_reached(found),
     }
     if found.unsampled:
         return fields | {"error_bound": found.unsampled.error_bound[0]}

@@ -12,6 +12,7 @@ from spi.schemes import has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
 from spi.statistics.richardson import Extrapolation
 
+from ..estimators import left_out
 from ..results import WeakErrors
 
 
@@ -82,6 +83,7 @@ class WeakPlan(PartPlan):
             reference_step=case.reference_step,
             reference_scheme=case.reference_scheme,
             panels=case.panels or ("errors",),
+            left_out=left_out(case, self.part.estimator),
             wall_seconds=seconds,
             threads=thread_count(),
             **estimated,

@@ -255,6 +255,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
                 cpu_seconds=extra.history_cpu_seconds,
             ),
             cpu_seconds=cpu_seconds,
+            accuracy=self.case.accuracy if self.control else None,
         )
 
     @property
