@@ -115,7 +115,7 @@ class Checkpoint:
         known = [self.merge(self.path), *(self.merge(file, with_extra=False) for file in self.shards().values())]
         if not any(known):
             others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
-            sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
+            sizes = {other: about.get("samples") or 0 for other in others if (about := self._about(other)) is not None}
             for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
                 if self.merge(other):
                     return
@@ -153,7 +153,7 @@ class Checkpoint:
             if name in read[1]:
                 try:
                     state.merge(read[1][name], with_extra)
-                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
                     self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return True
 
@@ -217,4 +217,4 @@ class Checkpoint:
         return about if about is not None and self._same_paths(about) else None
 
     def _same_paths(self, about: dict) -> bool:
-        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, NUMBERS_DIGEST)
+        return (about.get("paths_hash"), about.get("source_digest")) == (self.experiment.paths_hash, NUMBERS_DIGEST)

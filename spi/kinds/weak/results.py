@@ -138,7 +138,7 @@ class WeakErrors(Stored):
     def __post_init__(self) -> None:
         if self.sampled is None and self.unsampled is None:
             raise KeyError("error_stderr")
-        if len(self.formulas) != len(self.functions):
+        if len(self.formulas) < len(self.functions):
             raise ValueError(f"{len(self.formulas)} formulas for {len(self.functions)} functions")
 
     @property
