@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import signal
 import sys
 import threading
 from multiprocessing import parent_process
@@ -9,6 +10,12 @@ from multiprocessing.connection import wait
 
 if sys.platform == "linux":
     import fcntl
+
+
+def follow_the_parent() -> None:
+    """Leave signals to the process that started this one, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
 
 
 def end_with_parent() -> None:
