@@ -5,7 +5,7 @@ import glob
 import math
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
 from ..storage.sums import VERSION
+from .known import Kept, Keys, sizes
 from .load import name_of, plans
 from .workers import WorkersLost
 
@@ -58,6 +59,9 @@ class Shard:
         return f".shard-{self.number}-of-{self.count}"
 
 
+_OF_SHARD = re.compile("[.]shard-[0-9]+-of-[0-9]+$")  # how the name of the file of one ends, without .npz
+
+
 class _TimeIsUp(Exception):
     """The run has taken as long as it may."""
 
@@ -77,6 +81,7 @@ class Checkpoint:
     def __init__(self, experiment: specs.Experiment, path: Path, limits: Limits, tell: Callable[[str], None]) -> None:
         self.experiment, self.path, self.limits, self.tell = experiment, path, limits, tell
         self.states = [State(plan) for plan in plans(experiment)]
+        self.keys = {name: Keys.of(state.plan) for name, state in self.by_name.items()}
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
         self.failed = False
@@ -87,6 +92,11 @@ class Checkpoint:
     def by_name(self) -> dict[str, State]:
         """Name of a part -> its state."""
         return {name_of(state.plan): state for state in self.states}
+
+    @property
+    def sizes(self) -> dict[str, dict[str, int]]:
+        """Name of a part -> how much of its sums is wanted, by what decides them."""
+        return {name: sizes(state.plan, self.keys[name]) for name, state in self.by_name.items()}
 
     def missing(self) -> list[tuple[int, Chunk]]:
         """The chunks that are wanted for now and not done, with the number of their part."""
@@ -111,19 +121,27 @@ class Checkpoint:
         return found
 
     def resume(self) -> None:
-        """Take what is known from the file and from those of shards; else of a run with other numbers of samples."""
-        known = [self.merge(self.path), *(self.merge(file, with_extra=False) for file in self.shards().values())]
-        if not any(known):
-            others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
-            sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
-            for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
-                if self.merge(other):
-                    return
+        """Take what is known from the file and from those of shards, of other parts from other specs of the name."""
+        known = self.merge(self.path)
+        known = known.union(*(self.merge(file, with_extra=False) for file in self.shards().values()))
+        self.take_of_others(self.by_name.keys() - known)
+
+    def take_of_others(self, unknown: Collection[str]) -> None:
+        """Take what is known of some parts from other specs of the name; say so, and what other sources have."""
+        others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz") if unknown else ()
+        abouts = {file: storage.about_sums(file) for file in others if not _OF_SHARD.search(file.stem)}
+        of_these = {file: about for file, about in abouts.items() if about and self._same_sources(about)}
+        sizes = {file: about.get("samples") or 0 for file, about in of_these.items()}
+        found = {file: self.merge(file, only=unknown) for file in sorted(sizes, key=sizes.__getitem__, reverse=True)}
+        for file, parts in found.items():
+            if parts:
+                self.tell(f"{', '.join(sorted(parts))}: going on with the sums over paths in {file}")
+        if unknown == self.by_name.keys() and not any(found.values()):
             self.tell_of_other_sources()
 
     def tell_of_other_sources(self) -> None:
         """Say which sums over the same paths other sources of spi computed."""
-        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not self._same_paths(about)]
+        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not self._same_sources(about)]
         for file, about in others[:1]:
             more = f" (and {len(others) - 1} more)" if others[1:] else ""
             self.tell(
@@ -144,24 +162,27 @@ class Checkpoint:
             if about is not None and about.get("spec_hash") == spec_hash:
                 yield file, about
 
-    def merge(self, path: Path, with_extra: bool = True) -> bool:
-        """Add what a file of sums knows of the very same paths; whether it could be read and belongs to them."""
+    def merge(self, path: Path, with_extra: bool = True, only: Collection[str] | None = None) -> set[str]:
+        """Add what a file of sums knows of the very same paths, of some parts or of all; of which parts it does."""
         read = storage.read_sums(path)
-        if read is None or not self._same_paths(read[0]):
-            return False
+        if read is None or not self._same_sources(read[0]):
+            return set()
+        known = set()
         for name, state in self.by_name.items():
-            if name in read[1]:
+            if only is None or name in only:
                 try:
-                    state.merge(read[1][name], with_extra)
-                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+                    if plain := Kept(*read).of(self.keys[name]):
+                        state.merge(plain, with_extra)
+                        known.add(name)
+                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
                     self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
-        return True
+        return known
 
     def save(self, finished: bool = False) -> None:
         """Write the file."""
         began = time.monotonic()
         about = {
-            "paths_hash": self.experiment.paths_hash,
+            "keys": {name: keys._asdict() for name, keys in self.keys.items()},
             "spec_hash": self.experiment.hash,
             "source_digest": NUMBERS_DIGEST,  # other code might go on with other numbers
             "spi_version": __version__,
@@ -212,9 +233,5 @@ class Checkpoint:
         """Seconds spent on all that is known."""
         return sum(state.seconds for state in self.states)
 
-    def _about(self, path: Path) -> dict | None:
-        about = storage.about_sums(path)
-        return about if about is not None and self._same_paths(about) else None
-
-    def _same_paths(self, about: dict) -> bool:
-        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, NUMBERS_DIGEST)
+    def _same_sources(self, about: dict) -> bool:
+        return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST

@@ -36,8 +36,9 @@ def run_shard(
     checkpoint = session.checkpoint
     known = checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
     mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
-    if not fresh and not (checkpoint.merge(checkpoint.path, with_extra=False) or known):
-        checkpoint.tell_of_other_sources()
+    if not fresh:
+        known |= checkpoint.merge(checkpoint.path, with_extra=False)
+        checkpoint.take_of_others(checkpoint.by_name.keys() - known)
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()
@@ -85,7 +86,7 @@ def _need_all(checkpoint: Checkpoint) -> None:
     if not found:
         raise storage.StorageError(
             f"{checkpoint.path.parent}: no shards of {called} here; "
-            f"`spi run {shlex.quote(called)} --shard 1/4` computes the first of four"
+            f"`spi run {shlex.quote(Path(called).as_posix())} --shard 1/4` computes the first of four"
         )
     count = max(one.count for one in found)
     lacking = []

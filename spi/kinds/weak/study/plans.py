@@ -1,7 +1,7 @@
 """The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,6 +20,14 @@ from ..results import WeakErrors
 class WeakPlan(PartPlan):
     """The head of every plan of weak errors of one scheme, extrapolated or not."""
 
+    #: Keys of the case that are for other estimators.
+    of_others: ClassVar[frozenset[str]] = frozenset()
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Nothing of other estimators; its own, and the extrapolation, are told by the part."""
+        without = {"estimators", "extrapolate", *self.of_others}
+        return {key: value for key, value in super().deciding(number).items() if key not in without}
+
     @property
     def extrapolation(self) -> Extrapolation:
         """How the values at the steps of the case make those of the results, whose steps are :attr:`h`."""
@@ -31,17 +39,6 @@ class WeakPlan(PartPlan):
     def h(self) -> np.ndarray:
         """(S,) the steps of the results, from large to small; with extrapolation 2h, ... are steps of the case, too."""
         return np.array(self.case.steps)[self.extrapolation.chosen]
-
-    @property
-    def by_level(self) -> tuple[Self, ...]:
-        """The plan as that of each level of extrapolation, fewest first: so sums over the same paths have them."""
-        return tuple(sorted(self.each, key=lambda one: one.part.extrapolate))
-
-    @property
-    def own_steps(self) -> slice:
-        """Where the steps of the results stand among those of :attr:`by_level`, one after the other."""
-        before = sum(len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + len(self.h))
 
     @property
     def expected_order(self) -> float | None:

@@ -21,7 +21,7 @@ R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another 
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,8 @@ class Rows(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class MultilevelPlan(Blockwise, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
+
+    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
     levels: tuple[Level, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
@@ -237,7 +239,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, extra, own = self.errors(levels), state.extra, self.own_steps
+        errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda one: len(one.h))
         fields, sampled = sampled_errors(self.h, *errors)
         expectation, of_expectation = self._expectations(levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
@@ -275,8 +277,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         largest = differences[:, :1]
         if self.part.extrapolate:
             to_reference, to_steps = self.combination.shares_above()
-            largest = (to_reference @ moments.mean[:-1])[:, np.newaxis]
-            spread = np.sqrt(last + to_steps**2 @ variances).T
+            largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
+            spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
         else:
             above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
             spread = np.array([np.sqrt(last + variances[used].sum(axis=0)) for used in above]).T

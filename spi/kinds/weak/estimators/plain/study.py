@@ -6,7 +6,7 @@ likewise, before anything is summed up.
 """
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -79,6 +79,8 @@ def plan(case: Any, part: Part) -> "PlainPlan":
 class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy"))
+
     @property
     def prefixes(self) -> tuple[int, ...]:
         """Numbers of first paths for which there are results as well."""
@@ -92,8 +94,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
     @property
     def own(self) -> slice:
         """Where the reference and the step sizes of this level of extrapolation stand among all."""
-        before = sum(1 + len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + 1 + len(self.h))
+        return self.own_among(lambda one: 1 + len(one.h))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
