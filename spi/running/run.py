@@ -176,7 +176,7 @@ class Session:
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 storage.check_replaceable(self.target, identity(experiment))
-            storage.write(self.target, Results(_attributes(experiment), groups, checkpoint.chunks()))
+            storage.write(self.target, Results(root_attributes(experiment), groups, checkpoint.chunks()))
         except storage.StorageError:
             checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
             raise
@@ -248,7 +248,8 @@ def _stored_modules(experiment: specs.Experiment) -> str | None:
     return json.dumps(texts, sort_keys=True) if texts else None
 
 
-def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
+def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
+    """All root attributes of the results of an experiment."""
     return {
         **identity(experiment),
         "model_modules": _stored_modules(experiment),
