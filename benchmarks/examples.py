@@ -2,8 +2,12 @@
 
 import math
 
+from spi.ensemble.protocol import large
 from spi.models import MODELS
 from spi.schemes import scheme_entry
+
+#: The models whose kernels are timed; those whose states are arrays have a benchmark of their own, zeitlin.py.
+TIMED = [name for name, cls in MODELS.items() if not large(cls)]
 
 STEP = 2.0**-16
 EPS = 0.1  # of the multiscale system; its explicit scheme is stable for STEP < 2 EPS^2

@@ -159,14 +159,13 @@ def of_normal():
 
 
 def main():
-    from examples import STEP, example, row, why_not
+    from examples import STEP, TIMED, example, row, why_not
 
-    from spi.models import MODELS
     from spi.schemes import SCHEMES
 
     let_numbers_count()
     result = {"normal": of_normal()}
-    for name in sys.argv[1:] or MODELS:
+    for name in sys.argv[1:] or TIMED:
         model, initial = example(name)
         for scheme in SCHEMES:
             if not why_not(scheme, model):

@@ -26,12 +26,11 @@ os.environ["SPI_CACHE_DIR"] = _cache.name
 
 import pairs
 import special
-from examples import example, why_not
+from examples import TIMED, example, why_not
 from machine import arithmetic_peak, ns_per_normal
 
 from spi.ensemble.protocol import noise_indices
 from spi.ensemble.scheme_protocol import substeps
-from spi.models import MODELS
 from spi.schemes import SCHEMES
 
 ENOUGH = 10  # times as fast as the naive twin
@@ -152,15 +151,15 @@ def table(models):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("models", nargs="*", metavar="model", help=f"of {', '.join(MODELS)}; default: all")
+    parser.add_argument("models", nargs="*", metavar="model", help=f"of {', '.join(TIMED)}; default: all")
     parser.add_argument("--special", action="store_true", help="time the situations of the studies instead")
     options = parser.parse_args()
-    if unknown := set(options.models) - set(MODELS):
+    if unknown := set(options.models) - set(TIMED):
         parser.error(f"no such model: {', '.join(sorted(unknown))}")
     if options.special:
         special.table()
     else:
-        table(options.models or list(MODELS))
+        table(options.models or TIMED)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ import hashlib
 import importlib
 import os
 import shutil
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -94,6 +93,11 @@ def modules_folder():
     return Path(_parent_of_caches(), "modules").absolute()
 
 
+def kernels_folder():
+    """Where kernels that are declared from now on are kept."""
+    return _kernels_folder
+
+
 _LOCK, _NEW = ".spi-lock", 60.0  # the file, and the seconds after which its process must have locked it
 
 
@@ -135,10 +139,11 @@ def _check_ours(folder):
 
 
 def _point_cache_at_sources():
-    """Give Numba's disk cache a folder named by the hash of the sources whose code is compiled.
+    """Keep compiled kernels in a folder named by the hash of the sources whose code is compiled.
 
     Numba notices an edit in the file of a kernel, not in the files of the functions that the kernel calls; with a new
-    folder after any edit nothing stale can be found.  Must run before any kernel is declared.
+    folder after any edit nothing stale can be found.  Must run before any kernel is declared.  Numba's own settings,
+    which are those of the whole process, stay as they are: ``spi.compiler.caching`` asks for this folder.
 
     Whoever can write there can have any code run, so no folder is used that belongs to another user or that others can
     change.  Where the folder cannot be written Numba would keep kernels beside the sources and find stale ones there
@@ -160,14 +165,14 @@ def _point_cache_at_sources():
         # also for programs that this one starts
         os.environ["SPI_CACHE_DIR"] = temporary.enter_context(scratch_folder())
         folder = Path(os.environ["SPI_CACHE_DIR"], digest)
-    os.environ["NUMBA_CACHE_DIR"] = str(folder)
-    if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = str(folder)
+    global _kernels_folder
+    _kernels_folder = folder.absolute()
     return problem
 
 
 # Of the sources as they were when this process began to import them: with an edit later it computes nothing else.
 KERNEL_DIGEST = digest_of(kernel_sources())  #: names the cache of compiled kernels
 NUMBERS_DIGEST = digest_of(number_sources())  #: marks sums over paths and results
+_kernels_folder = None
 #: Why compiled kernels cannot be kept for the next run; None where they are.
 CACHE_PROBLEM = _point_cache_at_sources()

@@ -20,7 +20,7 @@ os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 # say: without this an edit there would go unnoticed.  Programs that tests start inherit the folder.
 _sources = [Path(__file__).with_name(name).read_bytes() for name in ("helpers.py", "extending.py")]
 _digest = hashlib.sha256(b"".join(_sources)).hexdigest()[:16]
-_folder = Path(os.environ["NUMBA_CACHE_DIR"]).parent
+_folder = spi.kernels_folder().parent
 if _folder.name != f"tests-{_digest}":  # one of several processes that share the tests inherits it
     _folder /= f"tests-{_digest}"
 os.environ["SPI_CACHE_DIR"] = str(_folder)

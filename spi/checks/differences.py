@@ -5,11 +5,13 @@ import numpy as np
 # Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 STEP = 0.01
+STEPS = STEP, STEP / 10, STEP / 100
+DIFFERENCES = 1e-6  #: relative: of what has differences in it
 
 
-def derivative(f):
+def derivative(f, step=STEP):
     """f'(0) for a function of one real number, with values in tuples or floats."""
-    return sum(c * (np.asarray(f(j * STEP)) - np.asarray(f(-j * STEP))) for j, c in STENCIL.items()) / STEP
+    return sum(c * (np.asarray(f(j * step)) - np.asarray(f(-j * step))) for j, c in STENCIL.items()) / step
 
 
 def along(y, v):
@@ -29,8 +31,17 @@ def size_of(y):
     return float(np.linalg.norm(y)) or 1.0
 
 
-def derivative_along(f, y, v):
-    """(the derivative of f at y along v, the size of its rounding errors over the tolerance)."""
-    step = size_of(y) / size_of(v)
-    changed = derivative(lambda s: f(along(y, v)(s * step))) / step
-    return changed, 1e-6 * np.linalg.norm(f(y)) / step
+def derivatives_along(f, y, v):
+    """The derivative of f at y along v by steps from large to small, each with the size of its roundings.
+
+    Where f ends near y, as a logarithm does, or bends there, the smaller steps are right; else the largest.
+    """
+    scale = size_of(y) / size_of(v)
+    size = 1e-6 * np.linalg.norm(f(y)) / scale
+    for step in STEPS:
+        yield derivative(lambda s: f(along(y, v)(s * scale)), step) / scale, size * (STEP / step)
+
+
+def differ_from_derivative(found, f, y, v, *others):
+    """Whether what was found is not the derivative of f at y along v, by any of the steps."""
+    return all(differ(found, changed, DIFFERENCES, size, *others) for changed, size in derivatives_along(f, y, v))

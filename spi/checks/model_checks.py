@@ -33,14 +33,13 @@ from ..ensemble.protocol import (
     noise_structure_derivative,
     noises,
     pieces,
-    populations,
     structure,
     structure_derivative,
 )
 from .compilable import obstacle
-from .differences import derivative, derivative_along, differ, size_of
+from .differences import DIFFERENCES, derivative, derivatives_along, differ, differ_from_derivative, size_of
 
-_EXACT, _DIFFERENCES = 1e-9, 1e-6  # relative: of what is equal but for roundings, and of what has differences in it
+_EXACT = 1e-9  # relative: of what is equal but for roundings
 _TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
 _ANGLES = (
     2.0**-6,
@@ -63,29 +62,22 @@ class NotedAngles(NamedTuple):
         return p0, p1, p2
 
 
-def states_around(y, model, count=2):
-    """States near y, none of whose components is 0; positive ones if they are populations."""
-    generator, y = np.random.default_rng(1), np.array(y, float)
-    size = np.sqrt(np.mean(y * y)) or 1.0
-    for _ in range(count):
-        z = generator.choice([-1.0, 1.0], y.size) * generator.uniform(0.2, 0.6, y.size)
-        yield tuple((y * np.exp(z) if populations(model) else y + size * z).tolist())
-
-
-def check_model(record, states, written=True):
+def check_model(record, states, written=True, finite_at=()):
     """What is wrong with a model at the first of some states where anything is: sentences that name method and k.
 
-    `written`: whether somebody wrote its class, so that it may hold what cannot be compiled.
+    `written`: whether somebody wrote its class, so that it may hold what cannot be compiled.  `finite_at`: states at
+    which its functions must be finite, but need not be smooth.
     """
     if written and (wrong := obstacle(record)):
         return [wrong]
     with uncompiled(), np.errstate(all="ignore"):
-        return next(filter(None, (_complaints(record, y) for y in states)), [])
+        at_points = (_complaints(record, y, (_shapes,)) for y in finite_at)
+        return next(filter(None, itertools.chain(at_points, (_complaints(record, y) for y in states))), [])
 
 
-def _complaints(model, y):
+def _complaints(model, y, all_checks=None):
     """All that is wrong at one state; nothing that depends on what is wrong already."""
-    for checks in (_shapes, _structure, _gradients, _flows, _commuting):
+    for checks in all_checks or (_shapes, _structure, _gradients, _flows, _commuting):
         try:
             found = list(checks(model, y))
         except Exception as error:
@@ -120,6 +112,9 @@ def _shapes(model, y):
         yield f"casimirs has {count} functions and conserved is {conserved(model)}; they must agree"
     if not all(map(math.isfinite, (*structure(model, y, y), *drift_gradient(model, y), hamiltonian(model, y)))):
         yield f"structure, drift_gradient or hamiltonian is not finite at y = {_shown(y)}"
+    for k in range(noises(model)):
+        if not all(map(math.isfinite, noise_gradient(model, k, y))):
+            yield f"noise_gradient, k = {k}, is not finite at y = {_shown(y)}"
 
 
 def _structure(model, y):
@@ -134,24 +129,30 @@ def _structure(model, y):
         yield "structure is not y x v, as axis_inertias says"
     derivatives = np.array([_matrix([structure_derivative(model, y, e, w) for w in units]) for e in units])
     for i, e in enumerate(units):
-        changed, size = derivative_along(lambda z: _matrix([structure(model, z, w) for w in units]), y, e)
-        if differ(derivatives[i], changed, _DIFFERENCES, size):
+        if differ_from_derivative(derivatives[i], lambda z: _matrix([structure(model, z, w) for w in units]), y, e):
             yield "structure_derivative is not the derivative of structure along u"
             return
     terms = np.einsum("il,ljk->ijk", B, derivatives)  # sum_l B_il d_l B_jk
     if differ(terms + terms.transpose(1, 2, 0), -terms.transpose(2, 0, 1), _EXACT, terms):
         yield "structure violates Jacobi's identity"
     for c in range(conserved(model)):
-        both = [derivative_along(lambda z, c=c: casimirs(model, z)[c], y, e) for e in units]
-        gradient = np.array([changed for changed, _ in both])
-        if differ(B @ gradient, 0.0 * y[0], _DIFFERENCES, np.linalg.norm(B) * gradient, [s for _, s in both]):
+        if all(_moves(B, both) for both in zip(*(_slopes(model, c, y, e) for e in units), strict=True)):
             yield f"casimirs, number {c}, is not a Casimir function: structure(its gradient) is not 0"
+
+
+def _slopes(model, c, y, e):
+    return derivatives_along(lambda z: casimirs(model, z)[c], y, e)
+
+
+def _moves(B, slopes):
+    """Whether a gradient is none of a Casimir function; `slopes` are its components, each with its roundings."""
+    gradient, sizes = map(np.array, zip(*slopes, strict=True))
+    return differ(B @ gradient, 0.0 * gradient, DIFFERENCES, np.linalg.norm(B) * gradient, sizes)
 
 
 def _gradients(model, y):
     for e, slope in zip(_unit_vectors(model), drift_gradient(model, y), strict=True):
-        changed, size = derivative_along(lambda z: hamiltonian(model, z), y, e)
-        if differ(slope, changed, _DIFFERENCES, size, drift_gradient(model, y)):
+        if differ_from_derivative(slope, lambda z: hamiltonian(model, z), y, e, drift_gradient(model, y)):
             yield "drift_gradient is not the gradient of hamiltonian"
             break
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
@@ -169,8 +170,7 @@ def _gradients(model, y):
 
 def _hessian(part, number, gradient, hessian, y, v):
     """Whether a method is the derivative of a gradient, which is one indeed if that is symmetric."""
-    changed, size = derivative_along(gradient, y, v)
-    if differ(hessian(y, v), changed, _DIFFERENCES, size):
+    if differ_from_derivative(hessian(y, v), gradient, y, v):
         yield f"{part}_hessian{number} is not the derivative of {part}_gradient along v"
         return
     matrix = _matrix([hessian(y, tuple(e)) for e in np.eye(len(y)).tolist()])
@@ -223,12 +223,12 @@ def _flows(model, y):
         rate = flow.rate(y, field)
         total, size = total + _velocity(flow, y, rate), max(size, size_of(y) * rate)
         yield from _one_flow(model, flow, y, rate)
-    if differ(total, field, _DIFFERENCES, 1e-6 * size):
+    if differ(total, field, DIFFERENCES, 1e-6 * size):
         yield "drift_flow: its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
     for flow in _flows_of(model, "noise", noises(model), noise_flow, noise_angle):
         field = structure(model, y, noise_gradient(model, flow.k, y))
         rate = flow.rate(y, field)
-        if differ(_velocity(flow, y, rate), field, _DIFFERENCES, 1e-6 * size_of(y) * rate):
+        if differ(_velocity(flow, y, rate), field, DIFFERENCES, 1e-6 * size_of(y) * rate):
             yield f"{flow} does not solve its equation: its derivative at t = 0 is not structure(noise_gradient)"
         yield from _one_flow(model, flow, y, rate)
 
@@ -280,10 +280,15 @@ def _exactness(model, flow, y, rate):
         return
     units = _unit_vectors(model)
     before, after = (_matrix([structure(model, z, e) for e in units]) for z in (y, there))
-    jacobian = np.array([derivative_along(lambda z: flow.act(t, z), y, e)[0] for e in units]).T
-    if differ(jacobian @ before @ jacobian.T, after, _DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before):
+    columns = zip(*(derivatives_along(lambda z: flow.act(t, z), y, e) for e in units), strict=True)
+    if all(_changes(np.array([changed for changed, _ in both]).T, before, after) for both in columns):
         yield f"{flow} is not a Poisson map: it changes the structure"
     sizes = [casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
     for c, (was, now) in enumerate(zip(casimirs(model, y), casimirs(model, there), strict=True)):
         if differ(was, now, _EXACT, *(size[c] for size in sizes)):
             yield f"{flow} does not keep casimirs, number {c}"
+
+
+def _changes(jacobian, before, after):
+    """Whether a map with this Jacobian matrix makes another structure of that before it than the one behind it."""
+    return differ(jacobian @ before @ jacobian.T, after, DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before)

@@ -2,14 +2,16 @@
 
 import contextlib
 import functools
+import hashlib
 
 from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.inlining import is_compiling
 from ..ensemble.protocol import dimension
-from .model_checks import check_model, states_around
+from .model_checks import check_model
+from .states import states_around, states_on_surface
 
-_PASSED: set[type] = set()  # in this process
+_PASSED: set[tuple[type, str]] = set()  # in this process: a class, and what of it
 
 
 @functools.cache
@@ -21,20 +23,33 @@ def _digest_of_checks():
 def check_once(record, initial):
     """What is wrong with a foreign model near an initial state, as :func:`check_model`.
 
-    Nothing if a class of this code has passed before, which is kept beside the stored modules.
+    Nothing if these numbers have passed before with this class and this state, which is kept beside the stored modules.
     """
     cls = type(record)
-    if not modules.is_foreign(cls) or cls in _PASSED:
+    key = hashlib.sha256(repr((tuple(record), tuple(initial))).encode()).hexdigest()[:32]
+    if not modules.is_foreign(cls) or (cls, key) in _PASSED:
         return []
     name = f"{cls.__module__}.{cls.__qualname__}.{modules.digest(cls)}.{_digest_of_checks()}.checked"
-    passed = modules.folder() / name
-    if modules.digest(cls) and passed.exists():
+    path = modules.folder() / name
+    known = _known(path) if modules.digest(cls) else set()
+    if key in known:
         return []
-    states = states_around(initial, record, 2 if dimension(record) <= 12 else 1)
-    if not (found := check_model(record, states, written=modules.system_of(cls) is None)):
-        _PASSED.add(cls)
+    count = 2 if dimension(record) <= 12 else 1
+    own = modules.system_of(cls) is not None
+    states = (states_on_surface if own else states_around)(initial, record, count)
+    found = check_model(record, states, written=not own and not known, finite_at=[tuple(initial)] * own)
+    if not found:
+        _PASSED.add((cls, key))
         if modules.digest(cls) and is_compiling():
             with contextlib.suppress(OSError):  # then it is checked again in the next process
-                passed.parent.mkdir(parents=True, exist_ok=True)
-                passed.touch()
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with open(path, "a", encoding="ascii") as file:
+                    file.write(key + "\n")
     return found
+
+
+def _known(path):
+    """What has passed in this process or another."""
+    with contextlib.suppress(OSError, ValueError):
+        return set(path.read_text(encoding="ascii").split())
+    return set()

@@ -6,7 +6,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import running, showing, starting
+from . import cache, running, showing, starting
 from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
@@ -60,11 +60,13 @@ def check(
 ) -> None:
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
-    from ..printing import print_cost, print_reports
+    from ..printing import print_cost, print_remarks, print_reports
+    from ..running.load import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:
         print_cost(experiment, cost(experiment))
+        print_remarks(experiment, remarks(experiment))
         print_reports(reports(experiment))
 
 
@@ -90,6 +92,7 @@ def schema() -> None:
 
 app.command()(showing.report)
 app.command()(starting.doctor)
+app.command()(cache.cache)
 
 
 def main() -> NoReturn:

@@ -1,17 +1,27 @@
 """Numba's disk cache of compiled kernels, for several processes at once and for classes from elsewhere.
 
 A cache locator, which Numba lets a program bring along (NUMBA_CACHE_LOCATOR_CLASSES), cannot do this: it is asked once
-for each function, while the place of a compiled version depends on the types of its arguments.
+for each function, while the place of a compiled version depends on the types of its arguments.  Nor are that variable
+and NUMBA_CACHE_DIR set or read: they belong to the program that imports this package.
 """
 
 import contextlib
 import copy
 import hashlib
+import inspect
+import os
+import sys
 from pathlib import Path
 
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    IndexDataCacheFile,
+    UserProvidedCacheLocator,
+)
 
-from . import modules
+from .. import kernels_folder
+from . import modules, rounding
 from .private import VARIABLE, left_out
 from .records import record_classes
 
@@ -19,6 +29,27 @@ try:
     import fcntl
 except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
+
+
+class _OurFolder(UserProvidedCacheLocator):
+    """Names and stamps as where NUMBA_CACHE_DIR is set, but in the folder of this package's kernels."""
+
+    def __init__(self, function, file):
+        super().__init__(function, file)
+        self._cache_path = str(kernels_folder() / self.get_suitable_cache_subpath(file))
+
+
+class _Kept(CompileResultCacheImpl):
+    """What Numba writes of a function, in our folder; RuntimeError, as Numba has it, if the function has no file."""
+
+    def __init__(self, function):
+        file = inspect.getfile(function)
+        if not Path(file).exists():
+            raise RuntimeError(f"{function.__qualname__} has no place in the cache: there is no file {file}")
+        self._lineno, self._locator = function.__code__.co_firstlineno, _OurFolder(function, file)
+        self._filename_base = self.get_filename_base(
+            f"{Path(file).stem}.{function.__qualname__}", getattr(sys, "abiflags", "")
+        )
 
 
 class SharedCache(FunctionCache):
@@ -31,6 +62,8 @@ class SharedCache(FunctionCache):
     import them.  Versions for classes that are no part of this package are therefore kept apart, in a folder named by
     their modules and by the digests of the code of these: nobody else opens it, and an edit leads to another folder.
     """
+
+    _impl_class = _Kept
 
     def load_overload(self, types, context):
         place = self._place(types)
@@ -51,6 +84,8 @@ class SharedCache(FunctionCache):
         things = {self._py_func}.union(*map(record_classes, types))
         foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
         foreign |= {(VARIABLE, part) for part in left_out()}
+        if rounding.VARIABLE in os.environ:
+            foreign.add((rounding.VARIABLE, rounding.WISH))
         if not foreign:
             return self
         if not all(digest for _, digest in foreign):

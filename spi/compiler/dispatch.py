@@ -20,11 +20,12 @@ from numba.extending import lower_builtin, overload, type_callable
 
 from . import instructions
 from .generated import function_of
-from .inlining import TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
+from .inlining import ALONE, TO_INLINE, TO_RUN, keep_on_disk, runs_uncompiled
 from .records import class_of, is_array, record_class
 
 #: What every compiled function is built with.  ``contract`` allows a*b+c in one rounding and nothing else: NaN and
-#: infinities keep their meaning.  With ``error_model="numpy"`` a division has no branch that would stop vectorisation.
+#: infinities keep their meaning; ``rounding.py`` says where it is done.  With ``error_model="numpy"`` a division has no
+#: branch that would stop vectorisation.
 OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 #: A small function that a loop over lanes calls: one call left standing would stop vectorisation.
@@ -62,7 +63,7 @@ def device(function=None, *, inline=True, by_type=False):
 
         overload(chosen, jit_options=options, strict=False)(lambda *types_of_arguments: function(*types_of_arguments))
         return chosen
-    by_itself = njit(**OPTIONS)(function)
+    by_itself = njit(**OPTIONS, **ALONE)(function)
     with contextlib.suppress(RuntimeError):  # a function without a file has no place in the cache
         keep_on_disk(by_itself)
 

@@ -8,10 +8,12 @@ from numba.core.errors import NumbaError
 from numba.core.registry import cpu_target
 
 from .private import uses
+from .rounding import RoundedCompiler
 
-#: Options for a function that exists only to be inlined, and for one that Python calls.
-TO_INLINE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-TO_RUN = {"no_cfunc_wrapper": True}
+#: Options for a function that is compiled by itself, for one that exists only to be inlined, and for a kernel.
+ALONE = {"pipeline_class": RoundedCompiler}
+TO_INLINE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **ALONE}
+TO_RUN = {"no_cfunc_wrapper": True, **ALONE}
 if uses("libraries"):
     from .libraries import InliningCompiler, KernelCompiler
 

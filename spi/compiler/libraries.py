@@ -7,11 +7,12 @@ kernel, that took most of the time of compiling.
 
 import dis
 
-from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
+from .rounding import RoundedLibrary, parts_of
 
-class InlinedLibrary(JITCodeLibrary):
+
+class InlinedLibrary(RoundedLibrary):
     """The code of one function, to be linked into its callers and never run by itself."""
 
     def __init__(self, codegen, function):
@@ -62,7 +63,7 @@ class LinkedLibrary(InlinedLibrary):
     """The code of one of the wrappers that Numba puts around a parallel loop; the kernel holds a copy of it."""
 
     def __init__(self, codegen, name):
-        JITCodeLibrary.__init__(self, codegen, name)
+        RoundedLibrary.__init__(self, codegen, name)
         self._has_loop = False
 
 
@@ -75,13 +76,10 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, function):
         codegen = self.state.targetctx.codegen()
-        self.state.library = JITCodeLibrary(codegen, function.__qualname__)
+        self.state.library = RoundedLibrary(codegen, function.__qualname__)
         self.state.library.enable_object_caching()
-        usual, codegen._library_class = codegen._library_class, LinkedLibrary
-        try:
+        with parts_of(codegen, LinkedLibrary):
             result = super().compile_extra(function)
-        finally:
-            codegen._library_class = usual
         # an error that an inlined function raises looks for the environment of that function
         for environment in result._find_referenced_environments():
             result.library.codegen.set_env(environment.env_name, environment)

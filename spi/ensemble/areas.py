@@ -31,6 +31,7 @@ import numpy as np
 
 from ..compiler.dispatch import device, method, number, trait, unrolled
 from ..numerics.rng import AREAS, LANES, STEPS_PER_DRAW, draw_increments
+from .lanes import aligned
 from .protocol import area_pairs, large, noise_indices, noises
 from .scheme_protocol import needs_areas
 
@@ -180,9 +181,10 @@ def copy_area(index, model, dW, copied):
 def add_fourier_areas(model, increments, noise, draw, block, h, terms, words):
     """Add to the areas of STEPS_PER_DRAW steps what the head of this file says."""
     pairs, m = area_channels(model), noises(model)
-    x, y = np.empty((m, _SIZE)), np.empty((m, _SIZE))
-    w = np.empty((m, _SIZE))  # sqrt(2) dW / sqrt(h)
-    area, g = np.zeros((area_count(model), _SIZE)), np.empty(_SIZE)
+    x, y = aligned(m * _SIZE).reshape(m, _SIZE), aligned(m * _SIZE).reshape(m, _SIZE)
+    w = aligned(m * _SIZE).reshape(m, _SIZE)  # sqrt(2) dW / sqrt(h)
+    area, g = aligned(area_count(model) * _SIZE).reshape(-1, _SIZE), aligned(_SIZE)
+    area[:] = 0.0
     for k in channels(model):
         for step in range(STEPS_PER_DRAW):
             for lane in range(LANES):

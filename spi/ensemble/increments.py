@@ -22,6 +22,7 @@ from ..numerics.rng import (
     toss,
 )
 from .areas import areas_length, channels, copy_areas, draw_areas, join_areas
+from .lanes import aligned
 from .protocol import noise_indices, noises
 
 
@@ -187,7 +188,7 @@ def draw_steps(kept, model, increments, noise, draw, block, h, terms, words):
     """Increments of the next STEPS_PER_DRAW steps of size h, of their sub-steps, and areas from so many terms."""
     draw_channels(model, increments, noise, draw, block, np.sqrt(h), words, row_length(kept, model))
     draw_areas(kept.areas, model, increments, noise, draw, block, h, terms, words)
-    normals = np.empty(STEPS_PER_DRAW * LANES)
+    normals = aligned(STEPS_PER_DRAW * LANES)
     draw_bridges(model, increments, noise, draw, block, np.sqrt(h), words, normals, number(kept.substeps))
 
 

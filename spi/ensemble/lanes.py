@@ -3,11 +3,27 @@
 Loops over lanes that load a tuple, compute and store it become vector instructions.
 """
 
-from ..compiler.dispatch import intrinsic
+import numpy as np
+
+from ..compiler.dispatch import device, intrinsic
 from ..compiler.instructions import load_strided, store_strided
 from ..compiler.records import is_array
 from ..numerics.rng import LANES
 from .protocol import dimension, large
+
+LINE = 8  #: floats in a line of the cache
+
+
+@device
+def aligned(size):
+    """An array of so many floats, empty, that begins where a line of the cache does.
+
+    A vector of 512 bits is as long as a line; NumPy's and Numba's arrays begin at any multiple of 16 or 32 bytes, and
+    then every load and store would touch two lines.
+    """
+    array = np.empty(size + LINE)
+    first = (-array.ctypes.data % (8 * LINE)) // 8
+    return array[first : first + size]
 
 
 def load_lane(model, y, lane):

@@ -28,6 +28,7 @@ from .increments import (
     truncate,
     turn_coins,
 )
+from .lanes import aligned
 from .observer import last_states_only, observe
 from .scheme_protocol import REPORT, SUMMED
 from .steppers import advance_path, kept_of_steps, largest_sizes
@@ -144,12 +145,12 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     # rows of coins: of first halves, of the step at hand, and those on the other side
     here, flipped = last + 1, last + 2
     owned = (
-        np.empty(states.shape),  # because another block's row may share a line of the cache
-        np.empty((changed + 1, row_length(kept, model))),
-        np.empty((flipped + 1, LANES)),
-        np.empty(largest_sizes(grid.reference_scheme, scheme, model)[0]),
-        np.empty(STEPS_PER_DRAW * LANES, np.uint64),
-        np.empty(STEPS_PER_DRAW * LANES, np.uint64),
+        aligned(states.size).reshape(states.shape),  # because another block's row may share a line of the cache
+        aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
+        aligned((flipped + 1) * LANES).reshape(flipped + 1, -1),
+        aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
+        aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
+        aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
     )
     copy_rows(states, owned[0])
     y, dW, coins, work, words, bits = without_refcount(owned)  # which is in use until the last line

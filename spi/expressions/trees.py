@@ -2,11 +2,15 @@
 
 import math
 import re
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..compiler.dispatch import MOST
+from ..numerics import arrays
+from ..numerics.arrays import of_array, whole_power
 from .arithmetic import NumberError, Numbers, read
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -39,7 +43,7 @@ class WholePower(NamedTuple):
 class Meaning(NamedTuple):
     """What a record with operands means."""
 
-    array: np.ufunc  #: of arrays
+    array: Callable  #: of arrays
     text: str  #: in the grammar
     binds: int  #: how tightly the text binds: 1 sums, 2 products, 3 powers and minus signs, 4 atoms
     operands: tuple[int, ...]  #: how tightly the texts of operands must bind to need no parentheses
@@ -59,12 +63,12 @@ Product = _operation("Product", np.multiply, "{0}*{1}", 2, (2, 3))
 Quotient = _operation("Quotient", np.divide, "{0}/{1}", 2, (2, 3))
 Power = _operation("Power", np.power, "{0}^{1}", 3, (4, 3))
 Negative = _operation("Negative", np.negative, "-{0}", 3, (3,))
-Sine = _operation("Sine", np.sin, "sin({0})", 4, (0,))
-Cosine = _operation("Cosine", np.cos, "cos({0})", 4, (0,))
-Tangent = _operation("Tangent", np.tan, "tan({0})", 4, (0,))
-HyperbolicTangent = _operation("HyperbolicTangent", np.tanh, "tanh({0})", 4, (0,))
-Exponential = _operation("Exponential", np.exp, "exp({0})", 4, (0,))
-Logarithm = _operation("Logarithm", np.log, "log({0})", 4, (0,))
+Sine = _operation("Sine", partial(of_array, arrays.Sine()), "sin({0})", 4, (0,))
+Cosine = _operation("Cosine", partial(of_array, arrays.Cosine()), "cos({0})", 4, (0,))
+Tangent = _operation("Tangent", partial(of_array, arrays.Tangent()), "tan({0})", 4, (0,))
+HyperbolicTangent = _operation("HyperbolicTangent", partial(of_array, arrays.HyperbolicTangent()), "tanh({0})", 4, (0,))
+Exponential = _operation("Exponential", partial(of_array, arrays.Exponential()), "exp({0})", 4, (0,))
+Logarithm = _operation("Logarithm", partial(of_array, arrays.Logarithm()), "log({0})", 4, (0,))
 SquareRoot = _operation("SquareRoot", np.sqrt, "sqrt({0})", 4, (0,))
 Absolute = _operation("Absolute", np.abs, "abs({0})", 4, (0,))
 _SIGNS = {"+": Sum, "-": Difference, "*": Product, "/": Quotient, "^": Power}
@@ -191,7 +195,7 @@ def as_numpy(expression):
         if isinstance(e, Component):
             return y[e.k]
         if isinstance(e, WholePower):
-            return np.power(value(e.a, y), e.exponent)
+            return whole_power(value(e.a, y), e.exponent)
         return e.meaning.array(*(value(operand, y) for operand in e))
 
     def phi(y):

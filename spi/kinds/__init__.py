@@ -39,6 +39,8 @@ class StudyModule(Protocol):
     def plan(self, case: Any, part: Part) -> "Plan":
         """One part, ready to run."""
 
+    # remarks(case) -> Iterator[str] may be added: what of a case will not be computed, or not as it was asked for
+
 
 class ResultsModule(Protocol):
     """``results``: the one description of what a study gives, and a file holds, of a part."""

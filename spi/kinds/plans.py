@@ -179,6 +179,16 @@ class PartPlan:
         """The plan as that of each level of extrapolation that its paths serve, itself first."""
         return tuple(replace(self, part=part) for part in self.part.each()) if self.part.also else (self,)
 
+    @property
+    def by_level(self) -> tuple[Self, ...]:
+        """The same, that with the fewest levels first: so states keep what belongs to each."""
+        return tuple(sorted(self.each, key=lambda one: one.part.extrapolate))
+
+    def own_among(self, counts: Callable[[Self], int]) -> slice:
+        """Where what belongs to this level stands among that of :attr:`by_level`, `counts` of each."""
+        before = sum(counts(one) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
+        return slice(before, before + counts(self))
+
     def all_results(self, state: State) -> tuple[Stored, ...]:
         """Those of each level of extrapolation."""
         of_each: Any = self.each

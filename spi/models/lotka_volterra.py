@@ -50,13 +50,13 @@ class LotkaVolterra(NamedTuple):
         return y[0] - log(y[0]) + y[1] - 2.0 * log(y[1])
 
     def drift_gradient(model, y):
-        return 1.0 - 1.0 / y[0], 1.0 - 2.0 / y[1]
+        return 1.0 - 1.0 / y[0], 1.0 - 2.0 * (1.0 / y[1])
 
     def drift_hessian(model, y, v):
         return v[0] / (y[0] * y[0]), 2.0 * v[1] / (y[1] * y[1])
 
     def noise_gradient(model, k, y):
-        return -1.0 / y[0], 1.0 / y[1]
+        return -(1.0 / y[0]), 1.0 / y[1]
 
     def noise_hessian(model, k, y, v):
         return v[0] / (y[0] * y[0]), -v[1] / (y[1] * y[1])

@@ -108,15 +108,13 @@ def sin_versine_tiny(x):
 
 
 @device
-def sin_versine(x):
-    """(sin x, 1 - cos x) for |x| <= 1.6e6; larger arguments lose accuracy and must go to :func:`sin_versine_huge`.
+def _reduced_sin_versine(x):
+    """(sin r, 1 - cos r, bits whose last two are n mod 4) for x = n pi/2 + r, |r| <= pi/4 and |x| <= 1.6e6.
 
-    x = n pi/2 + r + c with |r| <= pi/4 and c the rounding error of r (Cody and Waite's reduction), then the small-angle
-    polynomials and a choice by n mod 4.
+    x = n pi/2 + r + c with c the rounding error of r (Cody and Waite's reduction), then the small-angle polynomials.
     """
     shifted = x * _TWO_OVER_PI + _ROUND
     n = shifted - _ROUND
-    quadrant = bits(shifted)
     a = x - n * _PIO2_1  # exact
     b = a - n * _PIO2_2
     c = (((a - b) - n * _PIO2_2) - n * _PIO2_3) - n * _PIO2_4
@@ -126,12 +124,28 @@ def sin_versine(x):
     # c cos r and c sin r; not as bare products, or tails would be rounded before c, which hardly varies, is added
     s = r + (r * z * _sine_tail(z) + (c - c * (z * (0.5 - z * _C1))))
     v = 0.5 * z - (z * z * _cosine_tail(z) - (c * r + c * (r * (z * (_S1 + z * _S2)))))
+    return s, v, bits(shifted)
+
+
+@device
+def sin_versine(x):
+    """(sin x, 1 - cos x) for |x| <= 1.6e6; larger arguments lose accuracy and must go to :func:`sin_versine_huge`."""
+    s, v, quadrant = _reduced_sin_versine(x)
     # quadrant 0: (s, v), 1: (1-v, 1+s), 2: (-s, 2-v), 3: (v-1, 1-s)
     odd = (quadrant & 1) != 0
     sign = -1.0 if (quadrant & 2) != 0 else 1.0
     sine = sign * ((1.0 - v) if odd else s)
     versine = (1.0 if odd else 1.0 - sign) + sign * (s if odd else v)
     return sine, versine
+
+
+@device
+def sin_cos(x):
+    """(sin x, cos x) for |x| <= 1.6e6, the cosine to 2 ulp relative also where it is small."""
+    s, v, quadrant = _reduced_sin_versine(x)
+    odd = (quadrant & 1) != 0
+    sign = -1.0 if (quadrant & 2) != 0 else 1.0
+    return sign * ((1.0 - v) if odd else s), sign * (-s if odd else 1.0 - v)
 
 
 @device

@@ -36,6 +36,13 @@ def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
     )
 
 
+def print_remarks(experiment: Any, remarks: Iterable[str], file: IO[str] | None = None) -> None:
+    """Print what of an experiment will not be computed, or not as it was asked for."""
+    console = new_console(file)
+    for line in remarks:
+        console.print(f"{printable(experiment.called)}: {printable(line)}", markup=False, soft_wrap=True)
+
+
 def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = None) -> None:
     """Print what was found of systems that were generated: lines by the name of the system and its cases."""
     console = new_console(file)

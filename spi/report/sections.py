@@ -36,6 +36,7 @@ _PROVENANCE = {
     "spec_hash": "digest of the spec (SHA-256)",
     "machine_processor": "processor",
     "machine_instruction_set": "instruction set",
+    "machine_vector_bits": "bits of vectors",
     "machine_cpu_count": "processors",
     "machine_platform": "platform",
     "machine_python": "Python",

@@ -8,7 +8,7 @@ import platform
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .. import specs, storage, systems
 from ..kinds import KINDS
@@ -213,6 +213,13 @@ def plans(experiment: specs.Experiment) -> list[Plan]:
     """The plans of all parts of all cases, in the order in which they are run."""
     study = KINDS[experiment.kind].study
     return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
+
+
+def remarks(experiment: specs.Experiment) -> list[str]:
+    """What of an experiment will not be computed, or not as it was asked for, a line each."""
+    of_case: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
+    several = len(experiment.cases) > 1
+    return [f"{case.name}: " * several + line for case in experiment.cases for line in of_case(case)]
 
 
 def name_of(plan: Plan) -> str:

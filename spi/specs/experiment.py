@@ -11,7 +11,6 @@ are checked, whichever is asked for.
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial, reduce
 from itertools import chain
@@ -26,8 +25,9 @@ from . import sweep
 from .cases import BaseCase
 from .conversion import converted
 from .document import Document, Faults, Location, SpecError, override, text_of
+from .explaining import explained
 from .files import Files
-from .keys import Keys, entries_in, shown, suggestion
+from .keys import Keys, suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 from .naming import results_name
 from .overrides import check_overrides
@@ -248,15 +248,6 @@ def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequen
 # Errors
 # ---------------------------------------------------------------------------------------------------------------------
 
-#: type of an error of pydantic -> what would be right, where its own words are not those of a spec file
-_RIGHT = {
-    "bool_type": "must be true or false",
-    "string_type": "must be text",
-    "string_pattern_mismatch": "must consist of letters, digits, _ and -",
-    **dict.fromkeys(("tuple_type", "list_type"), "must be a list in square brackets"),
-    **dict.fromkeys(("dict_type", "model_type", "model_attributes_type"), "must be a mapping, lines of key: value"),
-}
-
 
 def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unread: Sequence[str] = ()) -> Any:
     """What pydantic reads from `data`, which the layers together make up; SpecError with all that is wrong.
@@ -269,7 +260,7 @@ def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unrea
         errors = invalid.errors(include_url=False)
     found: dict[Location, str] = {}
     for error in errors:
-        loc, message = _explained(error, errors, data)
+        loc, message = explained(error, errors, data)
         if loc[:1] and loc[0] in unread:
             continue
         if any(loc[: len(other)] == other or other[: len(loc)] == loc for other in found):
@@ -277,29 +268,3 @@ def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unrea
         document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
         found[loc] = document.message(top + loc, message)
     raise SpecError(*found.values())
-
-
-def _explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, str]:
-    """Where in `data` an error of pydantic is, and what is wrong there; `errors` are all of them."""
-    kind, context = error["type"], error.get("ctx", {})
-    loc: Location = ()
-    value = data
-    keys = context.get("keys") or (context.get("discriminator", "").strip("'"),)
-    for step in (*error["loc"], *keys):
-        if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
-            loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing
-    if kind == "spec":
-        message = error["msg"]
-        loc += tuple(key for key in keys[-1:] if key and isinstance(value, dict) and loc[-1:] != (key,))
-    elif kind in ("literal_error", "union_tag_invalid"):
-        known = re.findall("'(.*?)'", context.get("expected") or context["expected_tags"])
-        message = f"is {shown(value)}; {suggestion(value, known)}"
-    elif kind in ("missing", "too_long"):
-        missing = [int(e["loc"][-1]) for e in errors if e["type"] == "missing" and e["loc"][:-1] == error["loc"][:-1]]
-        count = context["max_length"] if context else 1 + max(missing)
-        message = f"has {entries_in(len(value))}; must have {count}"
-    else:
-        right = re.sub(r"^\w+ should (.*?)( after validation.*)?$", r"must \1", error["msg"])
-        right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
-        message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
-    return loc, message

@@ -150,11 +150,17 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
-        if systems.variables(model):
-            right = "near the initial state the formulas must be finite and smooth; take others, or another state"
-        else:
-            right = "correct the class, see docs/own_models.md"
+        right = _remedy(complaints[0]) if systems.variables(model) else "correct the class, see docs/own_models.md"
         raise wrong(what, right, "model", *SOURCES)
+
+
+def _remedy(complaint: str) -> str:
+    """What would be right where a system written in YAML fails a generic check."""
+    if "not finite" in complaint or " raises " in complaint:
+        return "near the initial state the formulas must be finite; take others, or another state"
+    if "gradient" in complaint or "hessian" in complaint:
+        return "near the initial state the formulas must be smooth; take others, or another state"
+    return "numbers of very different size cost it too many digits; take other parameters, units or another state"
 
 
 def _plain(model: Any) -> dict[str, Any]:

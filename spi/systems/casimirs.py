@@ -6,14 +6,16 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+import mpmath
 import numpy as np
 import sympy
 
-from .brackets import Bracket, precise
+from .brackets import DIGITS, NOTHING, Bracket, precise
 from .splitting import connected
 from .symbolics import Symbolics
 
 MOST_DEGREE = 4
+LARGEST_DENOMINATOR = 1000  #: of the coefficients
 _MOST_UNKNOWNS = 1000  # monomials of a degree; the null space of so many takes seconds
 
 
@@ -22,7 +24,7 @@ class Search(NamedTuple):
 
     functions: tuple[Any, ...]  #: independent of each other's sums and products, of degree 1, 2, ...
     degrees: tuple[int, ...]
-    searched: int  #: up to this degree all whose coefficients are rational are found
+    searched: int  #: up to this degree all are found whose coefficients are such fractions
 
 
 def search(world: Symbolics) -> Search:
@@ -38,6 +40,38 @@ def search(world: Symbolics) -> Search:
         searched = min(searched, reached)
     found.sort(key=lambda pair: pair[0])
     return Search(tuple(f for _, f in found), tuple(degree for degree, _ in found), searched)
+
+
+def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
+    """(how many of some Casimir functions are independent, how many independent ones there are).
+
+    Near almost all points there are as many as the corank of B(y), the dimension less the rank, says; not all of them
+    need be polynomials, or defined everywhere.
+    """
+    d = len(world.variables)
+    with mpmath.workdps(DIGITS + 20):
+        point = [mpmath.frac(mpmath.exp(mpmath.mpf(n + 3) / 2) * 7) + mpmath.mpf(1) / 8 for n in range(d)]
+        rows: list[dict[int, Any]] = [{} for _ in range(d)]
+        for (i, j), linear in world.bracket.constants.items():
+            entry = mpmath.fsum(precise(c) * point[k] for k, c in linear.items())
+            rows[i][j], rows[j][i] = entry, -entry
+        gradients = [world.gradient_at(function, point) for function in functions]
+        return _rank(gradients), d - _rank(rows)
+
+
+def _rank(rows: Iterable[dict[int, Any]]) -> int:
+    """The number of independent rows, place -> number, in the precision at hand."""
+    left, count = [dict(row) for row in rows], 0
+    while left := [row for row in left if any(row.values())]:
+        count += 1
+        pivot, value = max(((i, c) for i, c in left[0].items()), key=lambda entry: abs(entry[1]))
+        first = {i: c / value for i, c in left.pop(0).items()}
+        for n, row in enumerate(left):
+            if factor := row.get(pivot):
+                size = max(map(abs, row.values()))
+                new = {i: row.get(i, 0) - factor * first.get(i, 0) for i in {*row, *first} - {pivot}}
+                left[n] = {i: c for i, c in new.items() if abs(c) > size * NOTHING**1.5}
+    return count
 
 
 def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[int, Any]], int]:
@@ -98,7 +132,7 @@ def _new_rows(
     if len(space) <= len(known):
         return []
     reduced = _echelon(np.array(space).reshape(-1, count))
-    rational = [[Fraction(float(c)).limit_denominator(1000) for c in row] for row in reduced]
+    rational = [[Fraction(float(c)).limit_denominator(LARGEST_DENOMINATOR) for c in row] for row in reduced]
     rows, basis = [], [list(map(float, row)) for row in known]
     for row, exact in zip(reduced, rational, strict=True):
         if max(abs(float(e) - c) for e, c in zip(exact, row, strict=True)) > 1e-8:

@@ -16,7 +16,7 @@ import sympy
 
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
-from .casimirs import search
+from .casimirs import counted, search
 from .data import Data
 from .forms import check_finite, check_name, degree_of, linear, shortened
 from .keys import KEYS, MOST, DefinitionError
@@ -31,7 +31,8 @@ class Defined(NamedTuple):
 
     system: System
     sizes: Mapping[str, int]
-    searched: int | None  #: up to this degree all Casimir functions are found; None if they were given
+    searched: int | None  #: the degree up to which polynomial Casimir functions were sought; None if they were given
+    independent: tuple[int, int]  #: how many independent Casimir functions are known, and how many there are
 
 
 def define(data: Mapping[str, Any]) -> Defined:
@@ -99,7 +100,7 @@ class _Reader(Data):
             squared_length_first=first is not None,
             constants=constants.values,
         )
-        return Defined(system, self.sizes, searched)
+        return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
 
     # ---- names and numbers ---------------------------------------------------------------------------------------
 

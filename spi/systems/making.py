@@ -6,6 +6,7 @@ from typing import Any
 import sympy
 
 from ..checks.registration import vocabulary
+from .casimirs import LARGEST_DENOMINATOR
 from .definition import Defined, define
 from .source import Generated, generate
 from .splitting import Flow
@@ -31,10 +32,20 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
         lines.append(f"{what}: {_terms(flow, defined)}: {kinds}{lost}")
-    searched = f", all polynomials up to degree {defined.searched}" if defined.searched else ""
-    texts = ", ".join(c.text for c in system.casimirs) or "none"
-    lines.append(f"Casimir functions{searched}: {texts}")
-    return lines
+    return [*lines, _casimirs(defined)]
+
+
+def _casimirs(defined: Defined) -> str:
+    """The Casimir functions that are known, and how many there are."""
+    (known, there), functions = defined.independent, defined.system.casimirs
+    if not there:
+        return "Casimir functions: there are none"
+    by = f" independent ones, by {len(functions)}" if len(functions) > known else ""
+    line = f"Casimir functions, {known} of {there}{by}: {', '.join(c.text for c in functions) or 'none is known'}"
+    if known == there or defined.searched is None:
+        return line
+    kind = f"polynomials up to degree {defined.searched} with fractions of denominators up to {LARGEST_DENOMINATOR}"
+    return f"{line}; sought were {kind}"
 
 
 def _terms(flow: Flow, defined: Defined) -> str:

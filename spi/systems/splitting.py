@@ -120,7 +120,7 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[A
             continue  # so does a Casimir function
         expanded = sorted(sympy.Add.make_args(sympy.expand(addend)), key=world.used)
         if len(expanded) > 1:
-            more, cross = _terms(expanded, world)
+            more, cross = _of_parts(addend, expanded, world)
             terms, crossing = terms + more, crossing + cross
         elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
             crossing.append(addend)
@@ -129,6 +129,19 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[A
                 f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
             )
     return terms, crossing
+
+
+def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any]]:
+    """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
+    try:
+        return _terms(expanded, world)
+    except NoExactFlow as refused:
+        reason = refused
+    sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
+    if len(sums) != 1:
+        raise reason
+    outer = [f for f in sympy.Mul.make_args(addend) if f is not sums[0]]
+    return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world)
 
 
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
@@ -194,9 +207,12 @@ def functionals_of(expression: Any, world: Symbolics) -> tuple[tuple[Functional,
         for n in range(len(used) + 2):
             point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
             try:
-                rows.append({i: mpmath.mpf(g) for i, g in zip(used, value(*point), strict=True)})
+                slopes = [mpmath.mpmathify(g) for g in value(*point)]
             except (TypeError, ZeroDivisionError, ValueError):
                 continue  # not defined there
+            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
+            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
+            rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
         if not rows:
             raise NoExactFlow(f"'{world.name(expression)}' has no finite value at these parameters")
     found, pivots = reduced(rows)

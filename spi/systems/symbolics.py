@@ -1,5 +1,6 @@
 """Formulas of a system: what occurs in them, what they are called, whether they commute with everything."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -30,6 +31,15 @@ class Symbolics(NamedTuple):
         words = dict(zip(self.variables, map(sympy.Symbol, self.bracket.variables), strict=True))
         return str(expression.xreplace(words)).replace("**", "^")
 
+    def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
+        """The gradient of a function by component, to the digits at hand; without those where it is not defined."""
+        found = {}
+        for i in self.used(function):
+            slope = sympy.diff(function, self.variables[i]).xreplace(dict(self.parameters))
+            with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
+                found[i] = mpmath.mpmathify(sympy.lambdify(self.variables, slope, "mpmath")(*point))
+        return found
+
     def is_casimir(self, function: Any) -> bool:
         """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
         used = self.used(function)
@@ -40,7 +50,7 @@ class Symbolics(NamedTuple):
             for n in range(12):
                 point = [mpmath.frac(mpmath.sqrt(3 + 5 * n + 11 * j) * 13) + mpmath.mpf(1) / 8 for j in range(d)]
                 try:
-                    at = dict(zip(used, map(mpmath.mpf, value(*point)), strict=True))
+                    at = dict(zip(used, map(mpmath.mpmathify, value(*point)), strict=True))
                 except (TypeError, ValueError, ZeroDivisionError):
                     continue  # not defined there
                 moved, size = _applied(self.bracket, at, point)

@@ -337,7 +337,7 @@ light = sorted({"numpy", "numba", "matplotlib", "xarray", "pydantic"} & set(sys.
 offered = dir(spi)
 text = pydoc.plain(pydoc.render_doc(spi))
 def kernels():
-    return {str(file) for file in Path(os.environ["NUMBA_CACHE_DIR"]).rglob("*.nbc")}
+    return {str(file) for file in spi.kernels_folder().rglob("*.nbc")}
 before = kernels()
 y = spi.trajectory(%r, "splitting", **%r).y
 print(json.dumps([light, offered, text, sorted(kernels() - before), len(before) > 0, y.values.tolist()]))

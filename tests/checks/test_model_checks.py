@@ -8,7 +8,8 @@ import pytest
 from model_cases import MODELS_UNDER_TEST, around_the_origin
 from own_models import OSCILLATOR
 
-from spi.checks.model_checks import check_model, states_around
+from spi.checks.model_checks import check_model
+from spi.checks.states import states_around
 from spi.compiler import modules
 from spi.compiler.dispatch import device
 from spi.compiler.inlining import uncompiled

@@ -74,7 +74,7 @@ def test_what_can_be_better_is_a_warning_with_a_remedy(monkeypatch, without_run)
     monkeypatch.setattr(doctor, "_LEAST_MEMORY", 1e18)
     monkeypatch.setattr(doctor, "_PACKAGES", ("numpy", "no_such_package"))
     monkeypatch.setattr(doctor, "_processors", lambda: 1000)
-    monkeypatch.setattr(doctor.binding, "get_host_cpu_features", dict)
+    monkeypatch.setattr(doctor.rounding, "is_fused", lambda: False)
     code, out, err = without_run()
     assert (code, err) == (0, "")
     for name, words in (
@@ -82,7 +82,7 @@ def test_what_can_be_better_is_a_warning_with_a_remedy(monkeypatch, without_run)
         ("memory", "spi check"),
         ("packages", "no_such_package"),
         ("threads", "NUMBA_NUM_THREADS"),
-        ("processor", "eight times"),
+        ("processor", "fused operations"),
     ):
         assert re.search(rf"^warning  {name} .*{words}", out, re.MULTILINE), name
 
@@ -95,7 +95,10 @@ def test_the_room_for_kernels_and_the_speed(monkeypatch):
     assert str(doctor._speed(100.0, 5.5)).startswith("warning ")
 
 
-@pytest.mark.parametrize(("features", "width"), [({"avx2": True, "sse2": True}, 4), ({"neon": True}, 2)])
-def test_the_width_of_vectors(monkeypatch, features, width):
-    monkeypatch.setattr(doctor.binding, "get_host_cpu_features", lambda: features)
-    assert str(doctor._vectors("some processor")).endswith(f": vectors of {width} doubles")
+@pytest.mark.parametrize(
+    ("features", "bits"), [({"avx2", "sse2", "fma"}, 256), ({"neon"}, 128), ({"avx512f", "avx2", "fma"}, 512)]
+)
+def test_the_width_of_vectors(monkeypatch, features, bits):
+    monkeypatch.setattr(doctor.rounding, "WISH", "512")
+    monkeypatch.setattr(doctor.rounding, "_features", lambda: features)
+    assert str(doctor._vectors("some processor")).endswith(f": vectors of {bits} bits")

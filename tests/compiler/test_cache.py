@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers import compiled_only
 from test_floors import PACKAGE, imports
 
 import spi
@@ -108,11 +109,38 @@ PLACE = """
 import json, os, pathlib, subprocess, sys
 import spi
 from spi.ensemble.loop import integrate as kernel
-path = getattr(getattr(kernel, "_cache", None), "cache_path", os.environ["NUMBA_CACHE_DIR"])
+path = getattr(getattr(kernel, "_cache", None), "cache_path", str(spi.kernels_folder()))
 child = [sys.executable, "-c", "import spi; print(spi.CACHE_PROBLEM)"]
 child = subprocess.run(child, capture_output=True, text=True, check=True).stdout.strip()
-print(json.dumps([spi.CACHE_PROBLEM, path, os.access(path, os.W_OK), child]))
+print(json.dumps([spi.CACHE_PROBLEM, path, os.access(pathlib.Path(path).parent, os.W_OK), child]))
 """
+
+
+SETTINGS = """
+import os, sys
+import numba
+before = dict(os.environ), numba.config.CACHE_DIR
+
+@numba.njit(cache=True)
+def theirs(x):
+    return x + 1
+
+import spi
+from spi.ensemble.loop import integrate
+assert (dict(os.environ), numba.config.CACHE_DIR) == before
+print(theirs._cache.cache_path, getattr(integrate, "_cache", theirs._cache).cache_path, sep="\\n")
+"""
+
+
+@compiled_only
+@pytest.mark.parametrize("name", ["NUMBA_CACHE_DIR", "NUMBA_CACHE_LOCATOR_CLASSES", "NEITHER"])
+def test_the_settings_of_numba_stay_those_of_the_program(tmp_path, name):
+    """Whatever they are, kernels of this package lie in its own folder, so that none is stale."""
+    (tmp_path / "program.py").write_text(SETTINGS)
+    value = "InTreeCacheLocator" if "CLASSES" in name else str(tmp_path / "numba")
+    theirs, ours = start(tmp_path / "cache", tmp_path, "program.py", **{name: value})[0].split()
+    assert Path(theirs).is_relative_to(tmp_path / ("numba" if "DIR" in name else "__pycache__"))
+    assert Path(ours).is_relative_to(tmp_path / "cache" / spi.KERNEL_DIGEST)
 
 
 def test_where_kernels_can_be_kept_nothing_is_said(tmp_path):

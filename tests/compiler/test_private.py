@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from helpers import COMPILED
+from llvmlite import ir
 from numba.core import caching, codegen, compiler, datamodel, imputils
 from numba.core.registry import cpu_target
 
@@ -20,7 +21,10 @@ LIBRARIES = "functions that are inlined become machine code, without SPI_WITHOUT
 CACHE = "processes that compile at once mix up their kernels, without SPI_WITHOUT=cache nothing is kept"
 REFCOUNTS = "arrays are counted where they are lent, without SPI_WITHOUT=refcounts steps crash"
 INTRINSICS = "there are no intrinsics: fields, lanes and vectors must be written in another way"
+ROUNDING = "sums and products are rounded as LLVM pleases, by the width of vectors"
 NAMES = "spi check cannot say which function of a model lacks @device"
+
+BLOCK = ir.Block(ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), []), "nothing"))
 
 
 @kernel
@@ -41,7 +45,14 @@ def add_one(x):
         ("compile_extra", lambda: compiler.Compiler, LIBRARIES),
         ("_find_referenced_environments", lambda: compiler.CompileResult, LIBRARIES),
         ("_library_class set_env", lambda: cpu_target.target_context.codegen(), LIBRARIES),
-        ("load_overload save_overload _index_key", lambda: caching.FunctionCache, CACHE),
+        ("add_ir_module", lambda: codegen.JITCodeLibrary, ROUNDING),
+        ("_get_host_cpu_features", lambda: cpu_target.target_context.codegen(), ROUNDING),
+        ("_name operands flags opname", lambda: ir.Instruction(BLOCK, ir.DoubleType(), "fneg", []), ROUNDING),
+        ("load_overload save_overload _index_key _impl_class", lambda: caching.FunctionCache, CACHE),
+        ("UserProvidedCacheLocator CompileResultCacheImpl", lambda: caching, CACHE),
+        ("get_suitable_cache_subpath get_source_stamp", lambda: caching.UserProvidedCacheLocator, CACHE),
+        ("get_filename_base locator filename_base", lambda: caching.CompileResultCacheImpl, CACHE),
+        ("_py_file _lineno _cache_path", lambda: add_one._cache._impl.locator, CACHE),
         ("_py_func _cache_path _cache_file _impl", lambda: add_one._cache, CACHE),
         ("_load_index _source_stamp", lambda: add_one._cache._cache_file, CACHE),
         ("filename_base", lambda: add_one._cache._impl, CACHE),

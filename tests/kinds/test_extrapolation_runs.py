@@ -91,7 +91,9 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
     strong = re.sub("(functions|estimators).*", "", text)
     with pytest.raises(SpecError, match="extrapolate: is for weak errors; leave it out, or give functions"):
         load(SPEC, overrides=["extrapolate=1"], text=strong)
-    assert [part.extrapolate for part in work_precision.parts(case)] == [0, 2]
+    (together,) = work_precision.parts(case)
+    assert [part.extrapolate for part in together.each()] == [0, 2]
+    check_times_of_each(work_precision.plan(case, together), case.steps)
     for levels, steps in ((0, case.steps), (2, case.steps[2:])):
         p = work_precision.plan(case, Part("splitting_symmetric", "kolmogorov", extrapolate=levels))
         state = State(p)
@@ -111,3 +113,17 @@ def test_an_extrapolated_path_is_timed_at_all_its_steps():
             timed.doublings.tolist() == list(range(levels + 1))
             and last.levels[:, 2].tolist() == [4, 2, 1][-levels - 1 :]
         )
+
+
+def check_times_of_each(p, steps):
+    """Of results that come of the same paths each level has the times of its own steps."""
+    state = State(p)
+    state.put(state.missing()[0], next(p.advance(state.missing(), None))[0][1])
+    times = np.arange(1.0, len(steps) + len(steps[2:]) + 1)
+    assert state.extra.times.shape == (3, len(times))
+    state.extra = state.extra._replace(times=np.tile(times, (3, 1)))
+    plain, twice = p.all_results(state)
+    assert (plain.about.extrapolate, twice.about.extrapolate) == (0, 2)
+    np.testing.assert_allclose(plain.seconds_per_path, times[: len(steps)])
+    np.testing.assert_allclose(twice.seconds_per_path, times[len(steps) :])
+    assert len(p.kernel_calls()) == 2 and [len(job) for job in (plain.h, twice.h)] == [len(steps), len(steps[2:])]

@@ -2,7 +2,7 @@
 
 import numpy as np
 from extrapolation_cases import COARSE, symmetric
-from helpers import COMPILED, LANES, compiled_only
+from helpers import COMPILED, LANES, compiled_only, printed
 from states import finished, resumed, same_numbers, snapshots
 from weak_cases import after_blocks
 
@@ -29,7 +29,7 @@ def same_results(one, other):
 
 
 def test_one_set_of_paths_serves_all_levels_of_extrapolation():
-    """But for those that multilevel finds in another way, and for the times of paths, which are other ones."""
+    """But for those that multilevel finds in another way."""
     case = symmetric(*COARSE, "schemes=[splitting_symmetric, splitting]", "estimators=[plain, multilevel, kolmogorov]",
                      "extrapolate=[0, 2, 1]")  # fmt: skip
     assert weak.parts(case) == [
@@ -39,9 +39,11 @@ def test_one_set_of_paths_serves_all_levels_of_extrapolation():
         Part("splitting", "multilevel", None, 2, (1,)),
         Part("splitting", "kolmogorov", None, 0, (2, 1)),
     ]
-    one_function = case.model_copy(update={"functions": {"phi": "y1^2"}})
-    found = [(part.extrapolate, part.also) for part in work_precision.parts(one_function)]
-    assert found == [(0, ()), (2, ()), (1, ())] * 2
+    one_function = {"functions": {"phi": "y1^2"}}
+    found = work_precision.parts(case.model_copy(update=one_function))
+    assert [(part.estimator, part.extrapolate, part.also) for part in found] == [("plain", 0, (2, 1))] * 2
+    found = work_precision.parts(case.model_copy(update=one_function | {"estimators": ("multilevel", "plain")}))
+    assert [(part.extrapolate, part.also) for part in found] == [(0, (2, 1)), (0, ()), (2, (1,))]
 
 
 def together_and_alone(case, estimator, state_of):
@@ -98,4 +100,5 @@ def test_all_of_them_are_in_the_file_of_a_run(tmp_path):
         for estimator in ("multilevel", "plain")
         for variant in (SYMMETRIC, f"{SYMMETRIC}_extrapolated_1")
     ]
+    assert printed(storage.read(path)).count(": levels") == 1
     assert verify(path, None).sound

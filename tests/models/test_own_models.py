@@ -253,18 +253,20 @@ def test_an_error_of_the_compiler_is_one_line(oscillator, monkeypatch, tmp_path)
 # --- the generic checks ----------------------------------------------------------------------------------------------
 
 
-def test_checks_are_made_once_for_each_text(top, monkeypatch):
+def test_checks_are_made_once_for_each_text_and_each_record(top, monkeypatch):
+    """The class itself is compiled once; whether its numbers are right is asked of each."""
     asked = []
-    monkeypatch.setattr(passed, "check_model", lambda model, states, written: asked.append(model) or [])
+    monkeypatch.setattr(passed, "check_model", lambda model, states, written, finite_at: asked.append(written) or [])
     unique = f"# {os.getpid()} {os.urandom(4).hex()}\n"
     top(source=TOP + unique)
     top(source=TOP + unique, overrides=["model.weight=2"])
-    assert len(asked) == 1
+    assert asked == [True, not COMPILED]
     passed._PASSED.clear()  # as in another process
     top(source=TOP + unique)
-    assert len(asked) == (1 if COMPILED else 2)
+    top(source=TOP + unique, overrides=["model.weight=2"])
+    assert len(asked) == (2 if COMPILED else 4)
     top(source=TOP + unique + "#\n")
-    assert len(asked) == (2 if COMPILED else 3)
+    assert len(asked) == (3 if COMPILED else 5)
 
 
 def test_a_model_that_fails_is_checked_again(top):

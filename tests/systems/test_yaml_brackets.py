@@ -22,6 +22,7 @@ from spi.models import MaxwellBloch, RigidBody
 from spi.systems.algebras import algebra
 from spi.systems.brackets import BracketError, checked
 from spi.systems.definition import DefinitionError, define
+from spi.systems.making import make
 from spi.systems.text import NumberError, Symbols
 
 
@@ -227,6 +228,39 @@ def test_those_of_a_bracket_without_an_algebra():
     assert found.as_expr().free_symbols == set(found.gens[1:]) and found.total_degree() == 1
     assert len(casimirs("{variables: [a, b, c], bracket: {}, hamiltonian: a}")) == 3
     assert casimirs("{variables: [r, x], bracket: {r x: x}, hamiltonian: r}") == []
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("{algebra: se(3), hamiltonian: y1}", "2 of 2: y1*y4 + "),
+        ("{algebra: so(3)*heisenberg(2), hamiltonian: y1, casimirs: [y8]}", "1 of 2: y8"),
+        ("{variables: [r, x], bracket: {r x: x}, hamiltonian: r}", ": there are none"),
+        (
+            "{variables: [r, x, y], bracket: {r x: 'sqrt(2)*x', r y: y}, hamiltonian: r}",
+            "0 of 1: none is known; sought were polynomials up to degree 4 with fractions of denominators up to 1000",
+        ),
+        (
+            "{variables: [r, x, y], parameters: {a: 0.123456}, bracket: {r x: y, r y: -a*x}, hamiltonian: r}",
+            "0 of 1: ",
+        ),
+        ("{variables: [r, x, y], bracket: {r x: 1e-15*x, r y: 1e-15*y}, hamiltonian: r}", "0 of 1: "),
+        (
+            "{variables: [r, x, y, z, w], bracket: {r x: y, r y: z, r z: w}, hamiltonian: r}",
+            "3 of 3 independent ones, by 4: ",
+        ),
+    ],
+)
+def test_it_is_told_how_many_there_are(text, line):
+    """By the corank of the bracket; what was not found is not said to be absent."""
+    *_, found = make(definition(text), "x")[3]
+    assert found.removeprefix("Casimir functions").removeprefix(", ").startswith(line)
+
+
+@pytest.mark.slow
+def test_the_degree_that_was_searched_drops_with_the_number_of_variables():
+    *_, found = make(definition("{algebra: so(6), hamiltonian: y1}"), "x")[3]
+    assert found.startswith("Casimir functions, 2 of 3: y1^2 + ") and "polynomials up to degree 3" in found
 
 
 def test_given_ones_are_verified():

@@ -99,6 +99,46 @@ def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
     assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
 
 
+FINITE = "near the initial state the formulas must be finite"
+LOG, ROOT = "log(1 - y3) + y1^2", "sqrt(y3 + y1 - 5) + b*y2^2"
+
+
+@pytest.mark.parametrize(
+    ("formula", "noise", "state", "wrong"),
+    [
+        (LOG, "y1", "0.6, 0, 0.8]", None),
+        (LOG, "y1", "0.001, 0, 0.99999]", None),
+        (LOG, "y1", "0, 0, 1]", FINITE),
+        (ROOT, "y3", "5, 0, 5]", None),
+        (ROOT, "y3", "2, 0, 2]", FINITE),
+        (LOG, "sqrt(y2 - 9)", "0.6, 0, 0.8]", f"noise_gradient, k = 1, is not finite at y = .*; {FINITE}"),
+        ("abs(y1) + y2^2", "y1", "0, 0, 5]", None),
+    ],
+)
+def test_formulas_are_judged_on_the_surface_of_the_initial_state(spec, tmp_path, formula, noise, state, wrong):
+    """There y3 <= 1 and y1 + y3 > 5; elsewhere the formulas need not be defined."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("y1^2/a + b*y2^2", formula).replace("\n  - y3", f"\n  - {noise}"))
+    text = SPEC.replace("1, 0.5, 0.2]", state)
+    if wrong is None:
+        assert spec(text).cases[0].model.a == 3.0
+    else:
+        with pytest.raises(SpecError, match=wrong):
+            spec(text)
+
+
+def test_what_passed_with_other_numbers_is_checked_again(spec, tmp_path):
+    """The class is the same: whether a spec is right does not depend on which ones were read before."""
+    (tmp_path / "top.yaml").write_text(FILE.replace("b*y2^2", f"b*log(a - y3)*{time.time_ns()}"))
+    text = SPEC.replace("1, 0.5, 0.2]", "0.6, 0, 0.8]")
+    right, wrong = text, text.replace("{a: 3}", "{a: 1/2}")
+    for _ in range(2):
+        spec(right)
+        with pytest.raises(SpecError, match=FINITE):
+            spec(wrong)
+        with pytest.raises(SpecError, match=FINITE):
+            spec(right.replace("0.6, 0, 0.8]", "0, 0, 3]"))
+
+
 @pytest.mark.parametrize("stem", ["class", "2d", "my-top", "None", "_x"])
 def test_a_file_may_be_called_anything(spec, tmp_path, stem):
     (tmp_path / f"{stem}.yaml").write_text(FILE)

@@ -26,6 +26,9 @@ def spin(*terms, more=""):
     return f"{{algebra: so(3), hamiltonian: {' + '.join(terms)}{more}}}"
 
 
+TURNED = ["(y(1) + y(3))^4/4", "(y(2) + y(3))^4/4"]
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -52,6 +55,14 @@ def spin(*terms, more=""):
         (spin("(y1 + 2*y2)^2", "(2*y2 + y1)"), ["y1 + 2*y2 + (y1 + 2*y2)^2"]),
         # a product that has to be expanded first
         (spin("(y1 + y2)*(y1 - y2)"), ["y1^2", "-y2^2"]),
+        # and a sum whose powers have no flow when they are expanded, whatever stands before it or behind
+        (spin("((y1 + y2)^4 + (y2 - y3)^4)/4"), ["(y1 + y2)^4/4", "(y2 - y3)^4/4"]),
+        (spin("(-((y1 + y2)^4 + (y2 - y3)^4))"), ["-(y1 + y2)^4", "-(y2 - y3)^4"]),
+        (spin("sum((y(i) + y(3))^4 for i = 1..2)/4", more=", variables: [y(i) for i = 1..3]"), TURNED),
+        (
+            spin("'a*(a + 1)*(cos(y1 - y2)/3 - (y3^4 + (y2 - y3)^4)/5) + y3'", more=", parameters: {a: 2}"),
+            ["a*(a + 1)*cos(y1 - y2)/3", "-a*(a + 1)*(y2 - y3)^4/5", "-a*y3^4*(a + 1)/5 + y3"],
+        ),
     ],
 )
 def test_flows(text, expected):

@@ -100,7 +100,17 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
     points = min(max(POINTS * coarser**-0.15, 4 * usual), max(POINTS, 2 * usual))
     runs = 1000 * coarser**-0.1 * (1 + groups / 3) / 2  # steps, for the limit and for the scheme, on three grids
     seconds = 0.2 + 5e-8 * len(functions) * points * runs
-    return Demands(seconds, 1e8 + 64 * (1 + len(functions)) * max(POINTS, 2 * most))
+    memory = 1e8 + 64 * (1 + len(functions)) * max(POINTS, 2 * most)
+    return Demands(seconds, memory, least=ROUNDING * np.sqrt(final_time / min(steps)) * _largest(problem))
+
+
+def _largest(problem):
+    """The largest |phi| on the circle of the initial value: less than on the whole cylinder."""
+    y1, y2, y3 = problem.initial
+    angle, r = np.linspace(0, 2 * np.pi, 256), np.hypot(y2, y3)
+    y = np.array([np.full_like(angle, y1), r * np.cos(angle), r * np.sin(angle)])
+    with np.errstate(all="ignore"):
+        return float(max(abs(np.broadcast_to(f(y), angle.shape)).max() for f in problem.functions))
 
 
 def _problem(model, initial, final_time, functions):

@@ -29,3 +29,4 @@ class Demands(NamedTuple):
     bytes: float  #: of memory, at most
     obstacle: str = ""  #: why the solver cannot do it, in words that follow "the solver"
     remedy: str = ""  #: what would be right then
+    least: float = 0.0  #: numerical error below which rounding lets no accuracy be reached

@@ -269,4 +269,5 @@ class _Problem(NamedTuple):
         finer = [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]
         seconds = sum(map(self.cost, weak)) + sum(self.cost_of_limit(L) for L in finer)
         cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, self.words(h)).length for h in self.steps) * weak[-1] ** 3
-        return Demands(1.5 * seconds + 1.0, 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2)
+        memory = 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2
+        return Demands(1.5 * seconds + 1.0, memory, least=2 * ROUNDING * float(self.size()[0].max()))

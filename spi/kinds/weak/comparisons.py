@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from spi.printing.sentences import joined
+from spi.printing.text import short
+
 from .results import WeakErrors
 
 if TYPE_CHECKING:
@@ -71,6 +74,25 @@ def own_error(reading: WeakErrors) -> OwnError | None:
     off, off_without = value - by_next, np.subtract(*by_both(without))
     clear = is_resolved(np.abs(off), jackknife_stderr(off, off_without, np.full(len(without), PARTS)))
     return OwnError(value, by_next, clear & (np.abs(off) > sampled.error_stderr.min(axis=-1)))
+
+
+def cannot_do(estimators: str, schemes: Sequence[str]) -> str:
+    """That there are no results of some schemes."""
+    return f"{estimators} cannot do {joined(schemes)}: there are no such results"
+
+
+def not_reached(reading: WeakErrors) -> str:
+    """That numerical errors are larger than was asked for; empty if they are not, or if nothing was asked for."""
+    known: dict[str, float] = {}
+    if reading.unsampled:
+        bounds = {"errors": reading.unsampled.error_bound, "expectations": reading.unsampled.expectation_bound}
+        known |= {name: float(bound.max()) for name, bound in bounds.items()}
+    if reading.levels and reading.levels.control:
+        known["expectations of the control"] = reading.levels.control_bound
+    if reading.accuracy is None:
+        return ""
+    poor = [f"{name} are known to {short(bound)}" for name, bound in known.items() if not bound <= reading.accuracy]
+    return f"accuracy {short(reading.accuracy, 'g')} is not reached: {joined(poor)}" if poor else ""
 
 
 def sweeps(readings: Iterable[WeakErrors]) -> dict[tuple[str, str], list[WeakErrors]]:

@@ -132,6 +132,8 @@ class WeakErrors(Stored):
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
     panels: Annotated[tuple[str, ...], fact("what the figure shows")] = ("errors",)
+    accuracy: Annotated[float | None, fact("numerical error that was asked for", "value")] = None
+    left_out: Annotated[tuple[str, ...], fact("schemes of the case that the estimator cannot do")] = ()
 
     @property
     def half(self) -> np.ndarray:

@@ -42,7 +42,8 @@ class WorkPrecision(Stored):
     reference_step: Annotated[float, fact("step size of the reference", "time")]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     reference_nonfinite: Annotated[int, fact("diverged paths of the reference (NaN or infinity)")] = 0
-    note: Annotated[str, fact("what is to be said of points that are not resolved")] = ""
+    left_out: Annotated[tuple[str, ...], fact("schemes of the case that no estimator of it can do")] = ()
+    note: Annotated[str, fact("what is to be said of the errors")] = ""
 
     @property
     def exact(self) -> bool:

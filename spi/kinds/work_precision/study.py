@@ -21,8 +21,11 @@ from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
+from spi.kinds.weak.comparisons import cannot_do, not_reached
+from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.results import WeakErrors
 from spi.numerics.rng import LANES
+from spi.printing.sentences import joined
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
@@ -35,11 +38,26 @@ _PATH_STEPS = 2**20
 
 def parts(case: Any) -> list[Part]:
     """What is run one after the other: each scheme, weak errors with the first estimator that can do it."""
-    first: dict[str, Part] = {}
+    found: list[Part] = []
     for part in (weak if case.functions else strong).parts(case):
-        for one in part.each():
-            first.setdefault(one.variant, one._replace(also=()))
-    return list(first.values())
+        known = {one.variant for earlier in found for one in earlier.each()}
+        new = [one.extrapolate for one in part.each() if one.variant not in known]
+        found += [part._replace(extrapolate=new[0], also=tuple(new[1:]))] if new else []
+    return found
+
+
+def left_out(case: Any) -> tuple[str, ...]:
+    """The schemes that no estimator of weak errors can do."""
+    done = {part.scheme for part in parts(case)}
+    return tuple(scheme for scheme in case.schemes if scheme not in done)
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """What of a case will not be computed, or not as it was asked for."""
+    if schemes := left_out(case):
+        yield cannot_do(joined(case.estimators), schemes)
+    used = dict.fromkeys(part.estimator for part in parts(case))
+    yield from (line for name in used if name for line in ESTIMATORS[name].remarks(case))
 
 
 def plan(case: Any, part: Part) -> "WorkPlan":
@@ -52,7 +70,7 @@ class Times(NamedTuple):
     """What is known besides the paths of the errors."""
 
     of_errors: Any  #: what the plan of the errors knows besides its paths
-    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured
+    times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured; of all levels of extrapolation
     timing_seconds: float  #: wall clock
 
     @property
@@ -75,6 +93,11 @@ class WorkPlan(PartPlan):
     errors: Any  #: the plan of the strong or weak errors
 
     @property
+    def each(self) -> tuple["WorkPlan", ...]:
+        """The plan as that of each level of extrapolation, the errors too."""
+        return tuple(replace(self, part=errors.part, errors=errors) for errors in self.errors.each)
+
+    @property
     def h(self) -> np.ndarray:
         """(S,) the steps of the results, from large to small."""
         return self.errors.h if self.case.functions else np.array(self.case.steps)
@@ -85,7 +108,7 @@ class WorkPlan(PartPlan):
 
     def initial_extra(self) -> Times:
         """No time has been measured."""
-        times = np.full((self.case.repeats, len(self.h)), np.nan)
+        times = np.full((self.case.repeats, sum(len(one.h) for one in self.each)), np.nan)
         return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
 
     def path_sets(self, extra: Times) -> Sequence[PathSet]:
@@ -113,8 +136,8 @@ class WorkPlan(PartPlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """Those of the errors, and as few steps of one block as can be, as they are timed."""
-        timed = self._arguments(float(self.h[0]), 2**self.part.extrapolate, 1)
-        return [*self.errors.kernel_calls(), KernelCall(integrate, timed)]
+        timed = [one._arguments(float(one.h[0]), 2**one.part.extrapolate, 1) for one in self.by_level]
+        return [*self.errors.kernel_calls(), *(KernelCall(integrate, arguments) for arguments in timed)]
 
     def finalise(self, state: State) -> Iterator[Times]:
         """Measure the times that are left; yields after each repeat."""
@@ -123,7 +146,7 @@ class WorkPlan(PartPlan):
         if not len(left):
             return
         began = time.perf_counter()
-        jobs = [self.job(h) for h in self.h.tolist()]
+        jobs = [one.job(h) for one in self.by_level for h in one.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
         for repeat in left:
             times = extra.times.copy()
@@ -165,7 +188,7 @@ class WorkPlan(PartPlan):
         measured = int(np.isfinite(state.extra.times).all(axis=1).sum())
         if not measured:
             return of_errors
-        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * len(self.h)
+        seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * state.extra.times.shape[1]
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def so_far(self, state: State) -> State | None:
@@ -176,7 +199,8 @@ class WorkPlan(PartPlan):
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, found = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(found) if isinstance(found, StrongErrors) else _of_weak(found)
-        low, median, high = np.quantile(state.extra.times, (0.25, 0.5, 0.75), axis=0)
+        times = state.extra.times[:, self.own_among(lambda one: len(one.h))]
+        low, median, high = np.quantile(times, (0.25, 0.5, 0.75), axis=0)
         steps = case.final_time / self.h * sum(0.5**i for i in range(self.part.extrapolate + 1))
         same = ("h", "expected_order", "reference_step", "reference_scheme", "reference_nonfinite", "threads")
         return WorkPrecision(
@@ -188,6 +212,7 @@ class WorkPlan(PartPlan):
             seconds_per_path_low=low,
             seconds_per_path_high=high,
             repeats=case.repeats,
+            left_out=left_out(case),
             targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )
 
@@ -219,6 +244,7 @@ def _of_weak(found: WeakErrors) -> dict[str, Any]:
         "resolved": found.resolved[0],
         "nonfinite": found.nonfinite,
         "order": found.orders[0],
+        "note": not_reached(found),
     }
     if found.unsampled:
         return fields | {"error_bound": found.unsampled.error_bound[0]}

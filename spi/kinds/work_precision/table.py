@@ -21,6 +21,7 @@ from spi.printing.text import (
     short,
 )
 
+from ..weak.comparisons import cannot_do
 from .results import WorkPrecision, requested
 from .work_points import Factor, WorkPoint, cheapest, work_for
 
@@ -41,7 +42,9 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     """Print the tables of a case: errors and times, and which scheme reaches a requested error in the least time."""
     print_whole(console, _points(heading, readings))
     console.print()
-    for line in [*_measured(readings[0]), *(line for reading in readings for line in _summary(reading))]:
+    first, summaries = readings[0], (line for reading in readings for line in _summary(reading))
+    none = [cannot_do("the estimators", first.left_out)] if first.left_out else []
+    for line in [*_measured(first), *summaries, *none]:
         console.print(line, markup=False, soft_wrap=True)
     console.print()
     table, remarks = _requested(readings)

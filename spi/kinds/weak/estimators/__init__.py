@@ -6,6 +6,7 @@ computed.
 A new estimator is such a folder and a line in ESTIMATORS.
 """
 
+from collections.abc import Iterator
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -27,6 +28,8 @@ class KeysModule(Protocol):
 
     def can_do(self, case: Any, scheme: str) -> bool:
         """Whether it can estimate the errors of a scheme of such a case; the others of its schemes are left out."""
+
+    # remarks(case) -> Iterator[str] may be added: what a person should know of such a case before it is run
 
 
 class StudyModule(Protocol):
@@ -54,6 +57,11 @@ class Estimator:
         by_study: Any = getattr(self.study, "together", None)
         return by_study(case, part) if by_study else [(levels,) for levels in case.extrapolate]
 
+    def remarks(self, case: Any) -> Iterator[str]:
+        """What a person should know of a case before it is run."""
+        by_keys: Any = getattr(self.keys, "remarks", None)
+        yield from by_keys(case) if by_keys else ()
+
     def __getattr__(self, name: str) -> Any:
         if name not in ("keys", "study"):
             raise AttributeError(name)
@@ -66,6 +74,11 @@ ESTIMATORS = {
     "multilevel": Estimator("spi.kinds.weak.estimators.multilevel"),
     "kolmogorov": Estimator("spi.kinds.weak.estimators.kolmogorov"),
 }
+
+
+def left_out(case: Any, estimator: str) -> tuple[str, ...]:
+    """The schemes of a case that an estimator cannot do."""
+    return tuple(scheme for scheme in case.schemes if not ESTIMATORS[estimator].keys.can_do(case, scheme))
 
 
 def label_of(name: str) -> str:

@@ -5,11 +5,13 @@ that of weak order 2 where it takes differences to it; what that reference lacks
 order.  ``kolmogorov`` does not sample and measures against the law of the equation.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 from spi.storage.records import Part
 
-from ..estimators import ESTIMATORS
+from ..comparisons import cannot_do
+from ..estimators import ESTIMATORS, left_out
 
 
 def parts(case: Any) -> list[Part]:
@@ -25,6 +27,14 @@ def parts(case: Any) -> list[Part]:
         for part in each
         for first, *others in ESTIMATORS[part.estimator].together(case, part)
     ]
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """What of a case will not be computed, or not as it was asked for."""
+    for name in case.estimators:
+        if schemes := left_out(case, name):
+            yield cannot_do(name, schemes)
+        yield from ESTIMATORS[name].remarks(case)
 
 
 def plan(case: Any, part: Part) -> Any:

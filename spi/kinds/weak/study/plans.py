@@ -1,7 +1,7 @@
 """The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from spi.schemes import has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
 from spi.statistics.richardson import Extrapolation
 
+from ..estimators import left_out
 from ..results import WeakErrors
 
 
@@ -30,17 +31,6 @@ class WeakPlan(PartPlan):
     def h(self) -> np.ndarray:
         """(S,) the steps of the results, from large to small; with extrapolation 2h, ... are steps of the case, too."""
         return np.array(self.case.steps)[self.extrapolation.chosen]
-
-    @property
-    def by_level(self) -> tuple[Self, ...]:
-        """The plan as that of each level of extrapolation, fewest first: so sums over the same paths have them."""
-        return tuple(sorted(self.each, key=lambda one: one.part.extrapolate))
-
-    @property
-    def own_steps(self) -> slice:
-        """Where the steps of the results stand among those of :attr:`by_level`, one after the other."""
-        before = sum(len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + len(self.h))
 
     @property
     def expected_order(self) -> float | None:
@@ -82,6 +72,7 @@ class WeakPlan(PartPlan):
             reference_step=case.reference_step,
             reference_scheme=case.reference_scheme,
             panels=case.panels or ("errors",),
+            left_out=left_out(case, self.part.estimator),
             wall_seconds=seconds,
             threads=thread_count(),
             **estimated,

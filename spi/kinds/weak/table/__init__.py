@@ -18,7 +18,7 @@ from spi.printing.text import (
 )
 
 from ..comparisons import agreement
-from ..results import Prefixes, WeakErrors
+from ..results import Levels, Prefixes, WeakErrors
 from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
 from .told import told as told
@@ -76,15 +76,22 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
             style = "bold red" if bad else None
             console.print(f"{name_of(reading, f)}: {line}", style=style, markup=False, soft_wrap=True)
     console.print()
+    known = set()  # as those of one scheme serve all levels of extrapolation
     for reading, f in each:
         name = name_of(reading, f)
         if reading.differences:
             print_whole(console, difference_table(reading.differences, reading.h, f, name))
             console.print()
-        if reading.levels:
+        if reading.levels and (of_all := _of_all_levels(reading, reading.levels, f)) not in known:
+            known.add(of_all)
             of = f" of {reading.differences.scheme}" if reading.differences else ""
             print_whole(console, level_table(reading.levels, f, f"{name}{of}"))
             console.print()
+
+
+def _of_all_levels(reading: WeakErrors, levels: Levels, f: int) -> tuple:
+    """What tells the levels of one test function from others."""
+    return reading.about.scheme, reading.about.eps, f, levels.samples.tobytes(), levels.mean[f].tobytes()
 
 
 def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":

@@ -9,7 +9,7 @@ import numpy as np
 
 from spi.printing.text import fraction, order_found, power_of_two, readable, short, with_interval
 
-from ..comparisons import agreement, own_error
+from ..comparisons import agreement, cannot_do, not_reached, own_error
 from ..results import Sampled, WeakErrors
 from .eps import limits_shown, over_eps
 from .levels import difference_warnings, level_warnings
@@ -27,6 +27,9 @@ def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
     yield from over_eps(readings)
     yield from _references(readings)
     yield from limits_shown(readings)
+    for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
+        if schemes:
+            yield cannot_do(estimator, schemes)
 
 
 def name_of(reading: WeakErrors, f: int) -> str:
@@ -55,6 +58,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
             yield from (f"    {line}" for line in level_warnings(reading.levels, f))
     if reading.unsampled and (resolution := _resolution(reading.unsampled.noted)):
         yield f"    {resolution}"
+    if poor := not_reached(reading):
+        yield f"    {poor}"
     if reading.reference_nonfinite:
         yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
 

@@ -1,6 +1,7 @@
 """What the solvers without sampling add to a spec."""
 
 import functools
+from collections.abc import Iterator
 from typing import Any
 
 from spi.ensemble.protocol import Positive, dimension
@@ -54,16 +55,28 @@ def check(case: Any) -> None:
 
 def check_demands(case: Any, estimator: str, multiscale: bool) -> None:
     """What the solvers without sampling cannot do; those of the multiscale system have their limit as a control."""
-    for name in case.schemes:
-        row = case.row(name)
-        rows = row.composition
-        if rows is None or row.multiscale != multiscale or has_loops(rows):
-            continue
-        acting, texts = compositions(rows, case.model), tuple(case.functions.values())
-        need = _demands(case.model, acting, case.initial, case.final_time, case.steps, texts, case.accuracy)
+    for name, need in _demands_of(case, multiscale):
         if need.obstacle:
             its = f" for '{name}'" if multiscale else ""
             raise wrong(f"has '{estimator}', whose solver{its} {need.obstacle}", need.remedy, "estimators")
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """That nothing can be known so exactly; whether a larger accuracy is reached is known afterwards."""
+    least = max((need.least for _, need in _demands_of(case, multiscale=False)), default=0.0)
+    if case.accuracy is not None and case.accuracy < least:
+        yield f"accuracy {case.accuracy:g} will not be reached: rounding errors are about {least:.1g}"
+
+
+def _demands_of(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
+    """The schemes of a case that are solved without sampling, with what that takes."""
+    for name in case.schemes:
+        row = case.row(name)
+        rows = row.composition
+        if rows is not None and row.multiscale == multiscale and not has_loops(rows):
+            acting, texts = compositions(rows, case.model), tuple(case.functions.values())
+            what = case.model, acting, case.initial, case.final_time, case.steps, texts, case.accuracy
+            yield name, _demands(*what)
 
 
 @functools.lru_cache(maxsize=256, typed=True)

@@ -127,6 +127,7 @@ class KolmogorovPlan(WeakPlan):
             expectation=combine.combined(found.value),
             orders=tuple(_order(h[r], np.abs(e[r]), b[r]) for e, b, r in each),
             unsampled=unsampled,
+            accuracy=self.case.accuracy,
             cpu_seconds=found.cpu_seconds,
         )
 

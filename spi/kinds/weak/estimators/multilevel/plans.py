@@ -245,7 +245,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
         """The results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
-        errors, extra, own = self.errors(levels), state.extra, self.own_steps
+        errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda one: len(one.h))
         fields, sampled = sampled_errors(self.h, *errors)
         expectation, of_expectation = self._expectations(levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
@@ -263,6 +263,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
                 cpu_seconds=extra.history_cpu_seconds,
             ),
             cpu_seconds=cpu_seconds,
+            accuracy=self.case.accuracy if self.control else None,
         )
 
     @property

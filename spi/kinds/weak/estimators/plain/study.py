@@ -92,8 +92,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
     @property
     def own(self) -> slice:
         """Where the reference and the step sizes of this level of extrapolation stand among all."""
-        before = sum(1 + len(one.h) for one in self.by_level if one.part.extrapolate < self.part.extrapolate)
-        return slice(before, before + 1 + len(self.h))
+        return self.own_among(lambda one: 1 + len(one.h))
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""

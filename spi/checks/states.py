@@ -1,0 +1,77 @@
+"""The states at which a model is checked."""
+
+import numpy as np
+
+from ..compiler.inlining import uncompiled
+from ..ensemble.protocol import (
+    drift_gradient,
+    hamiltonian,
+    noise_gradient,
+    noises,
+    populations,
+    structure,
+)
+
+_MOVED = 0.4  # by such a part of its size a state is moved on its surface, or by a half, a quarter, ... of that
+_HALVINGS = 6
+_DIRECTIONS, _STEPS = 3, 6
+
+
+def states_around(y, model, count=2):
+    """States near y, none of whose components is 0; positive ones if they are populations."""
+    generator, y = np.random.default_rng(1), np.array(y, float)
+    size = np.sqrt(np.mean(y * y)) or 1.0
+    for _ in range(count):
+        z = generator.choice([-1.0, 1.0], y.size) * generator.uniform(0.2, 0.6, y.size)
+        yield tuple((y * np.exp(z) if populations(model) else y + size * z).tolist())
+
+
+def states_on_surface(y, model, count=2):
+    """States near y on the surface on which solutions from y stay, where H and the noises are finite.
+
+    They are moved along the fields of linear functions drawn at random.  Where y cannot be moved, as 0 in many
+    systems, they are those of :func:`states_around`.
+    """
+    generator = np.random.default_rng(1)
+    with uncompiled(), np.errstate(all="ignore"):
+        for _ in range(count):
+            gradients = generator.standard_normal((_DIRECTIONS, len(y)))
+            yield next(_moved(y, model, gradients), None) or next(iter(states_around(y, model, 1)))
+
+
+def _moved(y, model, gradients):
+    """A state on the surface, the first of several that are nearer and nearer to y where all is finite."""
+    start = np.array(y, float)
+    if not any(np.any(structure(model, y, tuple(g.tolist()))) for g in gradients):
+        return
+    for halvings in range(_HALVINGS):
+        z = start
+        for gradient in gradients:
+            z = _along(z, model, gradient, _MOVED / 2**halvings)
+        moved = tuple(z.tolist())
+        if np.all(np.isfinite(z)) and _is_finite(model, moved):
+            yield moved
+    yield tuple(y)
+
+
+def _along(y, model, gradient, part):
+    """The state moved by such a part of its size along the field of a linear function, by steps of Runge and Kutta."""
+
+    def field(z):
+        return np.array(structure(model, tuple(z.tolist()), tuple(gradient.tolist())))
+
+    speed = np.linalg.norm(field(y))
+    h = part * np.linalg.norm(y) / speed / _STEPS if speed else 0.0
+    for _ in range(_STEPS):
+        a = field(y)
+        b = field(y + 0.5 * h * a)
+        c = field(y + 0.5 * h * b)
+        y = y + h / 6 * (a + 2 * b + 2 * c + field(y + h * c))
+    return y
+
+
+def _is_finite(model, y):
+    values = [hamiltonian(model, y), *drift_gradient(model, y)]
+    for k in range(noises(model)):
+        values += noise_gradient(model, k, y)
+    return bool(np.all(np.isfinite(values)))

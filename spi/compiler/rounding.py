@@ -1,0 +1,153 @@
+"""Which products are rounded, and how wide vectors are: said to LLVM by us, so that bits do not depend on either.
+
+A processor with fused operations computes a b + c with one rounding.  LLVM may use them where the flag ``contract``
+allows it, and in a b + c d it may fuse either product; which one it takes changes with the width of vectors.  So the
+choice is made here, in the code as Numba writes it and before anything is optimised:
+
+* a sum or difference with a product that is used nowhere else, in the same function, becomes one fused operation;
+* where both operands are such products, the first one is fused;
+* all other operations are rounded one by one.
+
+The flag is taken away, so that nothing is left to choose.  Vectors of 128, 256 and 512 bits, of x86 and of ARM, then
+give equal bits.  Only a processor without fused operations gives others: there each operation is rounded.
+
+LLVM prefers vectors of 256 bits on several Intel processors that have 512, which makes kernels up to 1.4 times slower,
+and so each function carries the width that we want; SPI_VECTOR_BITS=128, 256 or 512 asks for another.
+"""
+
+import collections
+import contextlib
+import functools
+import os
+
+from llvmlite import binding, ir
+from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.registry import cpu_target
+
+VARIABLE = "SPI_VECTOR_BITS"
+WIDTHS = (128, 256, 512)
+ALLOWED = "contract"  # the flag of LLVM by which a product and a sum may become one operation
+
+WISH = os.environ.get(VARIABLE) or "512"
+if WISH not in map(str, WIDTHS):
+    raise SystemExit(f"spi: {VARIABLE} is {WISH!r}, which is not 128, 256 or 512")
+
+
+@functools.cache
+def _features():
+    """What Numba tells LLVM of the processor: {"avx2", "fma", ...}."""
+    features = cpu_target.target_context.codegen()._get_host_cpu_features().split(",")
+    always = {"neon"} if binding.get_process_triple().startswith(("aarch64", "arm64")) else set()
+    return always.union(name.removeprefix("+") for name in features if name.startswith("+"))
+
+
+def instruction_set():
+    """The vector instructions for which kernels are compiled: the processor's, or those of Numba's settings."""
+    return next((name for name in ("avx512f", "avx2", "avx", "sse2", "sve", "neon") if name in _features()), "unknown")
+
+
+def is_fused():
+    """Whether there are fused operations, without which results differ from those of other processors."""
+    return not _features().isdisjoint(("fma", "neon"))
+
+
+def vector_bits():
+    """How wide vectors are: as wide as the processor has them, or as SPI_VECTOR_BITS says."""
+    return min(int(WISH), {"avx512f": 512, "avx2": 256, "avx": 256}.get(instruction_set(), 128))
+
+
+def round_explicitly(module):
+    """Replace sums with products by fused operations, see above; `module` is one of ``llvmlite.ir``."""
+    width = vector_bits()
+    for function in module.functions:
+        if function.blocks:
+            if is_fused():
+                _fuse(function)
+            for block in function.blocks:
+                for instruction in block.instructions:
+                    _forbid(instruction)
+            # past a list of names that lacks those which only some processors have
+            set.add(function.attributes, f'"prefer-vector-width"="{width}"')
+
+
+def _forbid(instruction):
+    for flags in (instruction.flags, getattr(instruction, "fastmath", ())):
+        if ALLOWED in flags:
+            flags.remove(ALLOWED)
+
+
+def _fuse(function):
+    """Replace sums and differences that are allowed to be fused, in order."""
+    instructions = [instruction for block in function.blocks for instruction in block.instructions]
+    uses = collections.Counter(id(operand) for instruction in instructions for operand in _operands(instruction))
+
+    def is_product(value):
+        return _allows(value, "fmul") and uses[id(value)] == 1
+
+    for block in function.blocks:
+        written = []
+        for instruction in block.instructions:
+            if _allows(instruction, "fadd", "fsub") and any(map(is_product, instruction.operands)):
+                written += _fused(block, instruction, 0 if is_product(instruction.operands[0]) else 1)
+            else:
+                written.append(instruction)
+        block.instructions[:] = written
+
+
+def _operands(instruction):
+    if isinstance(instruction, ir.PhiInstr):
+        return [value for value, _ in instruction.incomings]
+    return instruction.operands
+
+
+def _allows(value, *operations):
+    """Whether a value is the result of one of these operations, and may be part of a fused one."""
+    is_one = isinstance(value, ir.Instruction) and value.opname in operations and ALLOWED in value.flags
+    return is_one and getattr(value.type, "element", value.type) == ir.DoubleType()
+
+
+def _fused(block, instruction, which):
+    """What takes the place of a sum or difference whose operand number `which` is a product."""
+    kind = instruction.type
+    (a, b), c = instruction.operands[which].operands, instruction.operands[1 - which]
+    written = []
+    if instruction.opname == "fsub":  # a b - c or c - a b
+        written = [ir.Instruction(block, kind, "fneg", [a if which else c])]
+        a, c = (written[0], c) if which else (a, written[0])
+    name = f"llvm.fma.v{kind.count}f64" if isinstance(kind, ir.VectorType) else "llvm.fma.f64"
+    fma = cgutils.get_or_insert_function(block.parent.module, ir.FunctionType(kind, [kind] * 3), name)
+    written.append(ir.CallInstr(block, fma, [a, b, c]))
+    # whoever used the sum goes on to do so, by its name; llvmlite has no way to replace it that knows all its users
+    written[-1]._name = instruction.name
+    return written
+
+
+class RoundedLibrary(JITCodeLibrary):
+    """The code of one function, with explicit rounding and a width of vectors."""
+
+    def add_ir_module(self, module):
+        round_explicitly(module)
+        super().add_ir_module(module)
+
+
+class RoundedCompiler(Compiler):
+    """Compiles a function, and what Numba writes for it besides, into such libraries."""
+
+    def compile_extra(self, function):
+        codegen = self.state.targetctx.codegen()
+        self.state.library = RoundedLibrary(codegen, function.__qualname__)
+        self.state.library.enable_object_caching()
+        with parts_of(codegen, RoundedLibrary):
+            return super().compile_extra(function)
+
+
+@contextlib.contextmanager
+def parts_of(codegen, library):
+    """Within it, Numba puts what it writes besides a function, such as the body of a parallel loop, into `library`."""
+    usual, codegen._library_class = codegen._library_class, library
+    try:
+        yield
+    finally:
+        codegen._library_class = usual
