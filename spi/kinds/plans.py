@@ -61,6 +61,18 @@ class Plan(Protocol):
     def cost(self) -> Cost:
         """What the part would cost."""
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """What decides the sums over the paths of a path set, as plain data, but for how many paths there are.
+
+        For None what decides all else that is known of the part.  Sums serve wherever this is the same.
+        """
+
+    def size(self, number: int) -> int:
+        """How much of what is decided is wanted: the paths of a path set, or the steps of the only path."""
+
+    def adopted(self, number: int, sums: Sums) -> Sums | None:
+        """Sums of the same paths as those of a path set, as this part goes on with them; None if it cannot."""
+
     def kernel_calls(self) -> list[KernelCall]:
         """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
 
@@ -140,6 +152,31 @@ class PartPlan:
     def stream(self) -> RandomStream:
         """The increments of the paths of the case's seed."""
         return brownian(self.case.seed)
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """The keys of the case that decide paths, with those of its compositions that the part uses, and the part."""
+        used = {self.part.scheme, getattr(self.case, "reference_scheme", None)}
+        rows = self.case.model_dump(include={"compositions"}).get("compositions", {})
+        own = {"compositions": {name: flows for name, flows in rows.items() if name in used}}
+        return {
+            "plan": type(self).__name__,
+            "part": self.part,
+            "path_set": number,
+            **self.case.model_dump(exclude=self.case.neutral),
+            **own,
+        }
+
+    def size(self, number: int) -> int:
+        """The number of paths that are wanted at first."""
+        return self.path_sets(self.initial_extra())[number].samples
+
+    def adopted(self, number: int, sums: Sums) -> Sums | None:
+        """The sums as they are."""
+        return sums
+
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
+        """The paths that are wanted for now, see :class:`Plan`."""
+        raise NotImplementedError
 
     def description(self) -> Description:
         """What is integrated."""

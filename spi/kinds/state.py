@@ -99,7 +99,7 @@ class State:
         Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
         ValueError if it does not fit, or if sums are not those of which the digests are.
         """
-        if with_extra:
+        if with_extra and "extra" in plain:
             self.extra = _rebuilt(self.extra, plain["extra"])
         path_sets = self.path_sets
         for other in plain["path_sets"]:
@@ -109,10 +109,16 @@ class State:
                 digests = {(index, paths): text for index, paths, text in other["digests"]}
                 nodes = {(height, n): _checked(empty, *sums) for height, n, *sums in other["nodes"]}
                 short = {index: _checked(empty, *sums) for index, *sums in other["short"]}
+                nodes, short = self._adopted(number, nodes), self._adopted(number, short)
                 tally = Tally(nodes, short).within(path_sets[number])
                 _check_chunks(tally, digests, path_sets[number])
                 self.tallies[number] = self.tally(number).merged(tally)
                 self.digests.setdefault(number, {}).update(digests)
+
+    def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
+        """Those of the sums over paths of a path set, by any key, with which the plan can go on."""
+        adopted = {key: self.plan.adopted(number, one) for key, one in sums.items()}
+        return {key: one for key, one in adopted.items() if one is not None}
 
 
 def _checked(like: Any, plain: dict[str, Any], told: str) -> Any:

@@ -2,20 +2,21 @@
 
 import contextlib
 import glob
-import json
 import math
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
 from ..storage.sums import VERSION
+from . import told
+from .known import Kept, Keys, sizes
 from .load import name_of, plans
 from .workers import WorkersLost
 
@@ -59,6 +60,9 @@ class Shard:
         return f".shard-{self.number}-of-{self.count}"
 
 
+_OF_SHARD = re.compile("[.]shard-[0-9]+-of-[0-9]+$")  # how the name of the file of one ends, without .npz
+
+
 class _TimeIsUp(Exception):
     """The run has taken as long as it may."""
 
@@ -72,39 +76,13 @@ def sums_path(experiment: specs.Experiment, out: str | Path, one: Shard | None =
     return Path(out) / "sums" / name
 
 
-def progress_of(states: Sequence[State]) -> str:
-    """How far the parts of an experiment are, as in ``splitting 120 of 500 samples, midpoint 0 of 500 samples``."""
-    several = len({state.plan.case.name for state in states}) > 1
-    told = []
-    for state in states:
-        plan, one = state.plan, state.plan.progress(state)
-        of_paths = one.total > 1 and float(one.total).is_integer()  # else in seconds, or in parts of a path
-        known = one.total > 0 and math.isfinite(one.done / one.total)
-        share = f"{math.floor(100 * one.done / one.total) if known else 0} %"
-        count = f"{int(one.done):,} of {int(one.total):,} samples" if of_paths else share
-        told.append(f"{name_of(plan) if several else plan.part.name} {count}")
-    return ", ".join(told)
-
-
-def _as_run(experiment: specs.Experiment) -> dict[str, Any]:
-    """The spec, and how it is run, by the names that these have among the root attributes of results."""
-    return {
-        "experiment": experiment.name,
-        "kind": experiment.kind,
-        "title": experiment.title,
-        "profile": experiment.profile,
-        "overrides": experiment.overrides,
-        "spec": experiment.text,
-        "model_sources": json.dumps(dict(experiment.files)),
-    }
-
-
 class Checkpoint:
     """The states of all parts of an experiment, and their file."""
 
     def __init__(self, experiment: specs.Experiment, path: Path, limits: Limits, tell: Callable[[str], None]) -> None:
         self.experiment, self.path, self.limits, self.tell = experiment, path, limits, tell
         self.states = [State(plan) for plan in plans(experiment)]
+        self.keys = {name: Keys.of(state.plan) for name, state in self.by_name.items()}
         self.began = self.saved = time.monotonic()
         self.pause = limits.checkpoint_seconds
         self.failed = False
@@ -115,6 +93,11 @@ class Checkpoint:
     def by_name(self) -> dict[str, State]:
         """Name of a part -> its state."""
         return {name_of(state.plan): state for state in self.states}
+
+    @property
+    def sizes(self) -> dict[str, dict[str, int]]:
+        """Name of a part -> how much of its sums is wanted, by what decides them."""
+        return {name: sizes(state.plan, self.keys[name]) for name, state in self.by_name.items()}
 
     def missing(self) -> list[tuple[int, Chunk]]:
         """The chunks that are wanted for now and not done, with the number of their part."""
@@ -139,19 +122,26 @@ class Checkpoint:
         return found
 
     def resume(self) -> None:
-        """Take what is known from the file and from those of shards; else of a run with other numbers of samples."""
-        known = [self.merge(self.path), *(self.merge(file, with_extra=False) for file in self.shards().values())]
-        if not any(known):
-            others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz")
-            sizes = {other: about["samples"] for other in others if (about := self._about(other)) is not None}
-            for other in sorted(sizes, key=sizes.__getitem__, reverse=True):
-                if self.merge(other):
-                    return
+        """Take what is known from the file and from those of shards, of other parts from other specs of the name."""
+        known = self.merge(self.path)
+        known = known.union(*(self.merge(file, with_extra=False) for file in self.shards().values()))
+        self.take_of_others(self.by_name.keys() - known)
+
+    def take_of_others(self, unknown: Collection[str]) -> None:
+        """Take what is known of some parts from other specs of the name; say so, and what other sources have."""
+        others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz") if unknown else ()
+        abouts = {file: storage.about_sums(file) for file in others if not _OF_SHARD.search(file.stem)}
+        sizes = {file: about["samples"] for file, about in abouts.items() if about and self._same_sources(about)}
+        found = {file: self.merge(file, only=unknown) for file in sorted(sizes, key=sizes.__getitem__, reverse=True)}
+        for file, parts in found.items():
+            if parts:
+                self.tell(f"{', '.join(sorted(parts))}: going on with the sums over paths in {file}")
+        if unknown == self.by_name.keys() and not any(found.values()):
             self.tell_of_other_sources()
 
     def tell_of_other_sources(self) -> None:
         """Say which sums over the same paths other sources of spi computed."""
-        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not self._same_paths(about)]
+        others = [(file, about) for file, about in self._of_spec(self.experiment.hash) if not self._same_sources(about)]
         for file, about in others[:1]:
             more = f" (and {len(others) - 1} more)" if others[1:] else ""
             self.tell(
@@ -172,31 +162,34 @@ class Checkpoint:
             if about is not None and about.get("spec_hash") == spec_hash:
                 yield file, about
 
-    def merge(self, path: Path, with_extra: bool = True) -> bool:
-        """Add what a file of sums knows of the very same paths; whether it could be read and belongs to them."""
+    def merge(self, path: Path, with_extra: bool = True, only: Collection[str] | None = None) -> set[str]:
+        """Add what a file of sums knows of the very same paths, of some parts or of all; of which parts it does."""
         read = storage.read_sums(path)
-        if read is None or not self._same_paths(read[0]):
-            return False
+        if read is None or not self._same_sources(read[0]):
+            return set()
+        known = set()
         for name, state in self.by_name.items():
-            if name in read[1]:
+            if only is None or name in only:
                 try:
-                    state.merge(read[1][name], with_extra)
+                    if plain := Kept(*read).of(self.keys[name]):
+                        state.merge(plain, with_extra)
+                        known.add(name)
                 except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
                     self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
-        return True
+        return known
 
     def save(self, finished: bool = False) -> None:
         """Write the file."""
         began = time.monotonic()
         about = {
-            "paths_hash": self.experiment.paths_hash,
+            "keys": {name: keys._asdict() for name, keys in self.keys.items()},
             "spec_hash": self.experiment.hash,
             "source_digest": NUMBERS_DIGEST,  # other code might go on with other numbers
             "spi_version": __version__,
             "samples": sum(self.experiment.samples),
             "finished": finished,
-            "progress": progress_of(self.states),
-            "run": _as_run(self.experiment),
+            "progress": told.progress_of(self.states),
+            "run": told.as_run(self.experiment),
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
         self.saved, self.saved_work = time.monotonic(), self._work()
@@ -242,9 +235,5 @@ class Checkpoint:
         """Seconds spent on all that is known."""
         return sum(state.seconds for state in self.states)
 
-    def _about(self, path: Path) -> dict | None:
-        about = storage.about_sums(path)
-        return about if about is not None and self._same_paths(about) else None
-
-    def _same_paths(self, about: dict) -> bool:
-        return (about["paths_hash"], about["source_digest"]) == (self.experiment.paths_hash, NUMBERS_DIGEST)
+    def _same_sources(self, about: dict) -> bool:
+        return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST

@@ -104,8 +104,8 @@ def run(
 ) -> Path:
     """Run an experiment, write its results file and return its path.
 
-    What is known already is not computed again: of an unfinished run, of a finished one, or of one that differs in the
-    number of samples only.  With `fresh` nothing earlier is looked at, and results of another spec are replaced.
+    What is known already is not computed again: of an unfinished run, of a finished one, or of parts of either that are
+    the same in another spec of this name.  With `fresh` nothing earlier is looked at, and any results are replaced.
     `workers` are processes that compute; without them this one does, on all its threads.
 
     Raises StorageError if the results cannot be written or are those of another spec, Stopped if interrupted.
@@ -148,10 +148,14 @@ class Session:
         self.experiment, self.fresh, self.watch = experiment, fresh, watch
         self.target = results_path(experiment, out)
         storage.check_writable(self.target)
-        if not fresh:
-            storage.check_replaceable(self.target, identity(experiment))
         self.checkpoint = Checkpoint(experiment, path, limits, watch.tell)
+        if not fresh:
+            self.check_replaceable()
         storage.check_writable(path)
+
+    def check_replaceable(self) -> None:
+        """StorageError if there are results that may not be replaced."""
+        storage.check_replaceable(self.target, identity(self.experiment), self.checkpoint.sizes)
 
     def cost(self) -> Cost:
         """What all of it would cost."""
@@ -175,8 +179,9 @@ class Session:
         groups = tuple(group for state in checkpoint.states for group in state.groups())
         try:
             if not self.fresh:  # another run may have written there in the meantime
-                storage.check_replaceable(self.target, identity(experiment))
-            storage.write(self.target, Results(root_attributes(experiment), groups, checkpoint.chunks()))
+                self.check_replaceable()
+            attributes = root_attributes(experiment) | {"parts": json.dumps(checkpoint.sizes)}
+            storage.write(self.target, Results(attributes, groups, checkpoint.chunks()))
         except storage.StorageError:
             checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
             raise

@@ -36,8 +36,9 @@ def run_shard(
     checkpoint = session.checkpoint
     known = checkpoint.merge(sums_path(experiment, out))  # of earlier rounds
     mine = set(_shards(checkpoint.states, one.count)[one.number - 1])
-    if not fresh and not (checkpoint.merge(checkpoint.path, with_extra=False) or known):
-        checkpoint.tell_of_other_sources()
+    if not fresh:
+        known |= checkpoint.merge(checkpoint.path, with_extra=False)
+        checkpoint.take_of_others(checkpoint.by_name.keys() - known)
     with checkpoint.kept():
         if mine.intersection(checkpoint.missing()):
             session.compile()

@@ -5,9 +5,10 @@ from pathlib import Path
 from .. import NUMBERS_DIGEST, storage
 from ..storage import StorageError
 from ..storage.records import Results
-from .checkpoint import Checkpoint, Limits, progress_of, sums_path
+from .checkpoint import Checkpoint, Limits, sums_path
 from .load import SUMS, load_stored
 from .run import root_attributes
+from .told import progress_of
 
 
 def read(path: Path, trust_code: bool = False) -> Results:
@@ -28,7 +29,7 @@ def read(path: Path, trust_code: bool = False) -> Results:
     checkpoint.resume()
     checkpoint.merge(path, with_extra=False)
     found = [state.plan.so_far(state) for state in checkpoint.states]
-    groups = tuple(state.plan.results(state).group() for state in found if state is not None)
+    groups = tuple(group for state in found if state is not None for group in state.groups())
     told = progress_of(checkpoint.states)
     if not groups:
         raise StorageError(f"{path}: nothing can be shown of this unfinished run yet: {told}")

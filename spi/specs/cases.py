@@ -67,6 +67,10 @@ class BaseCase(Keys):
     )
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
 
+    #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
+    neutral: ClassVar[frozenset[str]] = frozenset(
+        ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
+    )
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
 

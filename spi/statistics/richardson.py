@@ -2,6 +2,8 @@
 
 Where v(h) = v(0) + a h^p + b h^q + ..., the combination (2^p v(h) - v(2h)) / (2^p - 1) is v(0) + b' h^q + ...; doing
 the same with q, and so on, is one linear combination of v(h), v(2h), v(4h), ... whose weights add up to 1.
+
+Sums are no matrix products, because in these the order of summation, so the last digits, depends on the processor.
 """
 
 from collections.abc import Sequence
@@ -52,8 +54,8 @@ class Extrapolation(NamedTuple):
 
     def combined(self, values: np.ndarray) -> np.ndarray:
         """The values (..., S) extrapolated, (..., S')."""
-        return values[..., self.places] @ self.weights if self.levels else values
+        return (values[..., self.places] * self.weights).sum(axis=-1) if self.levels else values
 
     def combined_bounds(self, bounds: np.ndarray) -> np.ndarray:
         """Bounds of the errors of the combined values, (..., S'), from those of the values, (..., S)."""
-        return bounds[..., self.places] @ np.abs(self.weights) if self.levels else bounds
+        return (bounds[..., self.places] * np.abs(self.weights)).sum(axis=-1) if self.levels else bounds

@@ -1,5 +1,6 @@
 """Of which spec, and of which code, the results in a file are."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -19,30 +20,52 @@ def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | Non
     return stored if same and stored.get("complete") else None
 
 
-def check_replaceable(path: str | Path, identity: dict[str, Any]) -> None:
+def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[str, dict[str, int]]) -> None:
     """Refuse to replace results of another spec, or that other sources computed.
 
-    A missing file is fine, and so are fewer samples of the same spec.
+    A missing file is fine, and so are results of which every part is among those that are to take their place, with as
+    many samples or more; `parts` has by the name of a part its size by what decides it.
     """
     if not Path(path).exists():
         return
     stored = read_root(path)
-    if stored.get("source_digest") != identity["source_digest"] and stored.get("paths_hash") == identity["paths_hash"]:
+    sizes, old = _sizes(parts), _stored_sizes(stored)
+    among_them = old.keys() <= sizes.keys()
+    if stored.get("source_digest") != identity["source_digest"] and (
+        among_them or stored.get("paths_hash") == identity["paths_hash"]
+    ):
         raise StorageError(
             f"{path}: holds results that {computed_by(stored)}; they are kept: use --fresh to compute all anew and "
             "replace them, or --out for another folder"
         )
     if stored.get("spec_hash") == identity["spec_hash"]:
         return
-    if stored.get("paths_hash") != identity["paths_hash"]:
+    if not among_them:
         raise StorageError(
-            f"{path}: holds results of another spec, or of this one before it was edited; "
+            f"{path}: holds results of another spec, or of this one before it was edited; use --fresh to replace it or "
+            "--out for another folder, or delete it: then what both have alike is not computed again"
+        )
+    if any(size > sizes[key] for key, size in old.items()):
+        raise StorageError(
+            f"{path}: holds results of more samples or of a longer time; "
             "use --fresh to replace it or --out for another folder"
         )
-    if any(old > new for old, new in zip(stored["samples"], identity["samples"], strict=True)):
-        raise StorageError(
-            f"{path}: holds results of more samples; use --fresh to replace it or --out for another folder"
-        )
+
+
+def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:
+    """The largest size of all parts that the same decides, by that."""
+    found: dict[str, int] = {}
+    for part in parts.values():
+        found |= {key: max(size, found.get(key, 0)) for key, size in part.items()}
+    return found
+
+
+def _stored_sizes(stored: dict[str, Any]) -> dict[str, int]:
+    """The sizes of the parts of results; one that nothing else has where the file does not tell."""
+    try:
+        return _sizes(json.loads(stored["parts"]))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {"": 0}
 
 
 def computed_by(about: dict[str, Any]) -> str:

@@ -136,3 +136,32 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
     monkeypatch.setattr(zeitlin, "MOST_ITERATIONS", 2)
     with pytest.raises(RuntimeError, match="N = 7, h = 1: no solution after 2 iterations"):
         zeitlin.Midpoint(n, 1).step(W0)
+
+
+#: Each program of the folder with arguments for which it takes a minute or less.
+SHORT = {
+    "digests.py": ["experiments/rigid_body_strong.yaml"],
+    "flops.py": ["lotka_volterra"],
+    "kernels.py": ["lotka_volterra"],
+    "normals_offline.py": ["--draws", "100000"],
+    "peers.py": [],
+    "scaling.py": ["1000"],
+    "spin_ring.py": ["splitting", "--spins", "4"],
+    "systems.py": [],
+    "total_error.py": ["--errors", "1e-2", "--longest", "0.1"],
+    "weak_differences.py": ["experiments/weak_agreement.yaml", "splitting", "--set", "seconds=0.2"],
+    "zeitlin.py": ["5"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", [file.name for file in sorted(FOLDER.glob("*.py")) if "__main__" in file.read_text()])
+def test_every_benchmark_runs(file):
+    assert file in SHORT, "give the arguments with which it takes a minute"
+    if file == "peers.py":
+        pytest.importorskip("diffrax")
+    command = [sys.executable, FOLDER / file, *SHORT[file]]
+    answer = subprocess.run(
+        command, cwd=FOLDER.parent, capture_output=True, text=True, check=False, timeout=1800, stdin=subprocess.DEVNULL
+    )
+    assert answer.returncode == 0 and answer.stdout, answer.stderr

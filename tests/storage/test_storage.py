@@ -1,5 +1,6 @@
 """Results files: round trips, other people's readers, interruptions and bad files."""
 
+import json
 import warnings
 
 import h5py
@@ -229,33 +230,45 @@ def test_damaged_group(tmp_path):
 
 
 def finished_with(path, **attributes):
-    """Write results of the spec "abc" with paths "p", 70 of them in one case and 5 in another."""
+    """Write results of the spec "abc" with two parts, of 70 samples in one case and 5 in another."""
     identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5), "overrides": (), "spec": "x: σ\n"}
     identity["source_digest"] = "now"
-    storage.write(path, Results({**identity, "kind": "strong", "complete": True, **attributes}, (group(),)))
+    told = {
+        "kind": "strong",
+        "complete": True,
+        "parts": json.dumps({"a/splitting": {"0f": 70}, "b/splitting": {"1f": 5}}),
+    }
+    storage.write(path, Results({**identity, **told, **attributes}, (group(),)))
     return identity
 
 
 def test_results_of_another_spec_are_not_replaced(tmp_path):
+    """Of which some part is not among those that take their place, or not with as many samples, by whatever name."""
     path = tmp_path / "r.h5"
-    identity = {"spec_hash": "abc", "paths_hash": "p", "samples": (70, 5), "source_digest": "now"}
-    storage.check_replaceable(path, identity)
+    identity, parts = (
+        {"spec_hash": "other", "paths_hash": "q", "source_digest": "now"},
+        {"a": {"0f": 70}, "b": {"1f": 5}},
+    )
+    storage.check_replaceable(path, identity, parts)
     assert storage.spec_and_sources(path) is None
     finished_with(path)
-    storage.check_replaceable(path, identity)
     assert storage.spec_and_sources(path) == ("abc", "now")
-    text = message(storage.check_replaceable, path, {**identity, "spec_hash": "other", "paths_hash": "q"})
-    assert "another spec" in text and "--fresh" in text and "--out" in text and str(path) in text
-    more = {**identity, "spec_hash": "other"}
-    storage.check_replaceable(path, {**more, "samples": (71, 5)})
-    storage.check_replaceable(path, {**more, "samples": (70, 5)})
-    for fewer in ((69, 5), (700, 4)):
-        text = message(storage.check_replaceable, path, {**more, "samples": fewer})
+    for more in ({}, {"a": {"0f": 71}}, {"c": {"2f": 1}}, {"b": {"2f": 1}, "c": {"1f": 9}}):
+        storage.check_replaceable(path, identity, parts | more)
+    storage.check_replaceable(path, {**identity, "spec_hash": "abc"}, {})
+    for other in ({"a": {"0f": 70}}, {"a": {"0e": 70}, "b": {"1f": 5}}):
+        text = message(storage.check_replaceable, path, identity, other)
+        assert "another spec" in text and "--fresh" in text and "--out" in text and str(path) in text
+    for fewer in ({"a": {"0f": 69}}, {"a": {"0f": 700}, "b": {"1f": 4}}):
+        text = message(storage.check_replaceable, path, identity, parts | fewer)
         assert "more samples" in text and "--fresh" in text and "--out" in text and str(path) in text
-    text = message(storage.check_replaceable, path, {**identity, "source_digest": "later"})
-    assert "other sources of spi computed (digest now); they are kept: use --fresh" in text and "--out" in text
+    for same in ({}, {"paths_hash": "p"}):
+        text = message(storage.check_replaceable, path, {**identity, **same, "source_digest": "later"}, parts)
+        assert "other sources of spi computed (digest now); they are kept: use --fresh" in text and "--out" in text
+    finished_with(path, parts=None)
+    assert "another spec" in message(storage.check_replaceable, path, identity, parts)
     path.write_bytes(b"no results")
-    assert "not a whole HDF5 file" in message(storage.check_replaceable, path, identity)
+    assert "not a whole HDF5 file" in message(storage.check_replaceable, path, identity, parts)
     assert storage.spec_and_sources(path) is None
 
 

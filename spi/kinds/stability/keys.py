@@ -28,6 +28,7 @@ class Case(FunctionsCase):
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
 
     bounded_increments: ClassVar[bool] = False
+    neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
     quantities: ClassVar = {
         **dict.fromkeys(("finite", "positive"), Sort(AT_LEAST, per_step=True)),
         **dict.fromkeys(

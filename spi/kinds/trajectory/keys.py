@@ -44,6 +44,7 @@ class Case(BaseCase):
         Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
     ) = ()
 
+    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
         "lowest": Sort(AT_LEAST),

@@ -60,6 +60,26 @@ class TrajectoryPlan(PathsPlan):
         stored = 8 * (self.case.steps_stored + 1) * (len(self.initial) + 4)
         return Cost(steps * self._paths, steps * self._seconds_per_step, stored)
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of a large model not the final time, as a path goes on from its last state."""
+        found = super().deciding(number)
+        return {key: value for key, value in found.items() if key != "final_time" or not large(self.model)}
+
+    def size(self, number: int) -> int:
+        """The number of steps."""
+        return self.grid.reference_steps
+
+    def adopted(self, number: int, sums: Any) -> Path | None:
+        """The path, to go on with if it is shorter and ends where coins are tossed anew."""
+        if sums.steps >= self.size(number):
+            return sums if sums.steps == self.size(number) else None
+        return None if sums.steps % self._unit else sums._replace(paths=0)
+
+    @property
+    def _unit(self) -> int:
+        """Of how many steps the number is a multiple after which a path can go on from its state."""
+        return math.lcm(STEPS_PER_TOSS, self.case.every)
+
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """One path."""
         return (PathSet(1, 1),)
@@ -81,7 +101,7 @@ class TrajectoryPlan(PathsPlan):
         last = self.grid.reference_steps
         if not large(self.model):
             return last
-        unit = math.lcm(STEPS_PER_TOSS, self.case.every)
+        unit = self._unit
         return min(last, n + unit * max(1, round(BATCH_SECONDS / (unit * self._seconds_per_step))))
 
     @property

@@ -25,6 +25,7 @@ class Case(SampledCase):
 
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
+    neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = ORDER | STEPWISE
 
     @condition("functions", "estimators", "extrapolate")

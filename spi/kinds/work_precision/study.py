@@ -106,6 +106,12 @@ class WorkPlan(PartPlan):
         """The cost of the errors; the times take some seconds more."""
         return self.errors.cost()
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of a path set what decides the errors."""
+        if number is None:
+            return super().deciding(None)
+        return {key: value for key, value in self.errors.deciding(number).items() if key != "repeats"}
+
     def initial_extra(self) -> Times:
         """No time has been measured."""
         times = np.full((self.case.repeats, sum(len(one.h) for one in self.each)), np.nan)

@@ -83,6 +83,12 @@ class LongTimePlan(PartPlan):
         of_a_block = sum(np.asarray(v).nbytes for v in self.empty(0, 1))
         return Cost(steps, seconds, of_a_block * blocks * len(self.case.steps))
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of the paths at a step size no other one."""
+        if number is None:
+            return super().deciding(None)
+        return super().deciding(0) | {"steps": self.case.steps[number]}
+
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths of each step size."""
         return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)

@@ -77,6 +77,10 @@ class StabilityPlan(PartPlan):
         of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of the paths for a value, what decides these."""
+        return super().deciding(None) if number is None else self.points[number].deciding(0)
+
     def initial_extra(self) -> Truth:
         """No expectation has been found."""
         nothing = np.full((len(self.points), len(self.case.functions)), np.nan)

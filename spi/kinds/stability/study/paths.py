@@ -60,6 +60,11 @@ class Rows(NamedTuple):
 class ValuePlan(BlocksPlan):
     """The paths of one scheme for one value of the swept parameter."""
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Neither other values, nor the test functions, which are functions of the last states."""
+        found = super().deciding(number)
+        return {key: value for key, value in found.items() if key not in ("sweep", "functions")}
+
     def empty(self, number: int) -> Paths:
         """No paths."""
         levels = len(self.steps)

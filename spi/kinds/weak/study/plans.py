@@ -1,7 +1,7 @@
 """The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,6 +19,14 @@ from ..results import WeakErrors
 @dataclass(frozen=True, kw_only=True)
 class WeakPlan(PartPlan):
     """The head of every plan of weak errors of one scheme, extrapolated or not."""
+
+    #: Keys of the case that are for other estimators.
+    of_others: ClassVar[frozenset[str]] = frozenset()
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Nothing of other estimators; its own, and the extrapolation, are told by the part."""
+        without = {"estimators", "extrapolate", *self.of_others}
+        return {key: value for key, value in super().deciding(number).items() if key not in without}
 
     @property
     def extrapolation(self) -> Extrapolation:

@@ -5,7 +5,7 @@ import json
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -56,6 +56,12 @@ def plan(case: Any, part: Part) -> "KolmogorovPlan":
 @dataclass(frozen=True, kw_only=True)
 class KolmogorovPlan(WeakPlan):
     """Weak errors of one splitting scheme from its backward operators."""
+
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "prefixes"))
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """One solution serves all levels of extrapolation."""
+        return super().deciding(number) | {"part": self.part._replace(extrapolate=0, also=())}
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""

@@ -23,7 +23,7 @@ class Combination(NamedTuple):
         sums = np.moveaxis(np.cumsum(differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
         count, weights = self.extrapolation.levels, self.extrapolation.weights
         errors = self.extrapolation.combined(sums[..., self.below - 1])
-        return errors - (sums[..., :count] @ weights[1:])[..., np.newaxis] if count else errors
+        return errors - (sums[..., :count] * weights[1:]).sum(axis=-1, keepdims=True) if count else errors
 
     def shares(self) -> np.ndarray:
         """(S, levels) how much of each difference is in the error at each step; 1 or 0 without extrapolation."""

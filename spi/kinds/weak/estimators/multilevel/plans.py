@@ -21,7 +21,7 @@ R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another 
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,8 @@ class Rows(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class MultilevelPlan(Blockwise, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
+
+    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
 
     levels: tuple[Level, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
@@ -231,7 +233,9 @@ class MultilevelPlan(Blockwise, WeakPlan):
         return Errors(error, without, EQUAL)
 
     def so_far(self, state: State) -> State | None:
-        """The state of whole rounds of groups, once each level has one."""
+        """The state of whole rounds of groups, once each level has one and the control is known."""
+        if self.control and np.isnan(state.extra.known).any():
+            return None
         found = state.of(self)
         for number, tally in state.tallies.items():
             short = {i: sums for i, sums in tally.short.items() if sums.paths % (ROUND * LANES) == 0}
@@ -283,8 +287,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         largest = differences[:, :1]
         if self.part.extrapolate:
             to_reference, to_steps = self.combination.shares_above()
-            largest = (to_reference @ moments.mean[:-1])[:, np.newaxis]
-            spread = np.sqrt(last + to_steps**2 @ variances).T
+            largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
+            spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
         else:
             above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
             spread = np.array([np.sqrt(last + variances[used].sum(axis=0)) for used in above]).T

@@ -6,7 +6,7 @@ likewise, before anything is summed up.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -78,6 +78,8 @@ def plan(case: Any, part: Part) -> "PlainPlan":
 @dataclass(frozen=True, kw_only=True)
 class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
+
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy"))
 
     @property
     def prefixes(self) -> tuple[int, ...]:

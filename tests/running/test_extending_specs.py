@@ -1,0 +1,180 @@
+"""A spec that has more than before: only what is new is computed, and the bits are those of a run from nothing."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+from helpers import compiled_only
+
+from spi import storage
+from spi.kinds.state import State
+from spi.running import compared, shards
+from spi.running import run as runner
+from spi.running.checkpoint import Shard
+from spi.running.load import name_of
+from spi.running.run import Watch
+from spi.running.verify import verify
+
+BODY = {
+    "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
+    "initial": ["cos(1.1)", 0, "sin(1.1)"],
+}
+STRONG = {
+    **BODY,
+    **{"kind": "strong", "final_time": 1, "steps": "2^-2 .. 2^-4", "reference_step": "2^-5", "samples": 200},
+    "schemes": ["splitting"],
+}
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Collects which path sets were computed, (part, number)."""
+    found, put = set(), State.put
+
+    def noted(state, chunk, sums):
+        found.add((name_of(state.plan), chunk.path_set))
+        put(state, chunk, sums)
+
+    monkeypatch.setattr(State, "put", noted)
+    return found
+
+
+@pytest.fixture
+def extended(tmp_path, monkeypatch, computed):
+    """extended(keys) -> what was computed of a spec with these keys, whose results are those of a run from nothing."""
+    monkeypatch.chdir(tmp_path)
+    counter = iter(range(99))
+
+    def run(keys, **options):
+        Path("s.yaml").write_text(yaml.safe_dump(keys, sort_keys=False), encoding="utf-8")
+        wanted = runner.load("s.yaml")
+        computed.clear()
+        path = runner.run(wanted, "out", **options)
+        found = set(computed)
+        alone = runner.run(wanted, f"alone{next(counter)}")
+        one, other = storage.read(path), storage.read(alone)
+        assert one.chunks == other.chunks
+        assert [group.name for group in one.groups] == [group.name for group in other.groups]
+        assert not compared.differing(one.groups, other.groups, times=False)
+        for mine, its in zip(one.groups, other.groups, strict=True):
+            for name, values in mine.arrays.items():
+                if not any(word in name for word in compared.TIMES) and values.dtype.kind != "U":
+                    assert values.tobytes() == its.arrays[name].tobytes(), name
+        assert verify(path, None).sound
+        return found
+
+    return run
+
+
+def test_scheme_by_scheme_and_case_by_case(extended):
+    told = []
+    assert extended(STRONG) == {("main/splitting", 0)}
+    two = STRONG | {"schemes": ["euler_maruyama", "splitting"]}
+    assert extended(two, watch=Watch(tell=told.append)) == {("main/euler_maruyama", 0)}
+    assert [news for news in told if news.startswith("main/splitting: going on with the sums over paths in out/sums/")]
+    assert len(list(Path("out/sums").glob("*.npz"))) == 1  # those of results that were replaced are gone
+    assert extended(two | {"title": "two", "expect": {"splitting": {"order": 1}}}) == set()
+    more = two | {"samples": 300}
+    assert extended(more) == {("main/euler_maruyama", 0), ("main/splitting", 0)}
+    cases = [{"name": "first"}, {"name": "second", "seed": 2}]
+    assert extended(more | {"cases": cases}) == {("second/euler_maruyama", 0), ("second/splitting", 0)}
+
+
+def test_what_would_be_lost_is_refused(extended):
+    """And is known where somebody deletes the results."""
+    two = STRONG | {"schemes": ["euler_maruyama", "splitting"]}
+    extended(two)
+    for other in (STRONG, two | {"seed": 2}, two | {"samples": 100}):
+        with pytest.raises(storage.StorageError, match="--fresh"):
+            extended(other)
+    Path("out/s.h5").unlink()
+    assert extended(STRONG) == set()
+    Path("out/s.h5").unlink()
+    assert extended(STRONG | {"seed": 2}) == {("main/splitting", 0)}
+
+
+def test_a_composition_beside_others(extended):
+    """Those that a part does not use decide nothing of it; one of another content does."""
+    first = {"mine": ["noise 1/2", "drift 1", "noise 1/2"]}
+    keys = STRONG | {"schemes": ["splitting", "mine"], "compositions": first}
+    extended(keys)
+    other = {"other": ["drift 1/2", "noise 1", "drift 1/2"]}
+    more = {"compositions": first | other, "schemes": ["splitting", "mine", "other"]}
+    assert extended(keys | more) == {("main/other", 0)}
+    Path("out/s.h5").unlink()
+    edited = {"compositions": {"mine": other["other"]}}
+    assert extended(keys | edited) == {("main/mine", 0)}
+
+
+@compiled_only
+def test_another_estimator(extended):
+    keys = {**STRONG, "kind": "weak", "functions": {"m": "y1"}, "estimators": ["plain"], "samples": 400}
+    extended(keys)
+    more = {"estimators": ["plain", "multilevel"], "seconds": 0.01}
+    found = extended(keys | more)
+    assert {part for part, _ in found} == {"main/splitting/multilevel"}
+    found = extended(keys | more | {"schemes": ["splitting", "splitting_order2"], "panels": ["errors"]})
+    assert {part for part, _ in found} == {"main/splitting_order2/plain", "main/splitting_order2/multilevel"}
+
+
+@compiled_only
+def test_values_of_a_parameter_and_functions_of_last_states(extended):
+    sweep = {"model": {**BODY["model"], "sigma": ["s", "s", "s"]}, "samples": 64}
+    keys = {**STRONG, "kind": "stability", **sweep, "sweep": {"s": ["0.1", "1"]}, "functions": {"m": "y1"}}
+    assert extended(keys) == {("main/splitting", 0), ("main/splitting", 1)}
+    longer = keys | {"sweep": {"s": ["0.1", "0.5", "1"]}}
+    assert extended(longer) == {("main/splitting", 1)}
+    assert extended(longer | {"functions": {"m": "y1", "e": "y2^2"}, "accurate": "0.2", "panels": ["law"]}) == set()
+
+
+@compiled_only
+def test_a_step_size_of_long_times(extended):
+    keys = {**BODY, "kind": "long_time", "schemes": ["splitting"], "samples": 64, "step_count": 256}
+    assert extended(keys | {"steps": ["2^-4"]}) == {("main/splitting", 0)}
+    assert extended(keys | {"steps": ["2^-4", "2^-5"]}) == {("main/splitting", 1)}
+    assert extended(keys | {"steps": ["2^-3", "2^-4", "2^-5"]}) == {("main/splitting", 0)}
+
+
+@compiled_only
+def test_targets_and_repeats_of_work_and_precision(extended):
+    keys = {**STRONG, "kind": "work_precision", "repeats": 3}
+    extended(keys)
+    assert extended(keys | {"repeats": 5, "targets": ["0.1"]}) == set()
+
+
+@compiled_only
+def test_a_large_path_goes_on_to_a_later_time(extended, computed):
+    """From its last state where coins are tossed anew there; results of a longer time are not replaced."""
+    keys = {"kind": "trajectory", "model": {"name": "zeitlin", "n": 5}, "step": "2^-7", "schemes": ["splitting"]}
+    keys |= {"initial": {"random": {"spectrum": "k^4*exp(-k^2/8)", "energy": 0.025, "seed": 1}}, "every": 4}
+    keys |= {"panels": ["casimirs"]}
+    taken = []
+
+    def noted(state, chunk, sums, put=State.put):
+        taken.append(sums.steps)
+        put(state, chunk, sums)
+
+    extended(keys | {"final_time": 1})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("spi.ensemble.loop.BATCH_SECONDS", 0.0)
+        patch.setattr("spi.kinds.trajectory.study.BATCH_SECONDS", 0.0)
+        patch.setattr(State, "put", noted)
+        Path("s.yaml").write_text(yaml.safe_dump(keys | {"final_time": 3}), encoding="utf-8")
+        runner.run(runner.load("s.yaml"), "out")
+    assert taken == [256, 384]
+    assert extended(keys | {"final_time": 3}) == set()
+    assert extended(keys | {"final_time": "13/4"}) == {("main/splitting", 0)}
+    with pytest.raises(storage.StorageError, match="longer time"):
+        extended(keys | {"final_time": 1})
+
+
+def test_shards_of_a_spec_that_has_more(tmp_path, monkeypatch, computed):
+    monkeypatch.chdir(tmp_path)
+    for schemes in (["splitting"], ["splitting", "euler_maruyama"]):
+        Path("s.yaml").write_text(yaml.safe_dump(STRONG | {"schemes": schemes}), encoding="utf-8")
+        wanted = runner.load("s.yaml")
+        computed.clear()
+        for number in (1, 2):
+            shards.run_shard(wanted, Shard(number, 2), "out")
+        shards.merge(wanted, "out")
+    assert computed == {("main/euler_maruyama", 0)}
