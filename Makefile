@@ -19,7 +19,7 @@ PROFILE ?= quick
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-all test-uncompiled test-next lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-uncompiled test-oldest test-next lint check docs figures gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -53,15 +53,23 @@ test-all: $(INSTALLED_TEST) ## the same with all that is slow: fuzzing, products
 test-uncompiled: $(INSTALLED_TEST) ## the same tests without the compiler: slow code, small samples
 	NUMBA_DISABLE_JIT=1 $(VENV)/bin/python -m pytest $(TESTS)
 
-# Everything else is as in constraints.txt; the package comes without its requirements, which bound numba.
+# Deprecations are the business of versions that are current.
+OLDEST = .venv-oldest
+test-oldest: ## the same tests (or ROOM) with the oldest versions that pyproject.toml allows, in an environment of their own
+	"$(PYTHON)" -m venv --clear $(OLDEST)
+	$(OLDEST)/bin/python tests/bounds.py oldest > $(OLDEST)/constraints.txt
+	$(OLDEST)/bin/python -m pip install --quiet --no-compile --constraint $(OLDEST)/constraints.txt --editable '.[test]'
+	$(OLDEST)/bin/python -m pytest -n 2 --dist worksteal -W ignore::DeprecationWarning $(TESTS)
+
+# The package comes without its requirements, which bound numba.
 NEXT = .venv-next
-test-next: ## the rooms that compile (or ROOM), with the newest numba and numpy of the index, in an environment of their own
+test-next: ## the same tests (or ROOM) with the newest versions of the index, past the bounds of pyproject.toml
 	"$(PYTHON)" -m venv --clear $(NEXT)
-	grep -vE '^(numba|numpy|llvmlite)==' constraints.txt > $(NEXT)/others.txt
-	$(NEXT)/bin/python -m pip install --quiet --no-compile --requirement $(NEXT)/others.txt numba numpy
-	$(NEXT)/bin/python -m pip install --quiet --no-deps --editable .
-	$(NEXT)/bin/python -c 'import numba, numpy; print("numba", numba.__version__, "numpy", numpy.__version__)'
-	$(NEXT)/bin/python -m pytest -n 2 --dist worksteal $(or $(TESTS),tests/compiler tests/numerics tests/ensemble tests/schemes)
+	$(NEXT)/bin/python tests/bounds.py next > $(NEXT)/requirements.txt
+	$(NEXT)/bin/python -m pip install --quiet --no-compile --requirement $(NEXT)/requirements.txt
+	$(NEXT)/bin/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	$(NEXT)/bin/python -m pip list
+	$(NEXT)/bin/python -m pytest -n 2 --dist worksteal $(TESTS)
 
 lint: $(INSTALLED_TEST) ## linter, format and types
 	$(VENV)/bin/ruff check
@@ -94,5 +102,5 @@ bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, w
 	$(VENV)/bin/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
-	rm -rf results site .venv .venv-next build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf results site .venv $(OLDEST) $(NEXT) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find spi tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

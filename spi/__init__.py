@@ -52,7 +52,7 @@ _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py", "schemes/costs.py"}
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
-_SHOWING = {"claims", "comparisons", "figure", "keys", "results", "table"}
+_SHOWING = {"claims", "comparisons", "figure", "keys", "losses", "results", "table"}
 
 
 def sources(*rooms):
@@ -77,7 +77,7 @@ def digest_of(files):
     digest, package = hashlib.sha256(), Path(__file__).parent
     for file in files:
         digest.update(file.as_posix().encode())
-        digest.update((package / file).read_bytes())
+        digest.update((package / file).read_bytes().replace(b"\r\n", b"\n"))  # a checkout on Windows may have these
     return digest.hexdigest()[:16]
 
 
@@ -111,7 +111,7 @@ def scratch_folder():
         _remove_if_left(folder)
     with (
         tempfile.TemporaryDirectory(prefix="spi-", ignore_cleanup_errors=True) as folder,
-        open(Path(folder, _LOCK), "w") as lock,
+        open(Path(folder, _LOCK), "wb") as lock,
     ):
         if fcntl:
             fcntl.flock(lock, fcntl.LOCK_EX)
@@ -123,7 +123,7 @@ def _remove_if_left(folder):
     with contextlib.suppress(OSError):
         about = os.lstat(folder / _LOCK)
         if fcntl and about.st_uid == os.geteuid() and time.time() - about.st_mtime > _NEW:
-            with open(folder / _LOCK) as lock:
+            with open(folder / _LOCK, "rb") as lock:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 shutil.rmtree(folder)
 

@@ -236,6 +236,6 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
         failed |= _any_failed(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done
-        tell(f"results: {path}; `spi plot {shlex.quote(str(path))}` draws them")
+        tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
     if failed:
         raise typer.Exit(CLAIM_FAILED)

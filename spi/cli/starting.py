@@ -90,14 +90,14 @@ def new(
     files = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
     for path in _write(files, target):
         tell(f"wrote {path}")
-    file = shlex.quote(str(target))
+    file = shlex.quote(target.as_posix())
     tell(f"spi: edit it as you like; `spi check {file}` estimates the cost, `spi run {file}` runs it")
 
 
 def _template(which: str, target: Path) -> dict[Path, bytes]:
     from ..running import shipped
 
-    text = shipped.template(which).replace("NAME.yaml", shlex.quote(str(target))).replace("NAME", target.stem)
+    text = shipped.template(which).replace("NAME.yaml", shlex.quote(target.as_posix())).replace("NAME", target.stem)
     return {target: text.encode()}
 
 
@@ -121,7 +121,10 @@ def _from_results(source: str, target: Path, kind: str | None) -> tuple[str, Seq
 
     stored = stored_spec(source)
     if kind is not None:
-        end(INVALID, f"--as: write the copy first, then `spi new NAME --from {shlex.quote(str(target))} --as {kind}`")
+        end(
+            INVALID,
+            f"--as: write the copy first, then `spi new NAME --from {shlex.quote(target.as_posix())} --as {kind}`",
+        )
     options = Wanted(stored.profile, stored.overrides).options
     if options:
         tell(f"spi: the results are those of `{shlex.join(['spi', 'run', str(target), *options])}`")

@@ -101,7 +101,7 @@ class SharedCache(FunctionCache):
 def _alone_in(folder):
     """Within it no other process is; where the system has no such locks nothing is done."""
     folder.mkdir(parents=True, exist_ok=True)
-    with open(folder / "lock", "w") as file:
+    with open(folder / "lock", "wb") as file:
         if fcntl:
             fcntl.flock(file, fcntl.LOCK_EX)
         yield  # closing the file gives the lock back, and so does the end of the process

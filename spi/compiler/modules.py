@@ -109,5 +109,6 @@ def write(file, data):
             aside.close()
             os.replace(aside.name, file)
         except BaseException:
+            aside.close()  # Windows removes no file that is open
             Path(aside.name).unlink(missing_ok=True)
             raise

@@ -21,7 +21,7 @@ from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
 from ..specs.naming import of_kind
 from ..storage.results import read_root
-from . import shipped
+from . import resolution, shipped
 
 #: The endings of files of results, and of sums over paths.
 STORED, SUMS = (".h5",), (".npz", ".previous")
@@ -258,12 +258,17 @@ def plans_of(source: Source) -> list[Plan]:
 
 
 def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
-    """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
+    """What is to be said of the models of an experiment, lines by the name of the system and its cases.
+
+    What was found when they were generated, and what fluids resolve.
+    """
     found: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
         if lines := systems.report(undamped(case.model)):
             steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
+        if lines := resolution.lines(case):
+            found.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}
 

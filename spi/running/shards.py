@@ -86,7 +86,7 @@ def _need_all(checkpoint: Checkpoint) -> None:
     if not found:
         raise storage.StorageError(
             f"{checkpoint.path.parent}: no shards of {called} here; "
-            f"`spi run {shlex.quote(called)} --shard 1/4` computes the first of four"
+            f"`spi run {shlex.quote(Path(called).as_posix())} --shard 1/4` computes the first of four"
         )
     count = max(one.count for one in found)
     lacking = []

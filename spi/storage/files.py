@@ -54,8 +54,8 @@ def check_writable(path: str | Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path.parent):  # permissions alone do not tell, least of all the superuser
             pass
-        with open(temporary_beside(path), "wb") as file:  # nor does a folder tell that the name is not too long
-            os.unlink(file.name)
+        temporary_beside(path).touch()  # nor does a folder tell that the name is not too long
+        temporary_beside(path).unlink()  # when it is closed: Windows removes no file that is open
     except OSError as error:
         folder = error.filename or path.parent
         raise StorageError(

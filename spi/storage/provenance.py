@@ -41,7 +41,7 @@ def _processor() -> str:
     """The name of the processor."""
     facts: dict[str, str] = {}
     with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
             key, _, value = line.partition(":")
             facts.setdefault(key.strip(), value.strip())
     return facts.get("model name") or platform.processor() or platform.machine() or "unknown"

@@ -1,13 +1,16 @@
 """What a release says of itself: one name, one version, one place for addresses, a readme that reads elsewhere."""
 
+import ast
 import re
 import subprocess
 import sys
 import tomllib
 
+import bounds
 import pytest
 import yaml
 from documents import ROOT
+from packaging.specifiers import SpecifierSet
 
 import spi
 
@@ -69,3 +72,43 @@ def test_the_readme_shows_pictures_and_links_elsewhere():
     assert f"{source}/raw/v{spi.__version__}/docs/rigid_body_strong.png" in [target for mark, target in links if mark]
     here = {target.partition(f"/v{spi.__version__}/")[2] for _, target in links if target.startswith(source)}
     assert all(ROOT.joinpath(path).is_file() for path in here)
+
+
+# --- what it needs ---------------------------------------------------------------------------------------------------
+
+#: Modules that come with a package of another name, and the packages that always bring them along.
+BROUGHT = {
+    **{"yaml": "pyyaml", "annotated_types": "annotated-types", "mpl_toolkits": "matplotlib", "dask": "distributed"},
+    **{"llvmlite": "numba", "markupsafe": "jinja2", "pydantic_core": "pydantic"},
+}
+
+
+def imported():
+    """The names of all packages of others that the program imports."""
+    for file in ROOT.joinpath("spi").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) and not node.level else []
+            yield from (name.partition(".")[0] for name in names)
+
+
+def test_what_is_imported_is_declared_and_nothing_else():
+    packages = {BROUGHT.get(name, name) for name in imported()} - {*sys.stdlib_module_names, "spi"}
+    optional = {bounds.named(one)[0] for one in PROJECT["project"]["optional-dependencies"]["dask"]}
+    assert packages == {*bounds.needed(), *optional}
+
+
+def test_bounds_are_told_and_hold_for_the_pinned_versions():
+    needed, pinned = bounds.needed(), bounds.pinned()
+    assert all(bounds.lower(one) for one in needed.values()) and "<" in needed["numba"]
+    assert {name for name, one in needed.items() if pinned[name] not in SpecifierSet(one)} == set()
+    at_least = {"typer": "0.28", "pydantic": "2.11.7", "xarray": "2024.10"}
+    assert {name: bounds.lower(needed[name]) for name in at_least} == at_least
+    (built_by,) = PROJECT["build-system"]["requires"]
+    assert "==" not in built_by and pinned["setuptools"] in SpecifierSet(bounds.named(built_by)[1])
+
+
+def test_oldest_and_newest_environments():
+    oldest, newest = bounds.oldest(), bounds.newest()
+    assert oldest["numba"] == "0.62" and "llvmlite" not in oldest and oldest["ruff"] == bounds.pinned()["ruff"]
+    assert newest["numba"] is newest["rich"] is None and newest["pytest"] == bounds.pinned()["pytest"]

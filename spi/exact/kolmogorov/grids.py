@@ -3,7 +3,6 @@
 A grid is periodic in y_1, and so wide that hardly any path gets to its end; see :mod:`.cylinder`.
 """
 
-import os
 from math import prod
 from time import perf_counter
 from typing import NamedTuple
@@ -11,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.fft
 from scipy.special import erfc
+
+from ...ensemble.loop import thread_count
 
 POINTS = 2**19  #: no grid has more points
 LAYER = 6.0  #: where paths are killed, in y_1
@@ -102,7 +103,7 @@ class Grid:
     def _turn(self, k, target, f):
         if k == target:
             return f
-        threads = len(os.sched_getaffinity(0)) if prod(self.shape) > 2**16 else 1
+        threads = thread_count() if prod(self.shape) > 2**16 else 1
         values = scipy.fft.irfft(f, self.shape[1 - k], axis=2 - k, workers=threads, overwrite_x=True)
         return scipy.fft.rfft(values, axis=2 - target, workers=threads)
 
