@@ -74,8 +74,9 @@ def _tell_of_more(file: Path, folder: Path) -> None:
     """Say where a run that goes on from some results, with more samples, is unfinished."""
     from ..running.finding import unfinished_runs
 
-    if file.parent == folder and (sums := unfinished_runs(folder).get(file.stem)):
-        tell(f"spi: a run that is to replace these results is unfinished; `spi show {shlex.quote(str(sums))}` shows it")
+    if file.parent == folder and (path := unfinished_runs(folder).get(file.stem)):
+        sums = shlex.quote(path.as_posix())
+        tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
 
 
 def _list(folder: Path) -> None:

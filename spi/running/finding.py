@@ -128,7 +128,7 @@ def results_of(
     Results with another number of samples, title or claims count as those of the spec file.
     """
     spec, folder = Path(spec), Path(folder)
-    path = _there(folder / f"{wanted.name(spec.stem)}.h5", spec.stem, str(spec), folder, wanted, unfinished)
+    path = _there(folder / f"{wanted.name(spec.stem)}.h5", spec.stem, spec.as_posix(), folder, wanted, unfinished)
     if path.suffix in SUMS:
         return path
     stored = read_root(path)
@@ -136,7 +136,7 @@ def results_of(
         how = stored["profile"], tuple(stored["overrides"])
         now = load_any(spec, *how, wanted.kind)
         if now.hash != stored["spec_hash"]:
-            again = shlex.join(["spi", "run", str(spec), *wanted.options])
+            again = shlex.join(["spi", "run", spec.as_posix(), *wanted.options])
             raise StorageError(f"{path}: holds results of another spec than {spec}; run `{again}` first")
     return path
 
