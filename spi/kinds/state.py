@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
 from spi.storage.records import Group
@@ -94,7 +96,7 @@ class State:
         ValueError if it does not fit, or if sums are not those of which the digests are.
         """
         if with_extra and "extra" in plain:
-            self.extra = _rebuilt(self.extra, plain["extra"])
+            self.extra = _rebuilt(self.plan.initial_extra(), plain["extra"], same_shapes=True)
         path_sets = self.path_sets
         for other in plain["path_sets"]:
             number = other["number"]
@@ -117,7 +119,7 @@ class State:
 
 def _checked(like: Any, plain: dict[str, Any], told: str) -> Any:
     """The sums that :func:`_plain` told; ValueError if their digest is not the one that was `told`."""
-    sums = _rebuilt(like, plain)
+    sums = _rebuilt(like, plain, same_shapes=False)
     if digest(sums) != told:
         raise ValueError("sums that are not those of their digest")
     return sums
@@ -138,14 +140,19 @@ def _plain(record: Any) -> dict[str, Any]:
     return {name: _plain(value) if hasattr(value, "_asdict") else value for name, value in record._asdict().items()}
 
 
-def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
-    """A NamedTuple like this one from what :func:`_plain` told; ValueError if the fields differ."""
+def _rebuilt(like: Any, plain: dict[str, Any], same_shapes: bool) -> Any:
+    """A NamedTuple like this one from what :func:`_plain` told; ValueError if the fields differ, or what they hold."""
     if set(plain) != set(like._fields):
         raise ValueError(f"fields {sorted(plain)} in place of {sorted(like._fields)}")
-    values = like._asdict()
-    return type(like)(
-        **{
-            name: _rebuilt(values[name], value) if hasattr(values[name], "_asdict") else value
-            for name, value in plain.items()
-        }
-    )
+    found = {}
+    for name, old in like._asdict().items():
+        new = plain[name]
+        found[name] = _rebuilt(old, new, same_shapes) if hasattr(old, "_asdict") else new
+        if isinstance(old, np.ndarray):
+            fits = isinstance(new, np.ndarray) and (new.dtype, new.ndim) == (old.dtype, old.ndim)
+            fits = fits and (new.shape == old.shape or not same_shapes)
+        else:
+            fits = hasattr(old, "_asdict") or type(new) is type(old) or (type(old), type(new)) == (float, int)
+        if not fits:
+            raise ValueError(f"another kind of {name}")
+    return type(like)(**found)
