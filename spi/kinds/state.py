@@ -7,10 +7,14 @@ import numpy as np
 
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
+from spi.storage.fitting import fits
 from spi.storage.records import Group
 
 if TYPE_CHECKING:
     from .plans import Plan
+
+#: More than any machine computes: sums that ask for more were edited.
+_MOST_CHUNKS = 10**7
 
 
 class Nothing(NamedTuple):
@@ -29,6 +33,12 @@ class State:
         self.tallies: dict[int, Tally] = {}  #: by the number of the path set
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
         self.digests: dict[int, dict[tuple[int, int], str]] = {}
+
+    def of(self, plan: Any) -> "State":
+        """The same sums as those of another plan, of fewer of these paths."""
+        other = State(plan)
+        other.extra, other.tallies = self.extra, dict(self.tallies)
+        return other
 
     @property
     def path_sets(self) -> Sequence[PathSet]:
@@ -95,12 +105,23 @@ class State:
         Sums of paths that are not wanted, or that cannot be told from those of unwanted paths, are left out.
         ValueError if it does not fit, or if sums are not those of which the digests are.
         """
-        if with_extra and "extra" in plain:
-            self.extra = _rebuilt(self.plan.initial_extra(), plain["extra"], same_shapes=True)
+        before, known = self.extra, dict(self.tallies)
+        try:
+            if with_extra and "extra" in plain:
+                self.extra = _rebuilt(self.extra, plain["extra"])
+            self._add(plain["path_sets"])
+        except Exception:  # half of it is nothing
+            self.extra, self.tallies = before, known
+            raise
+
+    def _add(self, others: list[dict[str, Any]]) -> None:
+        """Add the sums over path sets that :meth:`plain` told."""
         path_sets = self.path_sets
-        for other in plain["path_sets"]:
+        if sum(path_set.samples / path_set.chunk_blocks for path_set in path_sets) > _MOST_CHUNKS * LANES:
+            raise ValueError("more paths than can be computed")
+        for other in others:
             number = other["number"]
-            if number < len(path_sets):
+            if 0 <= number < len(path_sets):
                 empty = self.plan.empty(number)
                 digests = {(index, paths): text for index, paths, text in other["digests"]}
                 nodes = {(height, n): _checked(empty, *sums) for height, n, *sums in other["nodes"]}
@@ -119,7 +140,7 @@ class State:
 
 def _checked(like: Any, plain: dict[str, Any], told: str) -> Any:
     """The sums that :func:`_plain` told; ValueError if their digest is not the one that was `told`."""
-    sums = _rebuilt(like, plain, same_shapes=False)
+    sums = _rebuilt(like, plain)
     if digest(sums) != told:
         raise ValueError("sums that are not those of their digest")
     return sums
@@ -140,19 +161,26 @@ def _plain(record: Any) -> dict[str, Any]:
     return {name: _plain(value) if hasattr(value, "_asdict") else value for name, value in record._asdict().items()}
 
 
-def _rebuilt(like: Any, plain: dict[str, Any], same_shapes: bool) -> Any:
-    """A NamedTuple like this one from what :func:`_plain` told; ValueError if the fields differ, or what they hold."""
+def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
+    """A NamedTuple like this one from what :func:`_plain` told; ValueError if the fields differ."""
     if set(plain) != set(like._fields):
         raise ValueError(f"fields {sorted(plain)} in place of {sorted(like._fields)}")
-    found = {}
-    for name, old in like._asdict().items():
-        new = plain[name]
-        found[name] = _rebuilt(old, new, same_shapes) if hasattr(old, "_asdict") else new
-        if isinstance(old, np.ndarray):
-            fits = isinstance(new, np.ndarray) and (new.dtype, new.ndim) == (old.dtype, old.ndim)
-            fits = fits and (new.shape == old.shape or not same_shapes)
-        else:
-            fits = hasattr(old, "_asdict") or type(new) is type(old) or (type(old), type(new)) == (float, int)
-        if not fits:
-            raise ValueError(f"another kind of {name}")
-    return type(like)(**found)
+    values = like._asdict()
+    return type(like)(
+        **{
+            name: _rebuilt(values[name], value) if hasattr(values[name], "_asdict") else _fitting(values[name], value)
+            for name, value in plain.items()
+        }
+    )
+
+
+def _fitting(like: Any, value: Any) -> Any:
+    """The value, if it is of the type and shape of one like it, else ValueError; sides of arrays may grow from 0."""
+    if isinstance(like, np.ndarray):
+        fit = isinstance(value, np.ndarray) and value.dtype == like.dtype and value.ndim == like.ndim
+        fit = fit and all(m == n or 0 in (m, n) for m, n in zip(like.shape, value.shape, strict=True))
+    else:
+        fit = fits(value, float if isinstance(like, float) else type(like))
+    if not fit:
+        raise ValueError(f"{type(value).__name__} {getattr(value, 'shape', '')} in place of {type(like).__name__}")
+    return value

@@ -15,6 +15,7 @@ from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
 from ..storage.sums import VERSION
+from . import told
 from .known import Kept, Keys, sizes
 from .load import name_of, plans
 from .workers import WorkersLost
@@ -130,7 +131,8 @@ class Checkpoint:
         """Take what is known of some parts from other specs of the name; say so, and what other sources have."""
         others = self.path.parent.glob(f"{glob.escape(self.experiment.name)}-*.npz") if unknown else ()
         abouts = {file: storage.about_sums(file) for file in others if not _OF_SHARD.search(file.stem)}
-        sizes = {file: about["samples"] for file, about in abouts.items() if about and self._same_sources(about)}
+        of_these = {file: about for file, about in abouts.items() if about and self._same_sources(about)}
+        sizes = {file: about.get("samples") or 0 for file, about in of_these.items()}
         found = {file: self.merge(file, only=unknown) for file in sorted(sizes, key=sizes.__getitem__, reverse=True)}
         for file, parts in found.items():
             if parts:
@@ -175,7 +177,7 @@ class Checkpoint:
                     if plain := Kept(*read).of(self.keys[name]):
                         state.merge(plain, with_extra)
                         known.add(name)
-                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+                except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
                     self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return known
 
@@ -189,6 +191,8 @@ class Checkpoint:
             "spi_version": __version__,
             "samples": sum(self.experiment.samples),
             "finished": finished,
+            "progress": told.progress_of(self.states),
+            "run": told.as_run(self.experiment),
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
         self.saved, self.saved_work = time.monotonic(), self._work()

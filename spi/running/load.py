@@ -21,10 +21,10 @@ from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
 from ..specs.naming import of_kind
 from ..storage.results import read_root
-from . import shipped
+from . import resolution, shipped
 
-#: The endings of files of results.
-STORED = (".h5",)
+#: The endings of files of results, and of sums over paths.
+STORED, SUMS = (".h5",), (".npz", ".previous")
 
 
 @functools.cache
@@ -128,8 +128,13 @@ class StoredSpec(NamedTuple):
 
 
 def stored_spec(path: str | Path) -> StoredSpec:
-    """The spec in a file of results, which is not read; StorageError if the file cannot be read."""
-    stored = read_root(path)
+    """The spec in a file of results, or of sums, which is not read; StorageError if the file cannot be read."""
+    if Path(path).suffix in SUMS:
+        stored = (storage.about_sums(Path(path)) or {}).get("run")
+        if not isinstance(stored, dict):
+            raise storage.StorageError(f"{path}: holds no sums over paths of this version of spi; give results")
+    else:
+        stored = read_root(path)
     try:
         files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources", "{}")).items()]
         name = str(stored.get("experiment", ""))
@@ -253,12 +258,17 @@ def plans_of(source: Source) -> list[Plan]:
 
 
 def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
-    """What was found of the generated models of an experiment, lines by the name of the system and its cases."""
+    """What is to be said of the models of an experiment, lines by the name of the system and its cases.
+
+    What was found when they were generated, and what fluids resolve.
+    """
     found: dict[tuple[str, ...], list[str]] = {}
     for case in experiment.cases:
         if lines := systems.report(undamped(case.model)):
             steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
+        if lines := resolution.lines(case):
+            found.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}
 

@@ -6,7 +6,6 @@ Local processes and Dask are there; another executor needs a class like :class:`
 import contextlib
 import logging
 import re
-import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -20,7 +19,7 @@ from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of
-from .orphans import end_with_parent
+from .orphans import end_with_parent, follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times.
 MOST_LOSSES = 5
@@ -108,13 +107,7 @@ class Processes:
             process.terminate()
 
     def _start(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=_follow_the_parent)
-
-
-def _follow_the_parent() -> None:
-    """Leave signals to the process that started this one, and end with it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
+        return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=follow_the_parent)
 
 
 class Dask:

@@ -2,9 +2,11 @@
 
 from collections.abc import Iterable
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar, get_type_hints
 
 import numpy as np
+
+from .fitting import check_fact
 
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
 
@@ -144,7 +146,7 @@ class Description(NamedTuple):
         """What a group tells; KeyError if it is not of this layout."""
         a = group.attributes
         parameters = {key.removeprefix(_MODEL): value for key, value in a.items() if key.startswith(_MODEL)}
-        return cls(
+        found = cls(
             case=group.case,
             variant=group.variant,
             estimator=group.estimator,
@@ -159,8 +161,13 @@ class Description(NamedTuple):
             final_time=a.get("final_time"),
             variables=tuple(a.get("variables") or ()),
             truncate_noise=bool(a.get("truncate_noise")),
-            extrapolate=int(a.get("extrapolate") or 0),
+            extrapolate=a.get("extrapolate") or 0,
         )
+        for name, hint in get_type_hints(cls).items():
+            check_fact(name, getattr(found, name), hint)
+        for name, value in parameters.items():
+            check_fact(f"{_MODEL}{name}", value, float | str | bool | tuple[Any, ...])
+        return found
 
 
 _MODEL = "model_"  # what the attributes begin with that are parameters of the model

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from .files import DAMAGE, MOST_BYTES, StorageError, aside, checksum_holds, contents, create, opened, reason
+from .fitting import check_fact
 from .records import Group, Results
 
 #: The root attribute by which our results are known, and the version of their layout.
@@ -26,6 +27,14 @@ _NOTES = ("long_name", "formula", "units")
 
 #: The dataset of ``Results.chunks``, beside the groups of the cases; a case has another name, for lack of a space.
 _CHUNKS = "digests of chunks"
+
+#: The types of the attributes of the whole file that are more than shown; some may be missing.
+_ROOT: dict[str, Any] = {
+    **dict.fromkeys(("kind", "title", "asks", "spec", "spec_hash", "paths_hash", "profile", "expect"), str),
+    **dict.fromkeys(("model_sources", "model_code", "model_modules", "source_digest"), str),
+    **dict.fromkeys(("overrides", "machines"), tuple[str, ...]),
+    **{"samples": tuple[int, ...], "figure": int, "seed": int, "complete": bool},
+}
 
 _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
@@ -52,15 +61,20 @@ def read(path: str | Path) -> Results:
                 for variant in file[case]
                 for group in _read_groups(case, variant, file)
             )
-            return Results(_read_attributes(file), groups, tuple(read_array(file[_CHUNKS]).tolist()))
-        except DAMAGE as error:
+            chunks = tuple(read_array(file[_CHUNKS]).tolist())
+            check_fact(_CHUNKS, chunks, tuple[str, ...])
+            return Results(_read_root(file), groups, chunks)
+        except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
 
 def read_root(path: str | Path) -> dict[str, Any]:
     """The attributes of the whole file, without any results."""
     with _open_results(Path(path)) as file:
-        return _read_attributes(file)
+        try:
+            return _read_root(file)
+        except DAMAGE as error:
+            raise StorageError(f"{path}: {_DAMAGED}") from error
 
 
 def _write_group(file: h5py.File, group: Group) -> None:
@@ -119,6 +133,8 @@ def _write_array(target: h5py.Group, name: str, values: Any) -> h5py.Dataset:
 
 def read_array(dataset: h5py.Dataset) -> np.ndarray:
     """The array of a dataset, texts and bools as such."""
+    if dataset.nbytes > dataset.file.id.get_filesize():  # ours lie in the file as they are
+        raise ValueError(f"{dataset.name} is larger than its file")
     if h5py.check_string_dtype(dataset.dtype):
         return np.asarray(dataset.asstr()[()], dtype=str)
     values = np.asarray(dataset[()])
@@ -133,6 +149,14 @@ def _write_attributes(target: h5py.Group, attributes: dict[str, Any]) -> None:
 
 def _read_attributes(source: h5py.Group) -> dict[str, Any]:
     return {name: _decode(value) for name, value in source.attrs.items() if name != MARK}
+
+
+def _read_root(file: h5py.File) -> dict[str, Any]:
+    """The attributes of the whole file; TypeError if one is not of the type that all commands count on."""
+    attributes = _read_attributes(file)
+    for name, hint in _ROOT.items():
+        check_fact(name, attributes.get(name), hint | None)
+    return attributes
 
 
 def _encode(name: str, value: Any) -> Any:

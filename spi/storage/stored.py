@@ -36,6 +36,7 @@ from typing import (
 
 import numpy as np
 
+from .fitting import check_array, check_axis, check_fact
 from .records import Description, Group, Order
 
 Array = np.ndarray
@@ -212,11 +213,23 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
     held: Any = group.arrays | group.coordinates if field.is_array or field.is_order else group.attributes
     if names[0] not in held and (field.optional or field.default is not MISSING):
         return None if field.default is MISSING else field.default
+    _check(field, group, names, (*outer.axes, *field.meaning.axes))
     if field.is_order:
         columns = [held[name].tolist() for name in names]
         return Order(*columns) if field.type is Order else tuple(Order(*each) for each in zip(*columns, strict=True))
     value = held[names[0]]
     return tuple(value.tolist()) if field.is_array and field.type is not Array else value
+
+
+def _check(field: Field, group: Group, names: tuple[str, ...], axes: tuple[str, ...]) -> None:
+    """Raise an error, with the name, if a group holds something of another type or shape than the field has."""
+    for name in names:
+        if field.meaning.is_axis:
+            check_axis(name, group.coordinates[name], field.type is not Array)
+        elif field.is_array or field.is_order:
+            check_array(name, group.variables[name], axes, group.coordinates)
+        else:
+            check_fact(name, group.attributes[name], field.type)
 
 
 def _is_there(field: Field, group: Group) -> bool:

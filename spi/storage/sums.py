@@ -9,7 +9,9 @@ import hashlib
 import io
 import json
 import os
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,14 +19,21 @@ from typing import Any
 import numpy as np
 
 from .files import MOST_BYTES, aside, contents, write_bytes
+from .fitting import check_fact
 
 #: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
 VERSION = 4
 
+#: The types of what is told about sums.
+_ABOUT: dict[str, Any] = {
+    **dict.fromkeys(("paths_hash", "spec_hash", "source_digest", "spi_version"), str | None),
+    **{"samples": int | None, "finished": bool | None, "parts": tuple[str, ...]},
+}
+
 #: What reading a damaged file may raise.
 _DAMAGE = (
-    *(OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError, RecursionError),
-    *(EOFError, zipfile.BadZipFile, NotImplementedError),
+    *(OSError, EOFError, zipfile.BadZipFile, zlib.error, struct.error),
+    *(ArithmeticError, AttributeError, LookupError, MemoryError, RuntimeError, TypeError, ValueError),
 )
 
 
@@ -92,6 +101,8 @@ def _about(file: Any, any_version: bool = False) -> dict[str, Any]:
     about = dict(json.loads((file["about"] if any_version else _member(file, "about")).tobytes()))
     if about["version"] != VERSION and not any_version:
         raise ValueError(f"written in version {about['version']}")
+    for name, hint in _ABOUT.items():
+        check_fact(name, about.get(name), hint)
     return about
 
 

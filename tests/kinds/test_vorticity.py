@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.animation import PillowWriter
+from matplotlib.legend import Legend
 from PIL import Image
 from states import finished
 from trajectory_results import trajectories, trajectory_group
@@ -314,6 +315,27 @@ def test_spectra_and_enstrophy():
     lines = [ax.get_subplotspec().get_topmost_subplotspec().rowspan for ax in fig.axes if ax.get_subplotspec()]
     assert max(line.stop for line in lines) == 6  # of each case two lines of fields, and one of the other panels
     fig.draw_without_rendering()
+
+
+def test_spectra_end_where_rounding_begins():
+    """Not where the first spectrum does, far below the last; and a line of slope -3 lies on the last one."""
+    group = moving("splitting", panels=("spectrum",), n=15, times=(0.0, 5.0))
+    y = group.variables["y"][1]
+    shells = np.repeat(fields.shells_of(15), 2)
+    y[:] = shells**-2.0
+    y[0] = np.exp(-4.0 * shells)
+    fig = views.figure(trajectories(group))
+    first, last, slope = fig.axes[0].lines
+    low, high = fig.axes[0].get_ylim()
+    assert low > 1e-4 * last.get_ydata().min() > 1e3 * first.get_ydata().min()
+    k, line = slope.get_data()
+    np.testing.assert_allclose(line * k**3.0, line[0] * k[0] ** 3.0)
+    assert (line >= last.get_ydata()[-len(k) :]).all() and k[-1] == last.get_xdata()[-1]
+    assert r"$k^{-3}$" in {text.get_text() for legend in fig.axes[0].findobj(Legend) for text in legend.get_texts()}
+    y[:] = 1e-30 * y
+    y[:, :2] = 1.0  # what is left of the others is rounding
+    low, high = views.figure(trajectories(group)).axes[0].get_ylim()
+    assert 1e-17 < low / high < 1
 
 
 def test_panels_of_fields_need_a_lattice():

@@ -67,6 +67,7 @@ def test_reading_of_weak_errors():
     np.testing.assert_array_equal(found.half, group.arrays["error_bound"])
     none = work_group("one", "splitting")
     none.variables["casimir_drift"] = ("h", "casimir"), np.empty((9, 0))
+    none.coordinates["casimir"] = np.arange(0)
     assert WorkPrecision.of(none).largest_drift is None
 
 

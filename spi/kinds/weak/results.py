@@ -135,6 +135,12 @@ class WeakErrors(Stored):
     accuracy: Annotated[float | None, fact("numerical error that was asked for", "value")] = None
     left_out: Annotated[tuple[str, ...], fact("schemes of the case that the estimator cannot do")] = ()
 
+    def __post_init__(self) -> None:
+        if self.sampled is None and self.unsampled is None:
+            raise KeyError("error_stderr")
+        if len(self.formulas) < len(self.functions):
+            raise ValueError(f"{len(self.formulas)} formulas for {len(self.functions)} functions")
+
     @property
     def half(self) -> np.ndarray:
         """(F, S) half the 95 % interval of the error, or the bound of its numerical error."""

@@ -45,6 +45,10 @@ class WorkPrecision(Stored):
     left_out: Annotated[tuple[str, ...], fact("schemes of the case that no estimator of it can do")] = ()
     note: Annotated[str, fact("what is to be said of the errors")] = ""
 
+    def __post_init__(self) -> None:
+        if self.error_stderr is None and self.error_bound is None:
+            raise KeyError("error_stderr")
+
     @property
     def exact(self) -> bool:
         """Whether nothing was sampled."""

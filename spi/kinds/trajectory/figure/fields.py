@@ -32,7 +32,10 @@ MARGIN = 1.6  # inches beside the fields of a row: labels, numbers, the colour b
 AROUND, BETWEEN = 0.75, 0.1  # inches above and below all fields of a case, and between two of them
 
 _CYCLE = 2 * np.pi
-_DEEPEST = 1e-20  # of the largest energy, in spectra
+_ROUNDING = float(np.finfo(float).eps)  # of the largest energy: what is less is no longer seen in the energy
+_SPARE = 1e-3  # of the smallest energy at the last time: how far down the spectra at earlier times are shown
+_INERTIAL = -3  # the power of k with which the energy falls where enstrophy goes to small scales
+_LEAST_SHELLS = 6  # for a line of this slope
 _SEEN = 0.01  # by which a field must exceed the range of the colours so that the colour bar shows it
 
 
@@ -151,13 +154,26 @@ def draw_spectrum(path: Path, limits: tuple[float, float], ax: Axes) -> list[Ent
         (line,) = ax.plot(k[there], energies[there], "o-", markersize=3, color=colour)
         lost = "" if np.isfinite(energies).all() else ", not finite"
         entries.append((Line2D([], [], **_look(line)), f"$t={style.number(float(path.reading.t[number]))}${lost}"))
-    ax.set(xscale="log", yscale="log", xlim=(0.9, max(2.2, 1.1 * k[-1])), ylim=limits)
+    entries += _slope(ax, spectra[-1], limits)
+    seen = k[(np.nan_to_num(spectra) > limits[0]).any(axis=0)].max(initial=1)
+    ax.set(xscale="log", yscale="log", xlim=(0.9, max(2.2, 1.1 * seen)), ylim=limits)
     ax.set(xlabel="wave number $k$", ylabel="energy $E(k)$")
     ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     rules(ax)
     return entries
+
+
+def _slope(ax: Axes, energies: np.ndarray, limits: tuple[float, float]) -> list[Entry]:
+    """A line with the slope of the inertial range above a spectrum, towards its end; returns what it means."""
+    k = np.arange(1, len(energies) + 1)
+    chosen = np.isfinite(energies) & (energies > limits[0]) & (k > math.sqrt(len(k)))
+    if len(k) < _LEAST_SHELLS or not chosen.any():
+        return []
+    height = 3 * (energies[chosen] * k[chosen] ** -float(_INERTIAL)).max()
+    (line,) = ax.plot(k[chosen], height * k[chosen] ** float(_INERTIAL), color="#777777", dashes=(4, 2), linewidth=1)
+    return [(Line2D([], [], color=line.get_color(), dashes=(4, 2), linewidth=1), f"$k^{{{_INERTIAL}}}$")]
 
 
 def _look(line: Line2D) -> dict[str, Any]:
@@ -171,11 +187,20 @@ def spectra_of(reading: Trajectory) -> np.ndarray:
 
 
 def spectrum_limits(readings: Sequence[Trajectory]) -> tuple[float, float]:
-    """The limits of energies in spectra, which suit the schemes that preserve something, if there are any."""
+    """The limits of energies in spectra, which suit the schemes that preserve something, if there are any.
+
+    They end where rounding errors begin, and not far below the energies at the last time.
+    """
     good = [one for one in readings if not one.preserves_nothing] or readings
-    values = np.concatenate([spectra_of(one).ravel() for one in good])
-    values = values[np.isfinite(values) & (values > 0)]
+    spectra = [spectra_of(one) for one in good]
+    values = _positive(np.concatenate([one.ravel() for one in spectra]))
     if not values.size:
         return 0.1, 10.0
-    largest = float(values.max())
-    return max(float(values.min()), _DEEPEST * largest) / 3, 3 * largest
+    largest, last = float(values.max()), _positive(np.concatenate([one[-1] for one in spectra]))
+    deepest = _SPARE * float(last[last > _ROUNDING * largest].min(initial=largest))
+    return max(float(values.min()), _ROUNDING * largest, deepest) / 3, 3 * largest
+
+
+def _positive(energies: np.ndarray) -> np.ndarray:
+    """Those that a logarithmic axis can show."""
+    return energies[np.isfinite(energies) & (energies > 0)]
