@@ -87,6 +87,7 @@ class Checkpoint:
         self.failed = False
         self.begun_with: float | None = None  #: the work that was known before this run
         self.saved_work = 0.0
+        self.machines = {storage.machine()}  #: on which anything was computed that is known
 
     @property
     def by_name(self) -> dict[str, State]:
@@ -174,6 +175,7 @@ class Checkpoint:
                     if plain := Kept(*read).of(self.keys[name]):
                         state.merge(plain, with_extra)
                         known.add(name)
+                        self.machines.update(read[0].get("machines") or ())
                 except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
                     self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return known
@@ -188,6 +190,7 @@ class Checkpoint:
             "spi_version": __version__,
             "samples": sum(self.experiment.samples),
             "finished": finished,
+            "machines": sorted(self.machines),
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
         self.saved, self.saved_work = time.monotonic(), self._work()
