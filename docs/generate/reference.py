@@ -14,6 +14,7 @@ from typing import Any, get_type_hints
 import stored
 import typer
 import yaml
+from formulas import FORMULAS
 from words import Rows, default_of, in_symbols, key_rows, key_table, linked, paragraphs, plain, table, value_of
 
 import spi
@@ -156,11 +157,14 @@ def models() -> str:
     return f"{text}\n### noise of zeitlin\n\n{described}\n\n{key_table(key_rows(noise, noise, definitions))}"
 
 
-MODELS_PAGE = """# Models
+MODELS_PAGE = r"""# Models
 
 Every model is a stochastic Poisson system in Stratonovich form,
 
-    dy = B(y) ∇H(y) dt + Σₖ σₖ B(y) ∇Ĥₖ(y) ∘ dWₖ(t),      H = H₁ + ... + Hₚ,
+```math
+\mathrm{d}y = B(y) \nabla H(y)\,\mathrm{d}t + \sum_k \sigma_k B(y) \nabla \widehat H_k(y) \circ \mathrm{d}W_k(t),
+\qquad H = H_1 + \cdots + H_p,
+```
 
 with independent Wiener processes W₁, ..., Wₘ. B is the structure matrix, and C are Casimir functions, B(y) ∇C(y) = 0.
 The parameters are the keys under `model` beside `name`, as in
@@ -184,10 +188,17 @@ def schemes() -> str:
     rows = ((f"[`{n}`](#{n})", *map(fraction, orders[n]), row.preserves) for n, row in SCHEMES.items())
     text = SCHEMES_PAGE + table(head, rows)
     for name, row in SCHEMES.items():
-        formula = textwrap.fill(in_symbols(row.formula), 100, subsequent_indent="    ")
-        text += f"\n## {name}\n\nIn tables and figures it is called *{row.label}*.\n\n```text\n{formula}\n```\n\n"
+        text += f"\n## {name}\n\nIn tables and figures it is called *{row.label}*.\n\n{_formula(name, row)}\n\n"
         text += f"Source: {linked(row.reference)}.{_conditions(row)}\n"
     return text
+
+
+def _formula(name: str, row: Any) -> str:
+    """The formula of a scheme as a block: in LaTeX where there is one, otherwise in plain text."""
+    if name in FORMULAS:
+        lines = "\\\\\n".join(line.strip() for line in FORMULAS[name].split(r"\\"))
+        return f"```math\n{lines}\n```"
+    return f"```text\n{textwrap.fill(in_symbols(row.formula), 100, subsequent_indent='    ')}\n```"
 
 
 def _conditions(row: Any) -> str:

@@ -22,16 +22,17 @@ def stored(
     samples: str | None,
     seed: str | None,
     kind: str | None,
+    unfinished: bool = False,
 ) -> list[Path]:
     """The files of results that a person means: files, spec files, or names of experiments; without any, all.
 
-    Those of names lie in `folder`, and the options of their runs choose among them.  Raises StorageError if there
-    are none, or if those of a spec file are of another spec.
+    Those of names lie in `folder`, and the options of their runs choose among them; where there are none yet, the sums
+    of an `unfinished` run will do.  Raises StorageError if there are none, or if those of a spec file are of another.
     """
     from ..running.finding import Wanted, every, found
 
     wanted = Wanted(profile or "laptop", tuple(assignments(overrides, samples, seed)), kind)
-    return [found(source, folder, wanted) for source in sources] if sources else every(folder, wanted)
+    return [found(source, folder, wanted, unfinished) for source in sources] if sources else every(folder, wanted)
 
 
 def complete_spec(incomplete: str) -> list[str]:

@@ -1,6 +1,7 @@
 """The commands that show stored results: show, plot, and as a page report."""
 
 import contextlib
+import shlex
 from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .names import RESULTS, complete_results, stored
-from .options import FAILED, INVALID, As, Overrides, Profile, ResultsFolder, Samples, Seed, Several, end
+from .options import FAILED, INVALID, As, Overrides, Profile, ResultsFolder, Samples, Seed, Several, TrustCode, end
 from .streams import takes_all_characters, tell
 
 if TYPE_CHECKING:
@@ -45,23 +46,37 @@ def show(
     kind: As = None,
     results: ResultsFolder = RESULTS,
     format: Annotated[Format, typer.Option(help="Output format.")] = Format.table,
+    trust_code: TrustCode = False,
 ) -> None:
-    """Print stored results to standard output; without a name, list what results there are."""
-    from .. import storage
+    """Print stored results to standard output; without a name, list what results there are.
+
+    Of a run that is unfinished, what is there so far.
+    """
     from ..printing import as_csv, as_json
     from ..report import views
+    from ..running import so_far
 
     if source is None:
         _list(results)
         return
-    (file,) = stored([source], results, profile, overrides, samples, seed, kind)
-    found = storage.read(file)
+    (file,) = stored([source], results, profile, overrides, samples, seed, kind, unfinished=True)
+    found = so_far.read(file, trust_code)
+    _tell_of_more(file, results)
     with _about(file):
         if format is Format.table:
             views.print_tables(found)
         else:
             rows = views.rows(found)
             typer.echo((as_json(rows, takes_all_characters()) if format is Format.json else as_csv(rows)).rstrip("\n"))
+
+
+def _tell_of_more(file: Path, folder: Path) -> None:
+    """Say where a run that goes on from some results, with more samples, is unfinished."""
+    from ..running.finding import unfinished_runs
+
+    if file.parent == folder and (path := unfinished_runs(folder).get(file.stem)):
+        sums = shlex.quote(path.as_posix())
+        tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
 
 
 def _list(folder: Path) -> None:
@@ -96,10 +111,14 @@ def plot(
         str | None, typer.Option(help="Font of a figure for a paper: serif, sans or an installed TrueType family.")
     ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the vorticity: <out>/<name>.gif.")] = False,
+    trust_code: TrustCode = False,
 ) -> None:
-    """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from .. import storage
+    """Draw figures from stored results: <out>/<name>.pdf and .png.
+
+    Of a run that is unfinished, what is there so far: <out>/<name>_unfinished.pdf and .png.
+    """
     from ..report import views
+    from ..running import finding, so_far
 
     try:
         views.check_style(style, width, font)
@@ -107,12 +126,12 @@ def plot(
         end(INVALID, f"--{error}")
     if results is None and out is not None and out.resolve() != RESULTS.resolve():
         _refuse_results_in(out, sources)
-    for path in stored(sources, results or RESULTS, profile, overrides, samples, seed, kind):
-        found = storage.read(path)
+    for path in stored(sources, results or RESULTS, profile, overrides, samples, seed, kind, unfinished=True):
+        found = so_far.read(path, trust_code)
         with _about(path):
             figure = views.figure(found, style, width, font)
-        stem = path.stem if style is Style.screen else f"{path.stem}_paper"
-        for written in views.save(figure, out or path.parent, stem):
+        folder, stem = finding.place_of_figures(path)
+        for written in views.save(figure, out or folder, stem if style is Style.screen else f"{stem}_paper"):
             tell(f"wrote {written}")
         if style is Style.paper:
             tell(f"caption: {views.caption(figure)}")
@@ -120,16 +139,16 @@ def plot(
                 more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"
                 tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")
         if film:
-            _write_film(path, found, out or path.parent)
+            _write_film(path, found, out or folder, stem)
 
 
-def _write_film(path: Path, found: "Results", folder: Path) -> None:
+def _write_film(path: Path, found: "Results", folder: Path, stem: str) -> None:
     from ..report import views
     from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
         moving = views.film(found)
-        written = views.save_film(moving, folder, path.stem, line.report_frame)
+        written = views.save_film(moving, folder, stem, line.report_frame)
     tell(f"wrote {written}")
 
 

@@ -127,7 +127,7 @@ def _from_results(source: str, target: Path, kind: str | None) -> tuple[str, Seq
         )
     options = Wanted(stored.profile, stored.overrides).options
     if options:
-        tell(f"spi: the results are those of `{shlex.join(['spi', 'run', str(target), *options])}`")
+        tell(f"spi: the results are those of `{shlex.join(['spi', 'run', target.as_posix(), *options])}`")
     return stored.text, stored.files
 
 

@@ -17,6 +17,11 @@ def write_under(fig: Figure, verdicts: Sequence[Verdict]) -> None:
     style.note_under(fig, ((f"{_WORDS[verdict]}: {text}.", _COLOURS[verdict]) for verdict, text in found if text))
 
 
+def write_note(fig: Figure, text: str) -> None:
+    """Write what else must be known of the results under a figure, in red; nothing if that is nothing."""
+    style.note_under(fig, [(text, _COLOURS[FAILED])] * bool(text))
+
+
 def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
     """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
     counts: dict[str, dict[str, list[bool]]] = {}

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
@@ -12,7 +12,7 @@ from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
-from .plans import KernelCall, PathsPlan
+from .plans import KernelCall, PathsPlan, State
 
 
 class _Batch(NamedTuple):
@@ -91,3 +91,9 @@ class BlocksPlan(PathsPlan, Blockwise):
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
         return (PathSet(self.samples, chunk_blocks(int(self.steps.sum()), dimension(self.model))),)
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first paths, as many as are known without a gap."""
+        paths = state.tally().leading(state.path_sets[0])
+        case = self.case.model_copy(update={"samples": paths})
+        return state.of(replace(self, samples=paths, case=case)) if paths else None

@@ -107,6 +107,9 @@ class Plan(Protocol):
     def results(self, state: State) -> Stored:
         """The results, from the final state; nothing is computed at length or measured here."""
 
+    def so_far(self, state: State) -> State | None:
+        """The state of a plan of fewer paths, steps or values, all of which are known; None if none are."""
+
     def all_results(self, state: State) -> tuple[Stored, ...]:
         """Those of all levels of extrapolation that the paths serve, the results first."""
 
@@ -199,6 +202,10 @@ class PartPlan:
     def next_allocation(self, state: State) -> Any | None:
         """Nothing is left."""
         return None
+
+    def so_far(self, state: State) -> State | None:
+        """The state itself once all paths are there."""
+        return None if state.missing() else state
 
     def finalise(self, state: State) -> Iterator[Any]:
         """Nothing is left."""

@@ -34,6 +34,12 @@ class State:
         #: of all chunks that were done, by path set and then (index, paths): the last chunk of a set may have grown
         self.digests: dict[int, dict[tuple[int, int], str]] = {}
 
+    def of(self, plan: Any) -> "State":
+        """The same sums as those of another plan, of fewer of these paths."""
+        other = State(plan)
+        other.extra, other.tallies = self.extra, dict(self.tallies)
+        return other
+
     @property
     def path_sets(self) -> Sequence[PathSet]:
         """The paths that are wanted for now."""

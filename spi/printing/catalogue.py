@@ -41,7 +41,7 @@ def print_results(results: Iterable[Any], file: IO[str] | None = None) -> None:
     for one in results:
         counts = sorted({count for count in one.samples if count})
         samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
-        facts = [one.kind, *[f"{samples} samples"] * bool(samples), one.created[:16].replace("T", " ")]
+        facts = [one.kind, *[f"{samples} samples"] * bool(samples), one.created]
         for line in filter(None, (one.name, f"    {', '.join(facts)}: {one.title}", f"    {one.how}".rstrip())):
             console.print(printable(line), markup=False, soft_wrap=True)
 

@@ -28,11 +28,13 @@ def rows_of(
     head |= {name: group.attributes.get(name) for name in ("eps", "extrapolate")}
     head["estimator"] = group.attributes.get("estimator") or None
     tail = {name: value for name, value in group.attributes.items() if columns_named.get((name, True))}
+    named = group.attributes.get("variables")
+    labels = group.coordinates | ({"component": np.array(named)} if named else {})
     held = dict(_reduced(group.variables, largest)) | dict(derived or {})
     columns: dict[str, tuple[tuple[str, ...], np.ndarray]] = {}
     for name, (over, values) in held.items():
         if set(over) <= {*axes, *spread}:
-            columns.update(_spread(name, over, values, axes, group.coordinates, columns_named.get((name, False))))
+            columns.update(_spread(name, over, values, axes, labels, columns_named.get((name, False))))
     for place in np.ndindex(*(len(group.coordinates[axis]) for axis in axes)):
         at = dict(zip(axes, place, strict=True))
         row = head | {axis: group.coordinates[axis][i].item() for axis, i in at.items()}

@@ -62,7 +62,9 @@ def rows(results: Results) -> list[dict[str, Any]]:
         return list(anything.rows(results.groups))
     read = readings(results)
     judged = _judged(results, read)
-    records = KINDS[results.attributes["kind"]].table.rows(read)
+    records = list(KINDS[results.attributes["kind"]].table.rows(read))
+    if unfinished := results.attributes.get("unfinished"):
+        records = [record | {"unfinished": unfinished} for record in records]
     return [record | printed_claims.columns(record, judged) for record in records]
 
 
@@ -88,6 +90,8 @@ def show(results: Results, console: Any, with_title: bool = True) -> None:
     title = results.attributes.get("title")
     if title and with_title:
         console.print(printable(title), style="bold", markup=False)
+    if unfinished := results.attributes.get("unfinished"):
+        console.print(printable(unfinished), style="bold red", markup=False, soft_wrap=True)
     if not known:
         anything.show(console, results.groups)
         return
@@ -119,8 +123,12 @@ def figure(
     read = readings(results)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
+    title, unfinished = results.attributes.get("title", ""), results.attributes.get("unfinished")
+    if unfinished and style == "paper":
+        raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
-        drawn = KINDS[kind].figure.draw(results.attributes.get("title", ""), by_case(read))
+        drawn = KINDS[kind].figure.draw(f"{title} (unfinished)" if unfinished else title, by_case(read))
+        drawn_claims.write_note(drawn, unfinished or "")
         drawn_claims.write_under(drawn, _judged(results, read))
         if page.current().width is not None:
             fitting.settle(drawn)

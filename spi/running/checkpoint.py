@@ -15,6 +15,7 @@ from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
 from ..storage.sums import VERSION
+from . import told
 from .known import Kept, Keys, sizes
 from .load import name_of, plans
 from .workers import WorkersLost
@@ -167,6 +168,8 @@ class Checkpoint:
         """Add what a file of sums knows of the very same paths, of some parts or of all; of which parts it does."""
         read = storage.read_sums(path)
         if read is None or not self._same_sources(read[0]):
+            if read is None and path.exists():
+                self.tell(f"warning: {path}: is damaged, or was edited; what it has is computed anew")
             return set()
         known = set()
         for name, state in self.by_name.items():
@@ -191,6 +194,8 @@ class Checkpoint:
             "samples": sum(self.experiment.samples),
             "finished": finished,
             "machines": sorted(self.machines),
+            "progress": told.progress_of(self.states),
+            "run": told.as_run(self.experiment),
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
         self.saved, self.saved_work = time.monotonic(), self._work()

@@ -1,10 +1,12 @@
 """Which results file is meant, by a name and the options of a run, by a spec file, or by its path."""
 
+import contextlib
 import difflib
 import shlex
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from .. import storage
 from ..kinds import KINDS
 from ..specs.document import SpecError, text_of
 from ..specs.keys import suggestion
@@ -13,7 +15,7 @@ from ..specs.naming import of_kind, results_name
 from ..storage import StorageError
 from ..storage.results import read_root
 from . import shipped
-from .load import STORED, load_any
+from .load import STORED, SUMS, load_any
 
 #: The endings of spec files.
 SPECS = (".yaml", ".yml")
@@ -47,18 +49,20 @@ class Wanted(NamedTuple):
 PLAIN = Wanted()
 
 
-def found(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
+def found(source: Path, folder: Path, wanted: Wanted = PLAIN, unfinished: bool = False) -> Path:
     """The results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
 
-    A file in the current folder that is called as the experiment goes first.  StorageError if there is none, or if it
-    is of another spec than the spec file; SpecError if no such results can be.
+    A file in the current folder that is called as the experiment goes first.  Where there are no results, `unfinished`
+    ones will do: then the path is that of the sums of a run, which ``spi.running.so_far`` reads.
+
+    StorageError if there is none, or if it is of another spec than the spec file; SpecError if no such results can be.
     """
     if source.suffix in SPECS:
-        return results_of(source, folder, wanted)
+        return results_of(source, folder, wanted, unfinished)
     path = folder / f"{wanted.name(str(source))}.h5"
-    is_name = source.name == str(source) and source.suffix not in STORED and not source.is_file()
+    is_name = source.name == str(source) and source.suffix not in (*STORED, *SUMS) and not source.is_file()
     if is_name and (path.is_file() or not source.is_dir()):
-        return _there(path, source.name, str(source), folder, wanted)
+        return _there(path, source.name, str(source), folder, wanted, unfinished)
     if wanted != PLAIN:
         options = shlex.join(wanted.options)
         raise SpecError(f"{source}: is a file; leave out {options}, which chooses among the results of a name")
@@ -89,7 +93,7 @@ class Listed(NamedTuple):
     name: str
     kind: str
     samples: tuple[int, ...]  #: of each case, 0 where there is none
-    created: str
+    created: str  #: when, or how much of it is there
     how: str  #: the options with which it was run
     title: str
 
@@ -102,35 +106,48 @@ def listed(folder: Path) -> tuple[list[Listed], list[str]]:
             stored = read_root(path)
             how = Wanted(stored["profile"], tuple(stored["overrides"])).options
             told = [str(stored.get(key, "")) for key in ("kind", "created", "title")]
-            readable.append(Listed(path.stem, told[0], tuple(stored["samples"]), told[1], shlex.join(how), told[2]))
+            created = told[1][:16].replace("T", " ")
+            readable.append(Listed(path.stem, told[0], tuple(stored["samples"]), created, shlex.join(how), told[2]))
         except StorageError as error:
             problems.append(str(error))
         except (KeyError, TypeError, ValueError, AttributeError):
             problems.append(f"{path}: does not tell its spec; run the experiment again with --fresh")
+    for one in {one.name: one for one in _unfinished(folder)}.values():
+        run = one.about["run"]
+        options = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
+        unfinished = f"unfinished: {one.about['progress']}"
+        readable.append(Listed(one.name, run["kind"], (), unfinished, options, run["title"]))
     return readable, problems
 
 
-def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted = PLAIN) -> Path:
+def results_of(
+    spec: str | Path, folder: str | Path = "results", wanted: Wanted = PLAIN, unfinished: bool = False
+) -> Path:
     """The results file of a spec file; StorageError if there is none or if it was made from another spec.
 
     Results with another number of samples, title or claims count as those of the spec file.
     """
     spec, folder = Path(spec), Path(folder)
-    path = _there(folder / f"{wanted.name(spec.stem)}.h5", spec.stem, str(spec), folder, wanted)
+    path = _there(folder / f"{wanted.name(spec.stem)}.h5", spec.stem, spec.as_posix(), folder, wanted, unfinished)
+    if path.suffix in SUMS:
+        return path
     stored = read_root(path)
     if wanted.kind or "model_sources" in stored or stored["spec"] != text_of(spec):
         how = stored["profile"], tuple(stored["overrides"])
         now = load_any(spec, *how, wanted.kind)
         if now.hash != stored["spec_hash"]:
-            again = shlex.join(["spi", "run", str(spec), *wanted.options])
+            again = shlex.join(["spi", "run", spec.as_posix(), *wanted.options])
             raise StorageError(f"{path}: holds results of another spec than {spec}; run `{again}` first")
     return path
 
 
-def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted) -> Path:
-    """The path, if there is such a file; StorageError with what to do if there is none."""
+def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted, unfinished: bool) -> Path:
+    """The path, if there is such a file, or that of sums if they will do; StorageError with what to do if not."""
     if path.is_file():
         return path
+    sums = unfinished_runs(folder).get(path.stem)
+    if unfinished and sums is not None:
+        return sums
     every = sorted(file.stem for file in folder.glob("*.h5"))
     others = [other for other in every if other == name or other.startswith(f"{name}.")]
     told = [f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it"] * (
@@ -141,4 +158,40 @@ def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted) -> 
     elif not told:
         near = difflib.get_close_matches(name, [*every, *shipped.names()], 1)
         told.append(f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows")
+    if sums is not None:
+        told.insert(0, f"its run is unfinished, {sums} has what is there so far")
     raise StorageError(f"{path}: no such file; {'; '.join(told)}")
+
+
+def unfinished_runs(folder: Path) -> dict[str, Path]:
+    """What the results of runs would be called that are not finished -> their sums, of the latest run of each name."""
+    return {one.name: one.path for one in _unfinished(folder)}
+
+
+def place_of_figures(path: Path) -> tuple[Path, str]:
+    """Into which folder figures of results go unless told otherwise, and what they are called without an ending."""
+    if path.suffix not in SUMS:
+        return path.parent, path.stem
+    folder = path.parent.parent
+    names = [one.name for one in _unfinished(folder) if one.path == path]
+    return folder, f"{names[0] if names else path.stem}_unfinished"
+
+
+class Unfinished(NamedTuple):
+    """A run that is not finished."""
+
+    name: str  #: what its results would be called
+    path: Path  #: of its sums
+    about: dict[str, Any]  #: what they tell of it
+
+
+def _unfinished(folder: Path) -> list[Unfinished]:
+    """The runs of a folder that are not finished, from the earliest to the latest."""
+    runs = []
+    for path in sorted((folder / "sums").glob("*.npz"), key=lambda path: (path.stat().st_mtime, path)):
+        about = storage.about_sums(path) or {}
+        with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):
+            run = about["run"]
+            if not about["finished"]:
+                runs.append(Unfinished(results_name(run["experiment"], run["profile"], run["overrides"]), path, about))
+    return runs

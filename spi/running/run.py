@@ -182,10 +182,8 @@ class Session:
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 self.check_replaceable()
-            attributes = _attributes(experiment) | {
-                "parts": json.dumps(checkpoint.sizes),
-                "machines": tuple(sorted(checkpoint.machines)),
-            }
+            told = {"parts": json.dumps(checkpoint.sizes), "machines": tuple(sorted(checkpoint.machines))}
+            attributes = root_attributes(experiment) | told
             storage.write(self.target, Results(attributes, groups, checkpoint.chunks()))
         except storage.StorageError:
             checkpoint.save(finished=True)  # so that nothing is computed again once this is mended
@@ -258,7 +256,8 @@ def _stored_modules(experiment: specs.Experiment) -> str | None:
     return json.dumps(texts, sort_keys=True) if texts else None
 
 
-def _attributes(experiment: specs.Experiment) -> dict[str, Any]:
+def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
+    """All root attributes of the results of an experiment."""
     return {
         **identity(experiment),
         "model_modules": _stored_modules(experiment),

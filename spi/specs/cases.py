@@ -287,7 +287,10 @@ class FunctionsCase(ErrorCase):
             if is_constant(tree):
                 raise NumberError("constant")
         except NumberError as error:
-            right = f"must be an expression in y1 .. y{min(d, MOST)} such as sin(2*pi*y1) + y2^2"
+            known, example = f"y1 .. y{min(d, MOST)}", "sin(2*pi*y1) + y2^2"
+            if self.variables:
+                known, example = ", ".join(self.variables), f"{self.variables[0]}^2"
+            right = f"must be an expression in {known} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
 

@@ -153,6 +153,17 @@ class Tally(NamedTuple):
             found.append(self.short[path_set.whole])
         return _joined(found)
 
+    def leading(self, path_set: PathSet) -> int:
+        """How many of the first paths of a path set are known without a gap."""
+        size, index, found = path_set.chunk_blocks * LANES, 0, True
+        while found:
+            found = False
+            for height, number in self.nodes:
+                if number << height <= index < (number + 1) << height:
+                    index, found = (number + 1) << height, True
+        short = self.short.get(index)
+        return min(path_set.samples, index * size + (short.paths if short is not None else 0))
+
     def so_far(self) -> Any | None:
         """The sums of what is known, or None if that is nothing."""
         nodes = sorted(self.nodes.items(), key=lambda item: item[0][1] << item[0][0])

@@ -82,7 +82,7 @@ def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[in
             return _expressions(found, part, world), degree - 1
         monomials = list(itertools.combinations_with_replacement(range(len(part)), degree))
         known = list(_products(found, degree))
-        space = _null_space(part, monomials, world.bracket)
+        space = _null_space(part, monomials, world.bracket, len(known))
         rows = [[product.get(monomial, Fraction(0)) for monomial in monomials] for product in known]
         for row in _new_rows(rows, space, len(monomials)):
             polynomial = {monomials[n]: c for n, c in enumerate(row) if c}
@@ -91,8 +91,13 @@ def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[in
     return _expressions(found, part, world), MOST_DEGREE
 
 
-def _null_space(part: Sequence[int], monomials: Sequence[tuple[int, ...]], bracket: Bracket) -> list[list[float]]:
-    """The coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns."""
+def _null_space(
+    part: Sequence[int], monomials: Sequence[tuple[int, ...]], bracket: Bracket, known: int
+) -> list[list[float]]:
+    """The coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns.
+
+    None where there are no more than are `known`, so that no vectors need be computed.
+    """
     generator = np.random.default_rng(5)
     d, count = len(part), len(monomials)
     place = {component: n for n, component in enumerate(part)}
@@ -118,10 +123,12 @@ def _null_space(part: Sequence[int], monomials: Sequence[tuple[int, ...]], brack
             rows = structure @ gradient
             gram += rows.T @ rows
             wanted -= max(1, np.linalg.matrix_rank(structure))
-        values, vectors = np.linalg.eigh(gram)
+        values = np.linalg.eigvalsh(gram)
         dimension = int(np.sum(values < 1e-11 * values[-1]))
-        if dimension in (0, before):
-            return vectors[:, :dimension].T.tolist()
+        if dimension <= known:  # it has all products of known ones, and more equations only make it smaller
+            return []
+        if dimension == before:
+            return np.linalg.eigh(gram)[1][:, :dimension].T.tolist()
         before, wanted = dimension, 0.4 * count
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
+import numpy as np
 
 DIGITS = 120  #: a k-fold eigenvalue that has only one eigenvector is found to 1/k of them
 _MOST_DIGITS = 960
@@ -109,7 +110,7 @@ def separated(matrices: Sequence[Any], order: Sequence[int]) -> tuple[Any, list[
 
 def _eigenvalues(mixed: Any) -> list[Eigen]:
     """The eigenvalues, those that are close being one."""
-    values = list(mpmath.eig(mixed, left=False, right=False)) if mixed.rows > 1 else [mixed[0, 0]]
+    values = [value for part in _triangular_parts(mixed) for value in _of_part(mixed, part)]
     size = size_of(mixed, values)
     clusters: list[list[Any]] = []
     for value in sorted(values, key=lambda v: (float(abs(mpmath.im(v))), float(mpmath.re(v)), -float(mpmath.im(v)))):
@@ -126,6 +127,23 @@ def _eigenvalues(mixed: Any) -> list[Eigen]:
             continue  # the conjugate is kept
         found.append(Eigen(value if is_complex else mpmath.re(value), len(cluster), is_complex))
     return found
+
+
+def _triangular_parts(mixed: Any) -> list[list[int]]:
+    """The rows of the blocks on the diagonal, where rows and columns are so arranged that all below them is 0."""
+    d = mixed.rows
+    linked = np.array([[bool(mixed[i, j]) or i == j for j in range(d)] for i in range(d)])
+    for _ in range(d.bit_length()):
+        linked = linked @ linked
+    both = linked & linked.T
+    return [np.flatnonzero(row).tolist() for i, row in enumerate(both) if np.argmax(row) == i]
+
+
+def _of_part(mixed: Any, part: Sequence[int]) -> list[Any]:
+    """The eigenvalues of one of these blocks."""
+    if len(part) == 1:
+        return [mixed[part[0], part[0]]]
+    return list(mpmath.eig(mpmath.matrix([[mixed[i, j] for j in part] for i in part]), left=False, right=False))
 
 
 def size_of(mixed: Any, values: Sequence[Any]) -> Any:
@@ -175,10 +193,11 @@ def coordinates(matrices: Sequence[Any], power: Any, multiplicity: int) -> Coord
         {r: mpmath.fsum(columns[m].get(r, 0) * inverse[m, n] for m in range(multiplicity)) for r in range(d)}
         for n in range(multiplicity)
     ]
-    acting = [
-        mpmath.matrix([[_product(u, {r: _product(_row(matrix, r), v) for r in range(d)}) for v in right] for u in left])
-        for matrix in matrices
-    ]
+    acting = []
+    for matrix in matrices:
+        rows = [_row(matrix, r) for r in range(d)]
+        moved = [{r: _product(row, v) for r, row in enumerate(rows) if row} for v in right]
+        acting.append(mpmath.matrix([[_product(u, v) for v in moved] for u in left]))
     return Coordinates(left, right, acting)
 
 

@@ -213,6 +213,6 @@ def test_a_reference_whose_error_is_not_of_its_order_is_told(bend, told):
         error=(("function", "h"), errors[None] + own), error_without=(("left_out", "function", "h"), without)
     )
     text = printed(weak(group._replace(coordinates={**group.coordinates, "left_out": np.arange(64)})))
-    line = f"the reference's own, {own:.1e} by the smallest step, is added; by the next step it is {by_next:.1e}, so"
-    assert ("errors are not yet C h: try a smaller reference_step" in text) is told
+    line = f"the reference's own error, {own:.1e} by the smallest step, would be {by_next - own:.1e} more by the next"
+    assert ("errors are not yet C h, and may be off by about that" in text) is told
     assert (line.replace("e-0", "e-") in text) is told

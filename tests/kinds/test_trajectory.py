@@ -110,6 +110,14 @@ def test_rows(results):
     assert all(type(value) in (str, float) for record in records for value in record.values())
 
 
+def test_columns_have_the_names_that_the_system_gives_its_components(results):
+    """The names may be those of other components."""
+    for group in results.groups:
+        group.attributes["variables"] = ["y2", "y1"]
+    first = views.rows(results)[7]
+    assert (first["y[y2]"], first["y[y1]"]) == (1.5, -0.5) and "y_1" not in first
+
+
 def test_printed(results):
     text = printed(results)
     assert "Trajectories" in text and "one [path]" in text and all(len(line) <= 100 for line in text.splitlines())

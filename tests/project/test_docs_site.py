@@ -1,5 +1,6 @@
 """The documentation as a site: its reference is that of the code, its links lead somewhere, it needs no network."""
 
+import io
 import re
 import subprocess
 import sys
@@ -8,7 +9,11 @@ import pytest
 from documents import PAGES, ROOT, page_name
 
 sys.path.append(str(ROOT / "docs" / "generate"))
+import gallery
 import reference
+from formulas import FORMULAS
+from matplotlib.figure import Figure
+from PIL import Image
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -61,7 +66,15 @@ def built(config, target):
     return subprocess.run(program, capture_output=True, text=True, check=False, timeout=120)
 
 
+def test_a_scheme_without_latex_has_its_formula_as_text():
+    scheme = reference.SCHEMES["midpoint"]
+    assert set(FORMULAS) <= set(reference.SCHEMES) and "\\frac" in reference._formula("midpoint", scheme)
+    assert reference._formula("mine", scheme).startswith("```text\nz = y + h f((y+z)/2) + Σₖ σₖ dWₖ")
+
+
 def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
+    """Its formulas are MathML and its code is in colours, both made while it is built."""
+    pytest.importorskip("latex2mathml", reason="an environment from before the site had formulas")
     done = built(ROOT / "mkdocs.yml", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "WARNING" not in done.stderr
@@ -71,16 +84,40 @@ def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
         text = page.read_text(encoding="utf-8")
         assert not re.findall(r'<(?:script|img|iframe)[^>]* src="https?:', text), page
         assert not re.findall(r'<link[^>]* href="https?:', text), page
+    texts = {page.name: page.read_text(encoding="utf-8") for page in pages}
+    assert texts["schemes.html"].count("<math ") >= len(FORMULAS) and texts["weak_errors.html"].count("<math ") >= 2
+    assert not [name for name, text in texts.items() if re.search(r"```math|\\(?:mathrm|frac|sigma|widehat)", text)]
+    assert '<span class="' in texts["tutorial.html"] and (tmp_path / "code.css").is_file()
     for style in tmp_path.rglob("*.css"):
         assert not re.findall(r"url\(['\"]?https?:", style.read_text(encoding="utf-8")), style
 
 
 def test_a_broken_link_is_noticed(tmp_path):
+    pytest.importorskip("latex2mathml", reason="an environment from before the site had formulas")
     docs = tmp_path / "docs"
     docs.mkdir()
     docs.joinpath("index.md").write_text("[nowhere](no_such_page.md)\n")
     config = ROOT.joinpath("mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[0]
+    config = config.replace("docs/generate/", f"{ROOT.as_posix()}/docs/generate/")
     tmp_path.joinpath("mkdocs.yml").write_text(f"{config}\nnav: [index.md]\n")
     done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
     assert done.returncode != 0
     assert "no_such_page.md" in done.stderr
+
+
+@pytest.mark.parametrize(("inches", "pixels"), [((18, 6), (1200, 400)), ((6, 4), (900, 600)), ((8, 24), (1000, 3000))])
+def test_pictures_of_the_gallery_can_be_read(monkeypatch, inches, pixels):
+    """As wide as a page of the site or wider, at up to 150 pixels per inch, unless they are very high."""
+    monkeypatch.setattr(gallery.views, "figure", lambda results: Figure(figsize=inches))
+    with Image.open(io.BytesIO(gallery.picture(None))) as drawn:
+        assert drawn.size == pixels and drawn.mode == "P"
+
+
+def test_the_gallery_takes_what_results_there_are(tmp_path):
+    (tmp_path / "toda_weak.h5").write_bytes(b"")
+    assert gallery.found(tmp_path, "toda_weak", "laptop") == ("laptop", tmp_path / "toda_weak.h5")
+    assert gallery.found(tmp_path, "toda_strong", "laptop") == ("quick", tmp_path / "toda_strong.quick.h5")
+    text = ROOT.joinpath("docs", "gallery.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^`(\w+)` \(\w+\): ", text, re.MULTILINE)
+    assert shown == re.findall(r"^\[!\[.*\]\(gallery/(\w+)\.png\)\]\(gallery/\1\.png\)$", text, re.MULTILINE)
+    assert set(shown) <= set(reference.experiments_known()) and len(shown) > 50

@@ -4,6 +4,9 @@ A variable r acts on others by a matrix that is written here, {r, x_i} = -sum_j 
 exp(t M) x; mpmath takes the exponential to 90 digits.
 """
 
+import time
+from pathlib import Path
+
 import mpmath
 import numpy as np
 import pytest
@@ -99,6 +102,15 @@ def test_six_functions_whose_eigenvalues_are_2_to_1():
     matrices = [ONE, 2 * ONE, third, ONE, 3 * ONE, last]
     text = acting(*matrices, hamiltonian="r0 + r1 + r2^2/2 + r3 + r4 + r5")
     assert relative_error(text, matrices, lambda *r: [1, 1, r[2], 1, 1, 1], 0.3) < 1e-15
+
+
+def test_a_lattice_of_many_functions_is_read_in_seconds():
+    """Rows of matrices were computed again for each pair of vectors, and eigenvalues of what is triangular sought."""
+    text = (Path(__file__).parents[2] / "experiments/systems/toda.yaml").read_text()
+    lattice = {key: value for key, value in definition(text).items() if key != "sigma"} | {"sizes": {"n": "18"}}
+    begun = time.process_time()
+    assert "flow 2" in "\n".join(make(lattice, "x")[3])
+    assert time.process_time() - begun < 15.0  # 2 s; it was 60
 
 
 @pytest.mark.parametrize("rate", [0, pytest.param(1, marks=pytest.mark.slow)])

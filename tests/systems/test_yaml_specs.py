@@ -195,6 +195,23 @@ panels: [casimir]
     spec(text + more.replace("wieght", "weight"), **(options and {"overrides": ["model.parameters.weight=9"]}))
 
 
+def test_a_test_function_is_told_the_names_of_the_system(spec):
+    text = """\
+kind: weak
+model: {algebra: so(3), variables: [a, b, c], hamiltonian: a}
+initial: [1, 0, 0]
+final_time: 1
+steps: [1/2]
+reference_step: 1/4
+schemes: [splitting]
+estimators: [plain]
+samples: 100
+functions: {phi: d}
+"""
+    with pytest.raises(SpecError, match=r"unknown word 'd'.*; must be an expression in a, b, c such as a\^2$"):
+        spec(text)
+
+
 def test_a_layer_may_bring_parameters_for_its_own_formulas(top):
     model = top("{a: 3}", "{c: 3, d: c/2}\n  hamiltonian: d*y1^2").cases[0].model
     assert (model.c, model.d, model.a) == (3.0, 1.5, 2.0)

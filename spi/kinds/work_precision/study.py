@@ -197,6 +197,10 @@ class WorkPlan(PartPlan):
         seconds = 1e-9 * typical_ns(self.row, self.model) * self.path_steps * state.extra.times.shape[1]
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
+    def so_far(self, state: State) -> State | None:
+        """The state itself once all is there: errors without times tell nothing of this kind."""
+        return None if state.missing() or np.isnan(state.extra.times).any() else state
+
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, found = self.case, self.errors.results(self._of_errors(state))

@@ -8,7 +8,7 @@ their exact values.  Standard errors come from the paths, which are independent 
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -175,6 +175,12 @@ class LongTimePlan(PartPlan):
             done += sum(sums.paths for sums in tally.nodes.values())
             done += sum(chunks[index].paths * sums.n / self.case.step_count for index, sums in tally.short.items())
         return Done(done / levels, self.case.samples, float("nan"))
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first step sizes, as many as are complete."""
+        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
+        steps = self.case.steps[: [*complete, False].index(False)]
+        return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
 
     def results(self, state: State) -> LongTimes:
         """The results of one scheme of a case, from its final state."""

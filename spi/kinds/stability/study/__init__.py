@@ -8,7 +8,7 @@ test functions and the law of the equation is known without sampling, the distan
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -130,6 +130,18 @@ class StabilityPlan(PartPlan):
             "truncate_noise": same.get("truncate_noise", False),
         }
         return first._replace(**dict.fromkeys(first._fields) | same | own | {"parameters": dict(alike)})
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first values, as many as are complete."""
+        complete = [state.tally(i).leading(one) == one.samples for i, one in enumerate(state.path_sets)]
+        count = [*complete, False].index(False)
+        sweep, extra = self.case.sweep, state.extra
+        fewer = sweep._replace(values=sweep.values[:count], cases=sweep.cases[:count])
+        case = self.case.model_copy(update={"sweep": fewer})
+        found = state.of(replace(self, points=self.points[:count], case=case)) if count else None
+        if found is not None:
+            found.extra = extra._replace(truth=extra.truth[:count], truth_bound=extra.truth_bound[:count])
+        return found
 
     def results(self, state: State) -> Stability:
         """The results of one scheme of a case, from its final state."""

@@ -7,7 +7,7 @@ the final time is kept as well.  The reference is the scheme itself, as in the p
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -158,6 +158,13 @@ class StrongPlan(BlocksPlan):
                 integrate(*arguments)
                 best = min(best, time.perf_counter() - began)
         return 1e9 * best / (steps * LANES)
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first paths, without times of steps where they have not been measured."""
+        found = super().so_far(state)
+        plan: Any = found and found.plan
+        untimed = found is not None and bool(np.isnan(state.extra.ns_per_step).any())
+        return found.of(replace(plan, timed_steps=False)) if found is not None and untimed else found
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error at the final time of the largest step."""

@@ -81,8 +81,9 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
 def _assumed(reading: WeakErrors, added: float, by_next: float) -> str:
     """That the reference's own error, as it was added, is not what the next step makes it."""
     power = _power(reading.expected_order or math.nan, "h")
-    told = f"to all errors the reference's own, {short(added)} by the smallest step, is added; by the next step it is"
-    return f"{told} {short(by_next)}, so errors are not yet C {power}: try a smaller reference_step or smaller steps"
+    off = f"{short(abs(by_next - added))} {'more' if by_next > added else 'less'}"
+    told = f"the reference's own error, {short(added)} by the smallest step, would be {off} by the next"
+    return f"{told}: errors are not yet C {power}, and may be off by about that; try a smaller reference_step"
 
 
 def _power(order: float, base: str) -> str:

@@ -232,6 +232,16 @@ class MultilevelPlan(Blockwise, WeakPlan):
         error, without = (np.concatenate(values, axis=-1) for values in list(zip(*each, strict=True))[:2])
         return Errors(error, without, EQUAL)
 
+    def so_far(self, state: State) -> State | None:
+        """The state of whole rounds of groups, once each level has one and the control is known."""
+        if self.control and np.isnan(state.extra.known).any():
+            return None
+        found = state.of(self)
+        for number, tally in state.tallies.items():
+            short = {i: sums for i, sums in tally.short.items() if sums.paths % (ROUND * LANES) == 0}
+            found.tallies[number] = tally._replace(short=short)
+        return found if self.level_sums(found).blocks.min() >= ROUND else None
+
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""
         return self.results_of(self.level_sums(state), state)

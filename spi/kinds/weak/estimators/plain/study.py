@@ -5,7 +5,7 @@ run.  With extrapolation the values of phi at h, 2h, ... are combined path by pa
 likewise, before anything is summed up.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -162,6 +162,14 @@ class PlainPlan(WeakPlan, BlocksPlan):
         counts = group_counts(known.paths)
         error, without = self.errors(known.differences[:, self.own], counts)
         return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
+
+    def so_far(self, state: State) -> State | None:
+        """The state of the first paths, without those prefixes that have more."""
+        found = super().so_far(state)
+        plan: Any = found and found.plan
+        if found is None or all(samples <= plan.samples for samples in self.prefixes):
+            return found
+        return found.of(replace(plan, case=plan.case.model_copy(update={"prefixes": None})))
 
     def results(self, state: State) -> WeakErrors:
         """The results of one scheme of a case, from its final state."""

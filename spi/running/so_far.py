@@ -1,0 +1,37 @@
+"""What an unfinished run has computed so far, as results: from its sums over paths."""
+
+from pathlib import Path
+
+from .. import NUMBERS_DIGEST, storage
+from ..storage import StorageError
+from ..storage.records import Results
+from .checkpoint import Checkpoint, Limits, sums_path
+from .load import SUMS, load_stored
+from .run import root_attributes
+from .told import progress_of
+
+
+def read(path: Path, trust_code: bool = False) -> Results:
+    """The results in a file, or those of the unfinished run whose sums over paths it holds.
+
+    The latter have the attribute "unfinished", which says what there is and how much that is of how much; they are
+    those of a run with as many samples as are there, or with as many of the values and step sizes.
+
+    StorageError if the file cannot be read, or has nothing yet that could be shown.
+    """
+    if path.suffix not in SUMS:
+        return storage.read(path)
+    experiment = load_stored(path, trust_code)
+    about = storage.about_sums(path) or {}
+    if about.get("source_digest") != NUMBERS_DIGEST:
+        raise StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
+    checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), Limits(), tell=lambda news: None)
+    checkpoint.resume()
+    checkpoint.merge(path, with_extra=False)
+    found = [state.plan.so_far(state) for state in checkpoint.states]
+    groups = tuple(group for state in found if state is not None for group in state.groups())
+    told = progress_of(checkpoint.states)
+    if not groups:
+        raise StorageError(f"{path}: nothing can be shown of this unfinished run yet: {told}")
+    more = {"expect": None, "complete": False, "unfinished": f"unfinished: {told}"}
+    return Results(root_attributes(experiment) | more, groups, ())
