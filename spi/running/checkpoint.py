@@ -167,6 +167,8 @@ class Checkpoint:
         """Add what a file of sums knows of the very same paths, of some parts or of all; of which parts it does."""
         read = storage.read_sums(path)
         if read is None or not self._same_sources(read[0]):
+            if read is None and path.exists():
+                self.tell(f"warning: {path}: is damaged, or was edited; what it has is computed anew")
             return set()
         known = set()
         for name, state in self.by_name.items():

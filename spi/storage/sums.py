@@ -5,6 +5,7 @@ the arrays stand as numbers, and the arrays one behind the other.
 """
 
 import contextlib
+import hashlib
 import io
 import json
 import os
@@ -21,7 +22,7 @@ from .files import MOST_BYTES, aside, contents, write_bytes
 from .fitting import check_fact
 
 #: Raised where the layout changes, or chunks are divided in another way: sums go on with chunks of the same size only.
-VERSION = 3
+VERSION = 4
 
 #: The types of what is told about sums.
 _ABOUT: dict[str, Any] = {
@@ -46,6 +47,7 @@ def write_sums(path: Path, about: dict[str, Any], parts: dict[str, Any]) -> None
         arrays = io.BytesIO()
         members[f"structure_{number}"] = _text(_without_arrays(part, arrays))
         members[f"arrays_{number}"] = np.frombuffer(arrays.getvalue(), np.uint8)
+    members["digests"] = _text({name: _digest(member) for name, member in members.items()})
     archive = io.BytesIO()
     np.savez(archive, **members)
     with aside(path) as temporary:
@@ -61,8 +63,8 @@ def read_sums(path: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
             about = _about(file)
             parts = {}
             for number, name in enumerate(about["parts"]):
-                data = file[f"arrays_{number}"].tobytes()
-                parts[name] = _with_arrays(json.loads(file[f"structure_{number}"].tobytes()), data)
+                data = _member(file, f"arrays_{number}").tobytes()
+                parts[name] = _with_arrays(json.loads(_member(file, f"structure_{number}").tobytes()), data)
             return about, parts
     return None
 
@@ -96,12 +98,24 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _about(file: Any, any_version: bool = False) -> dict[str, Any]:
-    about = dict(json.loads(file["about"].tobytes()))
+    about = dict(json.loads((file["about"] if any_version else _member(file, "about")).tobytes()))
     if about["version"] != VERSION and not any_version:
         raise ValueError(f"written in version {about['version']}")
     for name, hint in _ABOUT.items():
         check_fact(name, about.get(name), hint)
     return about
+
+
+def _member(file: Any, name: str) -> np.ndarray:
+    """What the archive has under a name; ValueError if that is not what was written."""
+    found: np.ndarray = file[name]
+    if json.loads(file["digests"].tobytes())[name] != _digest(found):
+        raise ValueError(f"{name} was edited")
+    return found
+
+
+def _digest(member: np.ndarray) -> str:
+    return hashlib.sha256(member.tobytes()).hexdigest()
 
 
 def _text(value: Any) -> np.ndarray:

@@ -13,6 +13,7 @@ from documents import ROOT
 from packaging.specifiers import SpecifierSet
 
 import spi
+from spi.cli import app
 
 PROJECT = tomllib.loads(ROOT.joinpath("pyproject.toml").read_text(encoding="utf-8"))
 FILES = ("README.md", "CONTRIBUTING.md", "Makefile", "pyproject.toml", "CITATION.cff", "mkdocs.yml", "setup.py")
@@ -112,3 +113,25 @@ def test_oldest_and_newest_environments():
     oldest, newest = bounds.oldest(), bounds.newest()
     assert oldest["numba"] == "0.62" and "llvmlite" not in oldest and oldest["ruff"] == bounds.pinned()["ruff"]
     assert newest["numba"] is newest["rich"] is None and newest["pytest"] == bounds.pinned()["pytest"]
+
+
+# --- what is promised ------------------------------------------------------------------------------------------------
+
+
+def test_the_page_of_stable_names_lists_all_of_them():
+    page = ROOT.joinpath("docs", "public.md").read_text(encoding="utf-8")
+    commands = {command.name or command.callback.__name__ for command in app.registered_commands}
+    rows = [line for line in page.splitlines() if line.startswith("|")]
+    names, listed = (set(re.findall(r"`(?:spi )?(\w+)`", line.partition(" | ")[0])) for line in rows[2:4])
+    assert names == set(spi.__all__) and listed == commands
+
+
+def test_figures_about_other_programs_are_those_of_the_readme():
+    """Which repeats those of docs/performance.md."""
+    readme, why = (" ".join(ROOT.joinpath(*path).read_text(encoding="utf-8").split()) for path in (["README.md"], WHY))
+    for program, said in re.findall(r"(diffrax|torchsde)(?: takes)? (\d+ to \d+)", why):
+        assert re.search(rf"{program}(?: takes)? {said}", readme)
+    assert len(re.findall(r"\d+ to \d+ times", why)) == 2
+
+
+WHY = ["docs", "why.md"]

@@ -1,8 +1,11 @@
 """`spi verify`: chunks that are computed again, and numbers that are derived again."""
 
+import hashlib
+import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from damage import call as command
 from helpers import COMPILED
@@ -12,6 +15,7 @@ from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.running import shards
 from spi.running.checkpoint import Shard
+from spi.running.compared import differing
 from spi.running.verify import verify
 from spi.statistics import tallies
 
@@ -146,6 +150,38 @@ def test_edited_sums_become_no_results(copied):
     runner.run(strong(), path.parent, watch=runner.Watch(tell=told.append))
     assert any("was edited" in news and "main/euler_maruyama" in news for news in told)
     assert verify(path, 1).sound
+
+
+@pytest.mark.parametrize(
+    ("member", "old", "new"),
+    [
+        ("about", b'"samples": ', b'"samples": "x", "was": '),
+        ("about", b'"keys": ', b'"was": '),
+        ("structure_0", b'"cpu_seconds": ', b'"cpu_seconds": null, "was": '),
+        ("structure_0", b"<f8", b"<f4"),
+        ("structure_0", b'"seconds": ', b'"seconds": [], "was": '),
+    ],
+)
+@pytest.mark.parametrize("mended", [False, True])
+def test_edited_members_become_no_results(copied, results, member, old, new, mended):
+    """Also where the digests in the file are mended: what cannot be is told, and computed anew."""
+    path = copied()
+    (sums,) = (path.parent / "sums").glob("*.npz")
+    with np.load(sums) as file:
+        members = {name: file[name].tobytes() for name in file}
+    assert old in members[member]
+    members[member] = members[member].replace(old, new, 1)
+    if mended:
+        digests = {name: hashlib.sha256(data).hexdigest() for name, data in members.items() if name != "digests"}
+        members["digests"] = json.dumps(digests).encode()
+    with open(sums, "wb") as file:
+        np.savez(file, **{name: np.frombuffer(data, np.uint8) for name, data in members.items()})
+    path.unlink()
+    told = []
+    runner.run(strong(), path.parent, watch=runner.Watch(tell=told.append))
+    groups = (storage.read(file).groups for file in (path, results["rigid_body_strong"]))
+    assert not differing(*groups, times=False)
+    assert any("warning" in news and "edited" in news for news in told) or (mended and member == "about")
 
 
 def test_results_that_were_merged_in_rounds_are_right(tmp_path):

@@ -335,7 +335,7 @@ def test_sums_round_trip(tmp_path):
     assert {**told, **about} == told == storage.about_sums(path)
     assert [p.name for p in path.parent.iterdir()] == ["s.npz"]
     with np.load(path, allow_pickle=False) as file:  # anybody can read it
-        assert set(file) == {"about", *(f"{kind}_{n}" for kind in ("structure", "arrays") for n in range(3))}
+        assert set(file) == {"about", "digests", *(f"{kind}_{n}" for kind in ("structure", "arrays") for n in range(3))}
         assert all(values.dtype == np.uint8 for values in file.values())
 
 
