@@ -1,9 +1,11 @@
 """What a multilevel estimator has decided: how many samples each level gets, and what came of earlier allocations."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.exact.kolmogorov import can_solve
+from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.statistics.estimators import ROUND, jackknife_stderr
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
@@ -59,3 +61,9 @@ class Decisions(NamedTuple):
         i = self.allocations - 1
         error[i], stderr[i], seconds[i] = errors.error, jackknife_stderr(*errors), cpu_seconds
         return self._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
+
+
+def control_of(case: Any, record: Any) -> tuple | None:
+    """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
+    solvable = can_solve(case.model) and not case.truncate_noise
+    return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None

@@ -26,12 +26,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from spi.ensemble.protocol import dimension, noise_indices
-from spi.exact.kolmogorov import can_solve
 from spi.kinds.blocks import Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
 from spi.statistics.tallies import PathSet, chunk_blocks
@@ -42,7 +40,7 @@ from ...study.plans import WeakPlan, sampled_errors
 from ...study.sums import standard_deviation, values_of_blocks, with_powers
 from ..kolmogorov.study import solution
 from .combination import Combination
-from .decisions import PILOT, SHARES, Decisions, Errors
+from .decisions import PILOT, SHARES, Decisions, Errors, control_of
 from .levels import VALUE, Level, levels_of
 from .sums import EQUAL, LevelSums, Totals
 
@@ -71,7 +69,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
     def of(cls, case: Any, part: Part) -> "MultilevelPlan":
         """The plan for one scheme of a case."""
         record = case.row(part.scheme, part.eps).record
-        control = _control(case, record)
+        control = control_of(case, record)
         levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
         return cls(case=case, part=part, levels=levels, control=control)
 
@@ -297,9 +295,3 @@ class MultilevelPlan(Blockwise, WeakPlan):
             "reference": moments.mean[-1] - largest[:, 0],
             "sd": standard_deviation(fine, square),
         }
-
-
-def _control(case: Any, record: Any) -> tuple | None:
-    """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
-    solvable = can_solve(case.model) and not case.truncate_noise
-    return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None
