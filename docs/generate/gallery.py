@@ -1,7 +1,13 @@
-"""Write docs/gallery.md and its small figures from stored results: python docs/generate/gallery.py RESULTS PROFILE."""
+"""Write docs/gallery.md and its figures from stored results: python docs/generate/gallery.py RESULTS PROFILE.
 
+Results of that profile are taken where RESULTS has them, elsewhere those of the profile quick.
+"""
+
+import io
 import sys
 from pathlib import Path
+
+from PIL import Image
 
 from spi import drawing, storage
 from spi.report import views
@@ -11,47 +17,64 @@ from spi.specs.naming import results_name
 from spi.storage.records import Results
 
 DOCS = Path(__file__).parents[1]
-PIXELS = (380, 520)  #: the largest width and height of a figure
+#: The largest width and height of a figure, and pixels per inch: at the width of a page all letters can be read, and
+#: a figure that is opened by itself is as large again as on most pages.
+PIXELS, DPI = (1200, 3000), 150
 
 HEAD = """# Gallery
 
-All experiments that come with the program: what each asks, and its figure, drawn from the profile `{profile}`.
-`spi run NAME` computes the experiment itself.
+All experiments that come with the program: what each asks, and its figure, which opens in full size. A name is followed
+by the profile from which the figure was drawn; `quick` has few paths and large error bars. `spi run NAME` computes the
+experiment itself.
 
-`make gallery` writes this page, and beside the results one with all tables and specs: see [report.md](report.md).
+`make gallery` writes this page from results of the profile `quick`, `make gallery PROFILE=laptop` from the experiments
+as they stand, which takes hours; beside the results it writes a page with all tables and specs: see
+[report.md](report.md).
 """
 
 ENTRY = """
 ### {title}
 
-`{name}`: {asks}
+`{name}` ({profile}): {asks}
 
-![{title}](gallery/{name}.png)
+[![{title}](gallery/{name}.png)](gallery/{name}.png)
 """
 
 
-def small(results: Results) -> bytes:
-    """The figure as a PNG of few pixels, in true colours."""
+def picture(results: Results) -> bytes:
+    """The figure as a PNG of at most 256 colours, which takes a third of the room."""
     figure = views.figure(results)
-    dpi = min(pixels / inches for pixels, inches in zip(PIXELS, figure.get_size_inches(), strict=True))
-    return drawing.as_bytes(figure, "png", dpi=dpi, pil_kwargs={"optimize": True})
+    inches = figure.get_size_inches()
+    dpi = min(DPI, *(pixels / long for pixels, long in zip(PIXELS, inches, strict=True)))
+    content = io.BytesIO()
+    with Image.open(io.BytesIO(drawing.as_bytes(figure, "png", dpi=dpi))) as drawn:
+        few = drawn.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        few.save(content, "png", optimize=True)
+    return content.getvalue()
 
 
-def page(sections: list[Section], profile: str) -> str:
+def page(sections: list[Section], profiles: dict[str, str]) -> str:
     """The text of gallery.md, the experiments by their kind."""
-    parts = [HEAD.format(profile=profile)]
+    parts = [HEAD]
     for kind in dict.fromkeys(one.kind for one in sections):
         parts.append(f"\n## {kind.capitalize()}\n")
-        parts += [ENTRY.format(**one._asdict()) for one in sections if one.kind == kind]
+        parts += [ENTRY.format(**one._asdict(), profile=profiles[one.name]) for one in sections if one.kind == kind]
     return "".join(parts)
 
 
+def found(folder: Path, name: str, profile: str) -> tuple[str, Path]:
+    """The profile and the file of the results of an experiment."""
+    wanted = folder / f"{results_name(name, profile)}.h5"
+    return (profile, wanted) if wanted.is_file() else ("quick", folder / f"{results_name(name, 'quick')}.h5")
+
+
 def main(folder: Path, profile: str) -> None:
-    found = {name: folder / f"{results_name(name, profile)}.h5" for name in shipped.names()}
-    read = {name: storage.read(path) for name, path in found.items()}
-    sections = [section(path, read[name], name)._replace(name=name) for name, path in found.items()]
-    files = {DOCS / "gallery" / f"{name}.png": small(results) for name, results in read.items()}
-    storage.write_all({DOCS / "gallery.md": page(sections, profile).encode(), **files})
+    files = {name: found(folder, name, profile) for name in shipped.names()}
+    read = {name: storage.read(path) for name, (_, path) in files.items()}
+    sections = [section(path, read[name], name)._replace(name=name) for name, (_, path) in files.items()]
+    text = page(sections, {name: found_profile for name, (found_profile, _) in files.items()})
+    pictures = {DOCS / "gallery" / f"{name}.png": picture(results) for name, results in read.items()}
+    storage.write_all({DOCS / "gallery.md": text.encode(), **pictures})
 
 
 if __name__ == "__main__":

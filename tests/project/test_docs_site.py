@@ -1,5 +1,6 @@
 """The documentation as a site: its reference is that of the code, its links lead somewhere, it needs no network."""
 
+import io
 import re
 import subprocess
 import sys
@@ -8,8 +9,11 @@ import pytest
 from documents import PAGES, ROOT, page_name
 
 sys.path.append(str(ROOT / "docs" / "generate"))
+import gallery
 import reference
 from formulas import FORMULAS
+from matplotlib.figure import Figure
+from PIL import Image
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
@@ -99,3 +103,21 @@ def test_a_broken_link_is_noticed(tmp_path):
     done = built(tmp_path / "mkdocs.yml", tmp_path / "site")
     assert done.returncode != 0
     assert "no_such_page.md" in done.stderr
+
+
+@pytest.mark.parametrize(("inches", "pixels"), [((18, 6), (1200, 400)), ((6, 4), (900, 600)), ((8, 24), (1000, 3000))])
+def test_pictures_of_the_gallery_can_be_read(monkeypatch, inches, pixels):
+    """As wide as a page of the site or wider, at up to 150 pixels per inch, unless they are very high."""
+    monkeypatch.setattr(gallery.views, "figure", lambda results: Figure(figsize=inches))
+    with Image.open(io.BytesIO(gallery.picture(None))) as drawn:
+        assert drawn.size == pixels and drawn.mode == "P"
+
+
+def test_the_gallery_takes_what_results_there_are(tmp_path):
+    (tmp_path / "toda_weak.h5").write_bytes(b"")
+    assert gallery.found(tmp_path, "toda_weak", "laptop") == ("laptop", tmp_path / "toda_weak.h5")
+    assert gallery.found(tmp_path, "toda_strong", "laptop") == ("quick", tmp_path / "toda_strong.quick.h5")
+    text = ROOT.joinpath("docs", "gallery.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^`(\w+)` \(\w+\): ", text, re.MULTILINE)
+    assert shown == re.findall(r"^\[!\[.*\]\(gallery/(\w+)\.png\)\]\(gallery/\1\.png\)$", text, re.MULTILINE)
+    assert set(shown) <= set(reference.experiments_known()) and len(shown) > 50
