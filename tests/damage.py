@@ -95,7 +95,7 @@ def edited(edit, mended=False):
             names = []
             file.visit(names.append)
             for _ in range(draw.choice((1, 1, 2)) if mended else 1):
-                with contextlib.suppress(KeyError):  # an edit before this one has removed it
+                with contextlib.suppress(Exception):  # an edit before this one has removed it
                     edit(draw, file, draw.choice(names))
             file.attrs["edited"] = draw.random()  # whatever came of the edit
         return with_checksum(memory.getvalue()) if mended else memory.getvalue()

@@ -1,6 +1,7 @@
 """States along paths, as arrays."""
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan, plan
 from ..numerics.rng import LANES
 from ..running import workers
-from ..running.compiling import compile_missing
+from ..running.compiling import compile_missing, physical_memory
 from ..running.run import kernel_calls
 from ..specs import SpecError
 from ..storage.records import Part
@@ -23,6 +24,8 @@ from .progress import Line
 from .specs import of_mapping, whole
 
 _BATCH_BYTES = 64e6  # of the states of some blocks, which are handed to an observer together
+
+_MUCH_BYTES = 1e9  # of states, of which a person is told
 
 _OF_EXPERIMENTS = ("case_title", "panels")  # attributes that say nothing of a path
 
@@ -57,7 +60,7 @@ def trajectory(
     `observe` keeps something else in place of the states, so that memory does not bound the number of samples: it is
     called with the times (times,) and the states (paths, times, components) of some paths at a time, and returns an
     array whose first axis is that of the paths, or a mapping of names and such arrays; the variables of the result are
-    these, or ``observed``.
+    these, or ``observed``.  It is given 64 paths at least, so that these at all times must find room in memory.
 
     Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
     """
@@ -105,11 +108,24 @@ def times_of(ready: TrajectoryPlan) -> np.ndarray:
     return np.arange(ready.case.steps_stored + 1) * ready.case.every * ready.case.step
 
 
-def _batches(ready: TrajectoryPlan, samples: int, line: Line) -> Iterator[np.ndarray]:
-    """The states (paths, times, d) of the first so many paths, block after block."""
+def _check_memory(ready: TrajectoryPlan, paths: int) -> None:
+    """Warn where the states of so many paths take much memory; SpecError if this machine has less."""
+    times, d, every = ready.case.steps_stored + 1, len(ready.initial), ready.case.every
+    size, memory = 8.0 * paths * times * d, physical_memory()
+    what = f"the states of {paths} paths at {times} times take {size / 1e9:.3g} GB at once"
+    if memory is not None and size > memory:
+        right = f"store fewer, e.g. every={every * math.ceil(2 * size / memory)}"
+        raise SpecError(f"every: is {every}: {what}, and this machine has {memory / 1e9:.3g} GB; {right}")
+    if size > _MUCH_BYTES:
+        warnings.warn(f"{what}; a larger every= stores fewer", stacklevel=2)
+
+
+def _batches(ready: TrajectoryPlan, samples: int, line: Line, only_some: bool = False) -> Iterator[np.ndarray]:
+    """The states (paths, times, d) of the first so many paths, block after block; `only_some` are kept at a time."""
     times, d = ready.case.steps_stored + 1, len(ready.initial)
     most = max(1, int(_BATCH_BYTES / (8 * LANES * times * d)))
     total = math.ceil(samples / LANES)
+    _check_memory(ready, LANES * (min(most, total) if only_some else total))
     _compile(ready, line)
     for first in range(0, total, most):
         line.share("paths", first, total)
@@ -146,7 +162,7 @@ def _observed(ready: TrajectoryPlan, samples: int, observe: Observer, line: Line
     """What an observer makes of all paths."""
     found: dict[str, list[np.ndarray]] = {}
     times = times_of(ready)
-    for y in _batches(ready, samples, line):
+    for y in _batches(ready, samples, line, only_some=True):
         told = observe(times, y)
         for name, values in told.items() if isinstance(told, dict) else [("observed", told)]:
             values = np.asarray(values)

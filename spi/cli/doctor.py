@@ -12,6 +12,7 @@ from .. import CACHE_PROBLEM, __version__, kernels_folder, modules_folder, scrat
 from ..checks.compilable import CompilationError
 from ..compiler import rounding
 from ..ensemble.loop import thread_count
+from ..running.compiling import physical_memory
 from ..running.run import NOBODY, Watch, load, run
 from ..schemes import typical_ns
 from ..storage.records import Group
@@ -91,9 +92,8 @@ def _threads() -> Finding:
 
 
 def _memory() -> Finding:
-    try:
-        size = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # this system does not tell
+    size = physical_memory()
+    if size is None:
         return Finding("memory", "of unknown size")
     remedy = "" if size >= _LEAST_MEMORY else "see what `spi check` says an experiment needs"
     return Finding("memory", f"{size / 1e9:.1f} GB", remedy)

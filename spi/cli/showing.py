@@ -72,9 +72,9 @@ def show(
 
 def _tell_of_more(file: Path, folder: Path) -> None:
     """Say where a run that goes on from some results, with more samples, is unfinished."""
-    from ..running.finding import unfinished_runs
+    from ..running.finding import unfinished_run
 
-    if file.parent == folder and (path := unfinished_runs(folder).get(file.stem)):
+    if file.parent == folder and (path := unfinished_run(folder, file.stem)):
         sums = shlex.quote(path.as_posix())
         tell(f"spi: a run that is to replace these results is unfinished; `spi show {sums}` shows it")
 
@@ -156,7 +156,8 @@ def _refuse_results_in(out: Path, sources: list[Path] | None) -> None:
     """--out once meant the folder of results as well: say so where it still seems to."""
     names = ["*"] if not sources else [f"{source.stem}*" for source in sources if source.suffix != ".h5"]
     if any(file for name in names for file in out.glob(f"{name}.h5")):
-        end(INVALID, f"--out is the folder of figures now; write --results {out} for the results there")
+        remedy = f"add --results {out} for the results there, or else --results {RESULTS}"
+        end(INVALID, f"--out is the folder of figures now; {remedy}")
 
 
 def report(

@@ -169,6 +169,8 @@ def _cost(results: Results) -> Iterator[tuple[str, str]]:
 
 def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield from ((label, str(attributes[key])) for key, label in _PROVENANCE.items() if key in attributes)
+    if len(attributes.get("machines", ())) > 1:
+        yield "machines", "; and ".join(attributes["machines"])
     if attributes.get("overrides"):
         yield "overrides", "; ".join(attributes["overrides"])
 

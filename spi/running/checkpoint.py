@@ -88,6 +88,7 @@ class Checkpoint:
         self.failed = False
         self.begun_with: float | None = None  #: the work that was known before this run
         self.saved_work = 0.0
+        self.machines = {storage.machine()}  #: on which anything was computed that is known
 
     @property
     def by_name(self) -> dict[str, State]:
@@ -177,6 +178,7 @@ class Checkpoint:
                     if plain := Kept(*read).of(self.keys[name]):
                         state.merge(plain, with_extra)
                         known.add(name)
+                        self.machines.update(read[0].get("machines") or ())
                 except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, MemoryError) as error:
                     self.tell(f"warning: {path}: has {error} for {name}, so it was edited; they are computed anew")
         return known
@@ -191,6 +193,7 @@ class Checkpoint:
             "spi_version": __version__,
             "samples": sum(self.experiment.samples),
             "finished": finished,
+            "machines": sorted(self.machines),
             "progress": told.progress_of(self.states),
             "run": told.as_run(self.experiment),
         }

@@ -69,6 +69,14 @@ def processors():
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def physical_memory():
+    """The bytes of memory of this machine; None where the system does not tell."""
+    try:
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
 def work(folder, jobs, report=lambda number: None):
     """Compile the jobs that no other process has taken, one after the other; `report` is told their numbers."""
     for number, job in enumerate(jobs, 1):

@@ -2,6 +2,7 @@
 
 import contextlib
 import difflib
+import re
 import shlex
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +18,8 @@ from ..storage.results import read_root
 from . import shipped
 from .load import STORED, SUMS, load_any
 
+#: What in the name of a file of sums follows that of the experiment.
+_OF_SUMS = re.compile(r"-[0-9a-f]{12}-.*[.]npz$")
 #: The endings of spec files.
 SPECS = (".yaml", ".yml")
 
@@ -145,7 +148,7 @@ def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted, unf
     """The path, if there is such a file, or that of sums if they will do; StorageError with what to do if not."""
     if path.is_file():
         return path
-    sums = unfinished_runs(folder).get(path.stem)
+    sums = unfinished_run(folder, path.stem)
     if unfinished and sums is not None:
         return sums
     every = sorted(file.stem for file in folder.glob("*.h5"))
@@ -163,9 +166,9 @@ def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted, unf
     raise StorageError(f"{path}: no such file; {'; '.join(told)}")
 
 
-def unfinished_runs(folder: Path) -> dict[str, Path]:
-    """What the results of runs would be called that are not finished -> their sums, of the latest run of each name."""
-    return {one.name: one.path for one in _unfinished(folder)}
+def unfinished_run(folder: Path, name: str) -> Path | None:
+    """The sums of the latest run that is not finished and whose results would have this name; None if there is none."""
+    return {one.name: one.path for one in _unfinished(folder, name)}.get(name)
 
 
 def place_of_figures(path: Path) -> tuple[Path, str]:
@@ -177,6 +180,14 @@ def place_of_figures(path: Path) -> tuple[Path, str]:
     return folder, f"{names[0] if names else path.stem}_unfinished"
 
 
+def _written(path: Path) -> float:
+    """When a file was written; one that a run is just replacing is as old as can be."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
 class Unfinished(NamedTuple):
     """A run that is not finished."""
 
@@ -185,10 +196,13 @@ class Unfinished(NamedTuple):
     about: dict[str, Any]  #: what they tell of it
 
 
-def _unfinished(folder: Path) -> list[Unfinished]:
-    """The runs of a folder that are not finished, from the earliest to the latest."""
+def _unfinished(folder: Path, name: str | None = None) -> list[Unfinished]:
+    """The runs of a folder that are not finished, from the earliest to the latest; those that a name could be of."""
     runs = []
-    for path in sorted((folder / "sums").glob("*.npz"), key=lambda path: (path.stat().st_mtime, path)):
+    for path in sorted((folder / "sums").glob("*.npz"), key=lambda path: (_written(path), path)):
+        experiment = _OF_SUMS.sub("", path.name)
+        if name is not None and name != experiment and not name.startswith(f"{experiment}."):
+            continue  # sums can be large
         about = storage.about_sums(path) or {}
         with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):
             run = about["run"]

@@ -130,7 +130,7 @@ class StoredSpec(NamedTuple):
 def stored_spec(path: str | Path) -> StoredSpec:
     """The spec in a file of results, or of sums, which is not read; StorageError if the file cannot be read."""
     if Path(path).suffix in SUMS:
-        stored = (storage.about_sums(Path(path)) or {}).get("run")
+        stored = (about_last(Path(path)) or {}).get("run")
         if not isinstance(stored, dict):
             raise storage.StorageError(f"{path}: holds no sums over paths of this version of spi; give results")
     else:
@@ -143,6 +143,11 @@ def stored_spec(path: str | Path) -> StoredSpec:
         return StoredSpec(name, stored["profile"], tuple(stored["overrides"]), stored["spec"], tuple(files))
     except (KeyError, TypeError, ValueError, AttributeError):
         raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
+
+
+def about_last(path: Path) -> dict[str, Any] | None:
+    """What a file of sums tells, or the one before it where a run is just replacing it; None if neither can be read."""
+    return storage.about_sums(path) or storage.about_sums(storage.previous(path))
 
 
 def means_another(path: str | Path, experiment: specs.Experiment) -> bool:

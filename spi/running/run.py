@@ -126,7 +126,9 @@ def run(
         if workers is None:
             advance_here(checkpoint.states, session.tick)
         else:
+            checkpoint.machines |= workers.machines()
             advance_with(workers, Source.of(experiment), checkpoint.states, session.tick)
+            checkpoint.machines |= workers.machines()
         return session.finish()
 
 
@@ -180,7 +182,8 @@ class Session:
         try:
             if not self.fresh:  # another run may have written there in the meantime
                 self.check_replaceable()
-            attributes = root_attributes(experiment) | {"parts": json.dumps(checkpoint.sizes)}
+            told = {"parts": json.dumps(checkpoint.sizes), "machines": tuple(sorted(checkpoint.machines))}
+            attributes = root_attributes(experiment) | told
             storage.write(self.target, Results(attributes, groups, checkpoint.chunks()))
         except storage.StorageError:
             checkpoint.save(finished=True)  # so that nothing is computed again once this is mended

@@ -6,7 +6,7 @@ from .. import NUMBERS_DIGEST, storage
 from ..storage import StorageError
 from ..storage.records import Results
 from .checkpoint import Checkpoint, Limits, sums_path
-from .load import SUMS, load_stored
+from .load import SUMS, about_last, load_stored
 from .run import root_attributes
 from .told import progress_of
 
@@ -22,7 +22,7 @@ def read(path: Path, trust_code: bool = False) -> Results:
     if path.suffix not in SUMS:
         return storage.read(path)
     experiment = load_stored(path, trust_code)
-    about = storage.about_sums(path) or {}
+    about = about_last(path) or {}
     if about.get("source_digest") != NUMBERS_DIGEST:
         raise StorageError(f"{path}: holds sums that {storage.computed_by(about)}; those sources can show them")
     checkpoint = Checkpoint(experiment, sums_path(experiment, path.parent.parent), Limits(), tell=lambda news: None)

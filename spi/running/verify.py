@@ -217,8 +217,11 @@ def _label(one: Which) -> str:
 def _causes(results: Results) -> tuple[str, ...]:
     """What is not as it was."""
     now = {**storage.provenance(), "source_digest": NUMBERS_DIGEST, "stream_version": STREAM_VERSION}
-    return tuple(
+    machines = results.attributes.get("machines") or ()
+    others = [one for one in machines if one != storage.machine()] if len(machines) > 1 else []
+    found = [
         f"{label}: {results.attributes.get(name)} then, {now[name]} now"
         for name, label in CAUSES.items()
         if results.attributes.get(name) != now[name]
-    )
+    ]
+    return (*found, *(f"one of {len(machines)} machines: {one}" for one in others))

@@ -13,6 +13,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from multiprocessing import get_context
 from typing import Any, Protocol
 
+from .. import storage
 from ..ensemble.loop import limited_threads
 from ..kinds.plans import sums_of_chunk
 from ..kinds.state import State
@@ -21,11 +22,8 @@ from .compiling import processors
 from .load import Source, plans_of
 from .orphans import end_with_parent, follow_the_parent
 
-#: A chunk whose worker was lost is handed out again at most so many times.
-MOST_LOSSES = 5
-
-#: On this machine.
-MOST_WORKERS = 1024
+#: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
+MOST_LOSSES, MOST_WORKERS = 5, 1024
 
 _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two threads of a process at once
 
@@ -54,6 +52,9 @@ class Workers(Protocol):
     def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere."""
 
+    def machines(self) -> set[str]:
+        """What ``storage.machine`` says of others than this one, on which they are."""
+
     def stuck(self) -> bool:
         """Whether, after a while without an answer, none is to be expected any more."""
 
@@ -65,6 +66,7 @@ class Processes:
     """Worker processes on this machine, among which its processors are shared out."""
 
     lost: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    machines = staticmethod(set[str])  #: none but this one
 
     def __init__(self, size: int) -> None:
         self.size = size
@@ -129,6 +131,10 @@ class Dask:
         """Have a chunk computed by one of them."""
         return self.executor.submit(compute, source, number, chunk, 1)
 
+    def machines(self) -> set[str]:
+        """Those of its workers, at the moment."""
+        return set(self.client.run(storage.machine, on_error="ignore").values())
+
     def stuck(self) -> bool:
         """No: a cluster sees to its own workers."""
         return False
@@ -157,26 +163,21 @@ def dask(address: str) -> Iterator[Dask]:
     import dask.config
     from distributed import Client, LocalCluster
 
-    # A worker that is lost makes every chunk it had suspect, and four such suspicions end a chunk for good; chunks are
-    # independent, so only what is lost over and over is given up (MOST_LOSSES).
-    with dask.config.set({"distributed.scheduler.allowed-failures": MOST_LOSSES}), contextlib.ExitStack() as stack:
-        cluster = None
+    # A worker that is lost makes all its chunks suspect, and four suspicions end one; but chunks are independent.
+    settings: dict[str, Any] = {f"distributed.{one}.http.routes": [] for one in ("scheduler", "worker")}  # no pages
+    settings["distributed.scheduler.allowed-failures"] = MOST_LOSSES
+    with dask.config.set(settings), contextlib.ExitStack() as stack:
         if address.startswith("local:"):
-            size = _size(address.removeprefix("local:"))
-            quiet = {"dashboard_address": None, "silence_logs": logging.ERROR}
-            cluster = LocalCluster(n_workers=size, threads_per_worker=1, processes=True, **quiet)
-            address = stack.enter_context(cluster)
-        client = stack.enter_context(Client(address))
-        if cluster:
+            size = int(address[6:]) if re.fullmatch("local:[0-9]{1,9}", address) else 0
+            if not 1 <= size <= MOST_WORKERS:
+                raise ValueError(f"N must be from 1 to {MOST_WORKERS}")
+            quiet: Any = {"scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}, "dashboard_address": None}
+            quiet |= {"silence_logs": logging.ERROR, "threads_per_worker": 1, "processes": True}
+            client = stack.enter_context(Client(stack.enter_context(LocalCluster(n_workers=size, **quiet))))
             client.register_worker_callbacks(end_with_parent)
+        else:
+            client = stack.enter_context(Client(address))
         yield Dask(client)
-
-
-def _size(text: str) -> int:
-    """A number of workers; ValueError if it is none, or more than any machine has processors."""
-    if not re.fullmatch("[0-9]{1,9}", text) or not 1 <= int(text) <= MOST_WORKERS:
-        raise ValueError(f"N must be from 1 to {MOST_WORKERS}")
-    return int(text)
 
 
 Tick = Callable[[int], None]  #: told the number of a part after each batch of it; whatever it raises ends the work
@@ -184,7 +185,6 @@ Task = tuple[int, Chunk]  #: the number of a part, and a chunk of it
 
 #: Chunks that are handed to each worker at a time, so that none waits for the next.
 _AHEAD = 2
-
 #: Seconds without an answer after which it is asked whether the workers are stuck.
 _PATIENCE = 10.0
 

@@ -281,15 +281,13 @@ class FunctionsCase(ErrorCase):
 
     def _tree(self, name: str, text: str) -> Any:
         """The tree of a test function."""
-        d = dimension(self.model)
         try:
-            tree = parse_expression(text, d, self.variables)
+            tree = parse_expression(text, d := dimension(self.model), self.variables)
             if is_constant(tree):
                 raise NumberError("constant")
         except NumberError as error:
-            known, example = f"y1 .. y{min(d, MOST)}", "sin(2*pi*y1) + y2^2"
-            if self.variables:
-                known, example = ", ".join(self.variables), f"{self.variables[0]}^2"
+            known = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
+            example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
             right = f"must be an expression in {known} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree

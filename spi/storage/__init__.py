@@ -2,7 +2,7 @@
 
 from .files import StorageError, check_writable, contents, write_all
 from .identity import check_replaceable, computed_by, finished, spec_and_sources
-from .provenance import provenance
+from .provenance import machine, provenance
 from .results import read, write
 from .sums import about_sums, previous, read_sums, remove_sums, write_sums
 
@@ -14,6 +14,7 @@ __all__ = [
     "computed_by",
     "contents",
     "finished",
+    "machine",
     "previous",
     "provenance",
     "read",

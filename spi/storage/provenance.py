@@ -29,6 +29,15 @@ def provenance() -> dict[str, Any]:
     }
 
 
+def machine() -> str:
+    """This machine in a line: what of it the last digits of results could depend on."""
+    from ..compiler import rounding
+
+    compiled = f"{rounding.instruction_set()}, vectors of {rounding.vector_bits()} bits"
+    versions = ", ".join(f"{name} {_version_of(name)}" for name in ("numba", "numpy"))
+    return f"{_processor()}; {compiled}; {versions}"
+
+
 def _version_of(package: str) -> str:
     """The version of an installed package; results must not be lost because some installation does not tell it."""
     try:

@@ -27,6 +27,7 @@ VERSION = 4
 #: The types of what is told about sums.
 _ABOUT: dict[str, Any] = {
     **dict.fromkeys(("paths_hash", "spec_hash", "source_digest", "spi_version"), str | None),
+    "machines": tuple[str, ...] | None,
     **{"samples": int | None, "finished": bool | None, "parts": tuple[str, ...]},
 }
 

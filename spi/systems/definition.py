@@ -19,8 +19,9 @@ from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
 from .data import Data
 from .forms import check_finite, check_name, degree_of, linear, shortened
+from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
-from .splitting import Constants, Flow, NoExactFlow, merged, single, split
+from .splitting import Constants, Flow, NoExactFlow, Term, merged, single, split
 from .symbolics import Symbolics
 from .system import Function, System
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
@@ -63,6 +64,7 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
 class _Reader(Data):
     def __init__(self, data: Mapping[str, Any]) -> None:
         super().__init__(data)
+        self.invariants: list[Any] | None = None  # the Casimir functions, once they were asked for
         self.sizes = {
             name: self.at(("sizes", name), whole, text, Symbols()) for name, text in self.mapping("sizes").items()
         }
@@ -193,7 +195,8 @@ class _Reader(Data):
     def flows(self, world: Symbolics, formulas: Symbols, constants: Constants) -> list[Flow]:
         """The flows of H: those of the given pieces, or the ones that the splitting finds."""
         if "pieces" in self.data:
-            found = [self.flow(piece, world, keys, "piece") for keys, _, piece in self.expressions("pieces", formulas)]
+            pieces = self.expressions("pieces", formulas)
+            found = [self.flow(piece, world, formulas, keys, "piece") for keys, _, piece in pieces]
         else:
             if "hamiltonian" not in self.data:
                 raise DefinitionError(
@@ -203,7 +206,7 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                found = split(parts, world, constants)
+                found = split(parts, world, constants, lambda addend: self.by_invariants(addend, world, formulas))
             except NoExactFlow as error:
                 raise DefinitionError(f"has no exact flow: {error}", "hamiltonian") from None
         if len(found) > MOST:
@@ -222,12 +225,19 @@ class _Reader(Data):
         return total
 
     def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
-        found = [self.flow(noise, world, keys, "noise") for keys, _, noise in self.expressions("noises", formulas)]
+        noises = self.expressions("noises", formulas)
+        found = [self.flow(noise, world, formulas, keys, "noise") for keys, _, noise in noises]
         if len(found) > MOST:
             raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
         return found
 
-    def flow(self, function: Any, world: Symbolics, keys: Sequence[Any], what: str) -> Flow:
+    def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
+        """The term of a function of Casimir functions and of linear ones, if it is one."""
+        if self.invariants is None:
+            self.invariants = [found.expression for found in self.casimirs(world, formulas)[0]]
+        return by_invariants(function, world, self.invariants)
+
+    def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any], what: str) -> Flow:
         """The one flow of a piece or a noise, all of whose terms commute."""
         text = shortened(world.name(function))
         if not world.used(function):
@@ -241,6 +251,10 @@ class _Reader(Data):
         except NoExactFlow:
             terms = []
         found = merged(terms, world.bracket)
+        if len(found) != 1 and (term := self.by_invariants(function, world, formulas)) is not None:
+            if not term.functionals:
+                raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
+            return Flow((term,))
         if len(found) != 1:
             help_ = "use a function of commuting variables" if what == "noise" else "split it further"
             raise DefinitionError(f"has no exact flow: {reason}; {help_}", *keys)

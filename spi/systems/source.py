@@ -145,7 +145,7 @@ class _Generator:
 
     def rates(self, flow: Flow, key: Any) -> list[Any]:
         """df/dl of the linear functions l of a flow, which are derivatives at their pivots."""
-        return [sympy.diff(flow.expression, self.world.variables[pivot]) for pivot, _ in key]
+        return [flow.slope(self.world.variables[pivot]) for pivot, _ in key]
 
     def flow_words(self, part: str, flows: Sequence[Flow], keys: Sequence[Any]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""

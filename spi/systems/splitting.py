@@ -5,7 +5,8 @@ y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of
 """
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import mpmath
@@ -28,6 +29,13 @@ class Term(NamedTuple):
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
+    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> Casimir functions whose values they are
+    original: Any = None  #: where it has such symbols: the same in the variables alone
+
+    @property
+    def whole(self) -> Any:
+        """The expression without such symbols."""
+        return self.expression if self.original is None else self.original
 
 
 class Constants:
@@ -52,7 +60,11 @@ class Flow(NamedTuple):
 
     @property
     def expression(self) -> Any:
-        return sympy.Add(*(term.expression for term in self.terms))
+        return sympy.Add(*(term.whole for term in self.terms))
+
+    def slope(self, variable: Any) -> Any:
+        """The derivative by a variable, Casimir functions being kept."""
+        return sympy.Add(*(sympy.diff(t.expression, variable).xreplace(dict(t.kept)) for t in self.terms))
 
     @property
     def varying(self) -> bool:
@@ -63,22 +75,30 @@ class Flow(NamedTuple):
         return reduced([f for term in self.terms for f in term.functionals])
 
 
-def single(expression: Any, world: Symbolics) -> Term:
-    """The term that an expression is; NoExactFlow if it is none."""
-    functionals, pivots = functionals_of(expression, world)
+def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingProxyType({})) -> Term:
+    """The term that an expression is; NoExactFlow if it is none.  For `kept` see :class:`Term`."""
+    functionals, pivots = functionals_of(expression, world, kept)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
             names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
-    return Term(expression, functionals, pivots, varying)
+    return Term(expression, functionals, pivots, varying, kept)
 
 
-def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> list[Flow]:
-    """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none."""
-    terms, crossing = _terms(addends, world)
+def split(
+    addends: Sequence[Any],
+    world: Symbolics,
+    constants: Constants,
+    otherwise: Callable[[Any], Term | None] = lambda addend: None,
+) -> list[Flow]:
+    """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none.
+
+    `otherwise` is asked for the term that an addend is which would be refused.
+    """
+    terms, crossing = _terms(addends, world, otherwise)
     for component in connected(map(world.used, crossing)):
-        inside = [term for term in terms if _is_square_within(term.expression, component, world)]
+        inside = [term for term in terms if not term.kept and _is_square_within(term.expression, component, world)]
         terms = [term for term in terms if term not in inside]
         form = sympy.Add(*crossing, *(term.expression for term in inside))
         terms += _diagonalised(form, component, world, constants)
@@ -104,7 +124,9 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     return [Flow(tuple(flow)) for flow in flows]
 
 
-def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any]]:
+def _terms(
+    addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]
+) -> tuple[list[Term], list[Any]]:
     """(terms with exact flows, products y_i y_j of components that do not commute)."""
     terms: list[Term] = []
     crossing: list[Any] = []
@@ -120,10 +142,12 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[A
             continue  # so does a Casimir function
         expanded = sorted(sympy.Add.make_args(sympy.expand(addend)), key=world.used)
         if len(expanded) > 1:
-            more, cross = _of_parts(addend, expanded, world)
+            more, cross = _of_parts(addend, expanded, world, otherwise)
             terms, crossing = terms + more, crossing + cross
         elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
             crossing.append(addend)
+        elif (found := otherwise(addend)) is not None:
+            terms.append(found)
         else:
             raise NoExactFlow(
                 f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
@@ -131,17 +155,21 @@ def _terms(addends: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[A
     return terms, crossing
 
 
-def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics) -> tuple[list[Term], list[Any]]:
+def _of_parts(
+    addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]
+) -> tuple[list[Term], list[Any]]:
     """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
     try:
-        return _terms(expanded, world)
+        return _terms(expanded, world, lambda part: None)
     except NoExactFlow as refused:
         reason = refused
+    if (found := otherwise(addend)) is not None:
+        return [found], []
     sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
     if len(sums) != 1:
         raise reason
     outer = [f for f in sympy.Mul.make_args(addend) if f is not sums[0]]
-    return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world)
+    return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world, otherwise)
 
 
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
@@ -190,7 +218,9 @@ def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: 
     return terms
 
 
-def functionals_of(expression: Any, world: Symbolics) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+def functionals_of(
+    expression: Any, world: Symbolics, kept: Iterable[Any] = ()
+) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
     """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
@@ -200,7 +230,8 @@ def functionals_of(expression: Any, world: Symbolics) -> tuple[tuple[Functional,
         f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
     ):
         return coordinates, used  # a monomial
-    gradient = [sympy.diff(expression, world.variables[i]).xreplace(dict(world.parameters)) for i in used]
+    numbers = dict(world.parameters) | {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
+    gradient = [sympy.diff(expression, world.variables[i]).xreplace(numbers) for i in used]
     value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
     rows = []
     with mpmath.workdps(DIGITS + 20):

@@ -244,6 +244,19 @@ def test_a_class_of_ones_own_is_that_of_its_file(tmp_path, monkeypatch):
     assert silent.sigma == (None,)
 
 
+def test_what_observers_are_given_is_told_before_it_fills_memory(monkeypatch):
+    monkeypatch.setattr("spi.api.paths.physical_memory", lambda: 1e3)
+    paths = {"samples": 3, "observe": lambda t, y: y[:, -1], **PATH}
+    with pytest.raises(
+        spi.SpecError, match=rf"^every: is 1: the states of {LANES} paths at \d+ times take .* GB; store"
+    ):
+        spi.trajectory(BODY, "splitting", **paths)
+    monkeypatch.setattr("spi.api.paths.physical_memory", lambda: None)
+    monkeypatch.setattr("spi.api.paths._MUCH_BYTES", 1e3)
+    with pytest.warns(UserWarning, match="GB at once; a larger every= stores fewer"):
+        spi.trajectory(BODY, "splitting", **paths)
+
+
 @pytest.mark.parametrize("most", [1, 64e6])  # bytes of states that are recorded at a time
 def test_observers_see_all_paths(monkeypatch, most):
     monkeypatch.setattr("spi.api.paths._BATCH_BYTES", most)

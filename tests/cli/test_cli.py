@@ -165,7 +165,10 @@ def test_plot_without_arguments_draws_all_results_and_no_sums(spi):
     assert err.splitlines() == [f"wrote there/{stem}.{kind}" for stem in stems for kind in ("pdf", "png")]
     for arguments in ((), ("a",), ("a.yaml",)):
         moved = one_line(spi("plot", *arguments, "--out", "there"))
-        assert moved == "spi: --out is the folder of figures now; write --results there for the results there\n"
+        assert moved == (
+            "spi: --out is the folder of figures now; "
+            "add --results there for the results there, or else --results results\n"
+        )
 
 
 def test_figures_go_where_out_says(spi):

@@ -16,8 +16,10 @@ from spi import storage
 from spi.cli import main
 from spi.numerics.rng import LANES
 from spi.running import run as runner
-from spi.running import workers
+from spi.running import shards, workers
+from spi.running.checkpoint import Shard
 from spi.running.run import Limits, Watch, load
+from spi.running.verify import verify
 from spi.statistics import tallies
 
 fcntl = pytest.importorskip("fcntl")  # there is none on Windows, where files of living processes cannot be removed
@@ -119,6 +121,9 @@ class Losing:
             future.set_exception(BrokenExecutor())
         return future
 
+    def machines(self):
+        return {"another"}
+
     def stuck(self):
         return False
 
@@ -133,7 +138,8 @@ def test_what_is_done_is_kept_where_workers_are_lost_again_and_again(tmp_path, m
 
     with pytest.raises(workers.WorkersLost, match=r"lost over the same paths; .*; progress is saved in .*npz$"):
         run()
-    _, parts = storage.read_sums(runner.sums_path(strong(), tmp_path))
+    about, parts = storage.read_sums(runner.sums_path(strong(), tmp_path))
+    assert about["machines"] == sorted(["another", storage.machine()])
     assert sum(len(kept["digests"]) for part in parts.values() for kept in part["path_sets"]) == 4
     monkeypatch.setattr("spi.cli.app", lambda *_, **__: run())
     monkeypatch.setattr(sys, "argv", ["spi"])
@@ -200,3 +206,17 @@ def test_folders_of_processes_that_were_killed_are_removed(tmp_path, monkeypatch
         assert {lives, foreign, Path(mine)} == set(tmp_path.iterdir())
     processes[1].communicate("\n")
     assert set(tmp_path.iterdir()) == {foreign}
+
+
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+def test_all_machines_are_named_on_which_merged_sums_were_computed(tmp_path, monkeypatch):
+    for number in (1, 2):
+        monkeypatch.setattr(storage, "machine", lambda number=number: f"machine {number}")
+        shards.run_shard(strong(), Shard(number, 2), tmp_path)
+    monkeypatch.setattr(storage, "machine", lambda: "this one")
+    path = shards.merge(strong(), tmp_path)
+    assert storage.read(path).attributes["machines"] == ("machine 1", "machine 2", "this one")
+    assert [cause for cause in verify(path, 1).causes if "machine" in cause] == [
+        "one of 3 machines: machine 1",
+        "one of 3 machines: machine 2",
+    ]

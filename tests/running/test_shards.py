@@ -5,6 +5,7 @@ import os
 import signal
 import struct
 import time
+import urllib.request
 from concurrent.futures import BrokenExecutor
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
@@ -237,7 +238,9 @@ def test_a_process_that_is_killed_while_it_answers_is_made_up_for():
 @pytest.mark.slow
 def test_dask_with_a_worker_that_is_killed(tmp_path, straight):
     with workers.dask("local:2") as pool:
-        assert pool.size == 2
+        assert pool.size == 2 and pool.machines() == {storage.machine()}
+        with pytest.raises(urllib.error.HTTPError, match="404"):  # no dashboard is opened
+            urllib.request.urlopen(pool.client.dashboard_link, timeout=10)
         killer = Killer(lambda: list(pool.client.run(os.getpid).values()))
         path = runner.run(strong(), tmp_path, workers=pool, watch=Watch(report=killer))
     assert killer.killed

@@ -126,7 +126,7 @@ WRONG = [
         "has no exact flow: 'y1*y2*y3' depends on y1 and y2, which do not commute; write",
     ),
     (spin("y3", "cos(y1*y2)"), ("hamiltonian",), "'cos(y1*y2)' depends on y1 and y2, which do not commute"),
-    (spin("(y1 + y2)^3", "sqrt(y1^2 + y3^2)"), ("hamiltonian",), "'sqrt(y1^2 + y3^2)' depends on y1 and y3"),
+    (spin("(y1 + y2)^3", "sqrt(y1^2 + 2*y3^2)"), ("hamiltonian",), "'sqrt(y1^2 + 2*y3^2)' depends on y1 and y3"),
     ("{algebra: so(3)}", ("hamiltonian",), "missing key 'hamiltonian'; add hamiltonian: H, a formula"),
     ("{algebra: so(3), hamiltonian: [y1, y2]}", ("hamiltonian",), "must be one formula"),
     ("{algebra: so(3), hamiltonian: {y1: y2}}", ("hamiltonian",), "is not a string; must be one formula"),
