@@ -95,7 +95,7 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
         assert (after["hits"], after["misses"]) == ((0, 1) if compiles else (1, 0)), name
         # Numba itself would not notice the edit of the model: the kernel lies in another file.
         assert (np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1) == compiles
-    assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.is_dir()]) == 2
+    assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.name != "modules"]) == 2
 
 
 @pytest.mark.slow
