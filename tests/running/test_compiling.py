@@ -149,6 +149,7 @@ json.dump([hits, misses, len(started), found], sys.stdout)
 """
 
 
+@pytest.mark.slow
 def test_a_run_finds_all_that_workers_compiled_and_the_bits_are_the_same(program, tmp_path):
     spec = EXPERIMENTS / "lotka_volterra_positivity.yaml"  # whose kernels take least to compile
     hits, misses, started, found = program(RUN.replace("SPEC", str(spec)), "")
@@ -197,9 +198,12 @@ OF_ALL_KINDS = {
 }
 
 
-def test_the_calls_of_a_plan_are_all_that_has_to_be_compiled():
+@pytest.mark.parametrize(
+    "names", [["rigid_body_strong", "stability_long_time"], pytest.param([*OF_ALL_KINDS], marks=pytest.mark.slow)]
+)
+def test_the_calls_of_a_plan_are_all_that_has_to_be_compiled(names):
     """In a process of its own, where no other test has loaded kernels."""
-    specs = {str(EXPERIMENTS / f"{name}.yaml"): overrides for name, overrides in OF_ALL_KINDS.items()}
+    specs = {str(EXPERIMENTS / f"{name}.yaml"): OF_ALL_KINDS[name] for name in names}
     command = [sys.executable, "-c", CALLS_OF_PLANS]
     answer = subprocess.run(command, input=json.dumps(specs), capture_output=True, text=True, check=False)
     assert answer.returncode == 0, answer.stderr

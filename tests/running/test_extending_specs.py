@@ -93,6 +93,7 @@ def test_what_would_be_lost_is_refused(extended):
     assert extended(STRONG | {"seed": 2}) == {("main/splitting", 0)}
 
 
+@pytest.mark.slow
 def test_a_composition_beside_others(extended):
     """Those that a part does not use decide nothing of it; one of another content does."""
     first = {"mine": ["noise 1/2", "drift 1", "noise 1/2"]}
@@ -143,6 +144,7 @@ def test_targets_and_repeats_of_work_and_precision(extended):
 
 
 @compiled_only
+@pytest.mark.slow
 def test_a_large_path_goes_on_to_a_later_time(extended, computed):
     """From its last state where coins are tossed anew there; results of a longer time are not replaced."""
     keys = {"kind": "trajectory", "model": {"name": "zeitlin", "n": 5}, "step": "2^-7", "schemes": ["splitting"]}
