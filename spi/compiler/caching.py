@@ -9,7 +9,6 @@ import contextlib
 import copy
 import hashlib
 import inspect
-import os
 import sys
 from pathlib import Path
 
@@ -84,7 +83,7 @@ class SharedCache(FunctionCache):
         things = {self._py_func}.union(*map(record_classes, types))
         foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
         foreign |= {(VARIABLE, part) for part in left_out()}
-        if rounding.VARIABLE in os.environ:
+        if rounding.WISH != rounding.USUAL:
             foreign.add((rounding.VARIABLE, rounding.WISH))
         if not foreign:
             return self

@@ -30,7 +30,8 @@ VARIABLE = "SPI_VECTOR_BITS"
 WIDTHS = (128, 256, 512)
 ALLOWED = "contract"  # the flag of LLVM by which a product and a sum may become one operation
 
-WISH = os.environ.get(VARIABLE) or "512"
+USUAL = "512"
+WISH = os.environ.get(VARIABLE) or USUAL
 if WISH not in map(str, WIDTHS):
     raise SystemExit(f"spi: {VARIABLE} is {WISH!r}, which is not 128, 256 or 512")
 

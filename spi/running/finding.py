@@ -151,15 +151,15 @@ def _there(path: Path, name: str, called: str, folder: Path, wanted: Wanted, unf
     sums = unfinished_run(folder, path.stem)
     if unfinished and sums is not None:
         return sums
-    every = sorted(file.stem for file in folder.glob("*.h5"))
-    others = [other for other in every if other == name or other.startswith(f"{name}.")]
+    names = sorted(file.stem for file in folder.glob("*.h5"))
+    others = [other for other in names if other == name or other.startswith(f"{name}.")]
     told = [f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it"] * (
         name in shipped.names() or Path(called).is_file()
     )
     if others:
         told.append(f"there {'is' if len(others) == 1 else 'are'} {', '.join(others[:5])}{', ...' * (len(others) > 5)}")
     elif not told:
-        near = difflib.get_close_matches(name, [*every, *shipped.names()], 1)
+        near = difflib.get_close_matches(name, [*names, *shipped.names()], 1)
         told.append(f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows")
     if sums is not None:
         told.insert(0, f"its run is unfinished, {sums} has what is there so far")
@@ -175,9 +175,8 @@ def place_of_figures(path: Path) -> tuple[Path, str]:
     """Into which folder figures of results go unless told otherwise, and what they are called without an ending."""
     if path.suffix not in SUMS:
         return path.parent, path.stem
-    folder = path.parent.parent
-    names = [one.name for one in _unfinished(folder) if one.path == path]
-    return folder, f"{names[0] if names else path.stem}_unfinished"
+    run = _unfinished_in(path)
+    return path.parent.parent, f"{run.name if run else path.stem}_unfinished"
 
 
 def _written(path: Path) -> float:
@@ -203,9 +202,16 @@ def _unfinished(folder: Path, name: str | None = None) -> list[Unfinished]:
         experiment = _OF_SUMS.sub("", path.name)
         if name is not None and name != experiment and not name.startswith(f"{experiment}."):
             continue  # sums can be large
-        about = storage.about_sums(path) or {}
-        with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):
-            run = about["run"]
-            if not about["finished"]:
-                runs.append(Unfinished(results_name(run["experiment"], run["profile"], run["overrides"]), path, about))
+        if run := _unfinished_in(path):
+            runs.append(run)
     return runs
+
+
+def _unfinished_in(path: Path) -> Unfinished | None:
+    """The run whose sums a file holds; None if it is finished, or cannot be read."""
+    about = storage.about_sums(path) or {}
+    with contextlib.suppress(KeyError, TypeError, ValueError, AttributeError):
+        run = about["run"]
+        if not about["finished"]:
+            return Unfinished(results_name(run["experiment"], run["profile"], run["overrides"]), path, about)
+    return None

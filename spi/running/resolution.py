@@ -3,6 +3,8 @@
 The bracket sin(2 pi (m x k) / N) N / (2 pi) is that of a fluid where m x k is small beside N: matrices of N x N entries
 hold cells of area (2 pi)^2 / N.  How much finer a state is shows in its Casimirs: C_k = tr W^k / N is the mean of
 omega^k where the cells are small enough, and less in modulus where a vortex fills few of them.
+
+They are computed by NumPy, not by ``spi/models/zeitlin/matrices.py``, so that `spi check` compiles nothing for them.
 """
 
 import math

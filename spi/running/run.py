@@ -20,6 +20,7 @@ from . import compiling
 from .checkpoint import Checkpoint, Limits, Stopped, sums_path
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, reports, sources
+from .told import as_run
 from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
@@ -259,11 +260,9 @@ def _stored_modules(experiment: specs.Experiment) -> str | None:
 def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
     """All root attributes of the results of an experiment."""
     return {
+        **as_run(experiment),
         **identity(experiment),
         "model_modules": _stored_modules(experiment),
-        "kind": experiment.kind,
-        "experiment": experiment.name,
-        "title": experiment.title,
         "asks": experiment.asks,
         "figure": experiment.figure,
         "seed": experiment.cases[0].seed,

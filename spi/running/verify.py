@@ -23,7 +23,7 @@ CAUSES = {
     "source_digest": "source code of spi",
     "stream_version": "version of the random numbers",
     "machine_instruction_set": "instruction set",
-    "machine_vector_bits": "bits of vectors",
+    "machine_fused_operations": "fused operations",
     "machine_processor": "processor",
     "machine_numba": "version of Numba",
     "machine_numpy": "version of NumPy",
