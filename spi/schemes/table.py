@@ -13,8 +13,17 @@ from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
-from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
-from .stages import has_loops
+from .splitting import (
+    JOINT,
+    JOINT_AREAS,
+    JOINT_LIE,
+    LIE_TROTTER,
+    LIE_TROTTER_AREAS,
+    LIE_TROTTER_EXCHANGED,
+    ORDER_2,
+    SYMMETRIC,
+)
+from .stages import has_joint, has_loops, has_shared
 
 
 class Scheme(NamedTuple):
@@ -48,13 +57,15 @@ class Scheme(NamedTuple):
 
     @property
     def solvable_without_sampling(self):
-        """Whether ``spi.exact.kolmogorov`` can do it: a composition, with increments of Wiener processes alone."""
-        return self.composition is not None and not self.multiscale and not has_loops(self.composition)
+        """Whether ``spi.exact.kolmogorov`` can do it: a composition, each noise flow with an increment of its own."""
+        stages = self.composition
+        return stages is not None and not self.multiscale and not has_loops(stages) and not has_shared(stages)
 
     @property
     def for_large_models(self):
         """Whether it can be used with models whose states are arrays."""
-        return answers(advance_large, self.record) and not (self.composition and has_loops(self.composition))
+        stages = self.composition or ()
+        return answers(advance_large, self.record) and not (has_loops(stages) or has_joint(stages))
 
 
 SCHEMES: dict[str, Scheme] = {}
@@ -98,6 +109,39 @@ register_scheme(
     "a b = -sigma_k sigma_l J_lk",
     reference="ours; areas as in doi:10.1214/aoap/1015345301",
     look=("*", "#000000"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves=POISSON["preserves"],
+)
+register_scheme(
+    "splitting_joint_lie",
+    record=JOINT_LIE,
+    label="joint splitting, once",
+    formula="z = J_p...J_1 y, J_k = exp(h Y_{H_k} + sigma_k dW_k Y_{Ĥ_k}), the noises with their pieces of H",
+    reference="docs/joint.md",
+    look=("P", "#56B4E9"),
+    weak_order=1.0,
+    **POISSON,
+)
+register_scheme(
+    "splitting_joint",
+    record=JOINT,
+    label="joint splitting",
+    formula="z = J_1...J_p J_p...J_1 y, J_k = exp(h/2 Y_{H_k} + sigma_k dW_k/2 Y_{Ĥ_k}), the same dW_k there and back",
+    reference="docs/joint.md",
+    look=("X", "#009E73"),
+    weak_order=1.0,
+    **POISSON,
+)
+register_scheme(
+    "splitting_joint_areas",
+    record=JOINT_AREAS,
+    label="joint splitting with Lévy areas",
+    formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L a loop of each pair of noises with "
+    "a b = sigma_k sigma_l A_kl",
+    reference="docs/joint.md; areas as in doi:10.1214/aoap/1015345301",
+    look=("H", "#0072B2"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,

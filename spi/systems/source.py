@@ -12,6 +12,7 @@ import sympy
 from .brackets import DIGITS, NOTHING, precise
 from .code import Formula, Numbers, written_sum
 from .eigenspaces import Inseparable
+from .flow_code import Moves, Writer, families, words_of
 from .forms import shortened
 from .keys import DefinitionError
 from .motion_code import Motion, motion
@@ -76,6 +77,7 @@ class _Generator:
         noise = [self.moved(flow) for flow in self.system.noises]
         body = [*self.facts(), *self.flow_words("drift", self.system.flows, drift)]
         body += self.flow_words("noise", self.system.noises, noise)
+        body += self.joint_words()
         body += self.derivatives()
         functions = [self.function(name, m, functionals, uses) for name, m, functionals, uses in self.motions.values()]
         variables = textwrap.fill(", ".join(self.bracket.variables), 110)
@@ -131,7 +133,7 @@ class _Generator:
         d = self.bracket.dimension
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
-        used = [i for i in range(d) if f"y{i + 1}" in _words(code) or i not in made.components]
+        used = [i for i in range(d) if f"y{i + 1}" in words_of(code) or i not in made.components]
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
@@ -149,34 +151,36 @@ class _Generator:
 
     def flow_words(self, part: str, flows: Sequence[Flow], keys: Sequence[Any]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
-        flow_lines = [f"def {part}_flow(model, k, t, y, angles):"]
-        angle_lines = [f"def {part}_angle(model, k, t, y):"]
-        for k, (flow, key) in enumerate(zip(flows, keys, strict=True)):
-            name, made, _, uses = self.motions[key]
-            rates = self.rates(flow, key)
-            formula = Formula(self.names, self.world.variables, angles=True)
-            lines, codes = formula.lines(rates)
-            arguments = [f"t * {code}" for code in codes]
-            inner = [f"# {self.world.name(flow.expression)}", *lines]
-            call = "".join(f"{argument}, " for argument in arguments)
-            inner.append(f"return {name}({'model, ' if uses else ''}angles, {call}y)")
-            flow_lines += _case(k, len(flows), inner)
-            angle_lines += _case(k, len(flows), self.angle(made, rates))
-        if not flows:
-            flow_lines.append("    return y")
-        return ["", *flow_lines, "", *angle_lines] if flows else ["", *flow_lines]
+        heads = f"def {part}_flow(model, k, t, y, angles):", f"def {part}_angle(model, k, t, y):"
+        each = enumerate(zip(flows, keys, strict=True))
+        moved = [(k, flow, key, [("t", self.rates(flow, key))]) for k, (flow, key) in each]
+        return self.moving(heads, moved) if flows else ["", heads[0], "    return y"]
 
-    def angle(self, made: Motion, rates: Sequence[Any]) -> list[str]:
-        """Lines that return a bound of all angles of which a flow takes sines."""
-        formula = Formula(self.names, self.world.variables)
-        inside = formula.sines(rates)
-        needed = [n for n in range(len(rates)) if f"a{n + 1}" in _words(made.angle)]
-        lines, codes = formula.lines([*(rates[n] for n in needed), *inside])
-        lines += [f"a{n + 1} = t * {code}" for n, code in zip(needed, codes, strict=False)]
-        result = made.angle or "0.0"
-        for code in codes[len(needed) :]:
-            result = f"larger({result}, abs({code}))" if result != "0.0" else f"abs({code})"
-        return [*lines, f"return {result}"]
+    def joint_words(self) -> list[str]:
+        """The trait ``joint_noises`` and the words ``joint_flow`` and ``joint_angle``, where there are joint flows."""
+        found, moved = families(self.system.flows, self.system.noises), []
+        if not any(family.noises for family in found):
+            return []
+        for k, (flow, family) in enumerate(zip(self.system.flows, found, strict=True)):
+            noises, key = [self.system.noises[n] for n in family.noises], self.moved(family.leader)
+            times = [("t", flow), *((f"s[{n}]", noise) for n, noise in enumerate(noises))]
+            moves = [(t, self.rates(one, key)) for t, one in times]
+            moved += [(k, Flow((*flow.terms, *(term for one in noises for term in one.terms))), key, moves)] * bool(
+                noises
+            )
+        groups = "".join(f"{family.noises!r}, " for family in found)
+        heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
+        return ["", f"joint_noises = ({groups})", *self.moving(heads, moved)]
+
+    def moving(self, heads: Sequence[str], moved: Sequence[tuple[int, Flow, Any, Moves]]) -> list[str]:
+        """Two words, of flows and of their angles: for each k a flow, the key of its motion, and how it moves."""
+        flow_lines, angle_lines, last = [heads[0]], [heads[1]], moved[-1][0]
+        for k, flow, key, moves in moved:
+            name, made, _, uses = self.motions[key]
+            writer = Writer(self.names, self.world.variables)
+            flow_lines += _case(k, last + 1, [f"# {self.world.name(flow.expression)}", *writer.call(name, uses, moves)])
+            angle_lines += _case(k, last + 1, writer.angle(made, moves))
+        return ["", *flow_lines, "", *angle_lines]
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 
@@ -284,10 +288,6 @@ def _matched(code: str) -> bool:
     """Whether the first parenthesis closes at the end."""
     depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
     return depth[-1] == 0 and all(depth[:-1])
-
-
-def _words(code: str) -> set[str]:
-    return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
 
 
 def _case(k: int, count: int, lines: Sequence[str]) -> list[str]:

@@ -54,8 +54,9 @@ STEP_SIZES = 2.0 ** (np.array(LEVELS) - 10)
 
 #: Schemes that leave out the same Lévy areas, so that they differ by O(h).
 ALIKE = (
-    {"splitting", "splitting_drift_first"},
-    {"midpoint", "munthe_kaas_midpoint", "isospectral_midpoint"},
+    {"splitting", "splitting_drift_first", "splitting_joint_lie"},
+    {"midpoint", "munthe_kaas_midpoint", "isospectral_midpoint", "splitting_joint"},
+    {"splitting_areas", "splitting_joint_areas"},
 )
 #: Distances in which a term of order h is so large that they fall faster.
 STEEPER = ({"euler_maruyama_renormalised", "munthe_kaas_euler"},)
@@ -73,7 +74,9 @@ def test_schemes_approach_each_other(at_time_one, a, b):
     assert error < 0.02
     assert -4 * error - 0.01 < order - expected < 4 * error + 0.01 + more
     # sub-steps and areas of the reference step itself are drawn independently
-    first = 1 if {a, b} == {"splitting_areas", "splitting_symmetric"} else 0
+    first = (
+        1 if {a, b} in [{areas, "splitting_symmetric"} for areas in ("splitting_areas", "splitting_joint_areas")] else 0
+    )
     assert np.all(np.diff(distances[first:]) > 0)
     # At h = 2^-10 far below the distance, 0.115, to the wrong equation of the next test.
     assert np.all(distances * (1 - 4 * errors) < 0.4 * STEP_SIZES**expected)
