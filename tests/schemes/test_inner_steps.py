@@ -114,7 +114,7 @@ def test_implicit_steps_are_undone_by_those_of_the_opposite_size(name, method):
 
 
 def poisson_defect(record, c, part, t, y):
-    """The largest entry of D B(y) D^T - B(Phi(y)); D by central differences of fourth order, all points in one block."""
+    """The largest entry of D B(y) D^T - B(Phi(y)); D by differences of fourth order."""
     d, delta = len(y), 1e-3
     offsets = [np.zeros(d)] + [j * delta * e for e in np.eye(d) for j in (-2, -1, 1, 2)]
     new, _ = moved(record, part, t, (np.array(y) + np.array(offsets)).T)
