@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from ..ensemble.protocol import dimension
-
 # Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 STEP = 0.01
 STEPS = STEP, STEP / 10, STEP / 100
-DIFFERENCES = 1e-6  #: relative: of what has differences in it
 EXACT = 1e-9  #: relative: of what is equal but for roundings
+DIFFERENCES = 1e-6  #: relative: of what has differences in it
 
 
 def derivative(f, step=STEP):
@@ -50,16 +48,16 @@ def differ_from_derivative(found, f, y, v, *others):
     return all(differ(found, changed, DIFFERENCES, size, *others) for changed, size in derivatives_along(f, y, v))
 
 
-def shown(y):
-    """The first components of a state, for messages."""
-    return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"
-
-
 def matrix_of(columns):
     """The matrix with these columns."""
     return np.array(columns, float).T
 
 
-def unit_vectors(model):
+def unit_vectors(d):
     """e_1, ..., e_d."""
-    return [tuple(row) for row in np.eye(dimension(model)).tolist()]
+    return [tuple(row) for row in np.eye(d).tolist()]
+
+
+def shown(y):
+    """A state in a message."""
+    return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"

@@ -1,4 +1,4 @@
-"""What the flows of every model must satisfy, part of the generic checks; see ``model_checks.py``."""
+"""The generic checks of flows: against their fields, as flows of a Poisson system; and noises that commute."""
 
 import itertools
 import math
@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.dispatch import answers
+from ..ensemble.fields import noise_field, noise_field_derivative
+from ..ensemble.inexact import inexact_noises, inexact_pieces, piece_gradient
 from ..ensemble.protocol import (
     casimirs,
     commuting_noises,
@@ -86,8 +88,8 @@ class _Flow(NamedTuple):
         return f"{self.part}_flow, k = {self.k},"
 
 
-def _flows_of(model, part, count, flow, angle):
-    for k in range(count):
+def _flows_of(model, part, numbers, flow, angle):
+    for k in numbers:
         noted = np.zeros(1)
         yield _Flow(
             part,
@@ -99,16 +101,17 @@ def _flows_of(model, part, count, flow, angle):
 
 
 def flows(model, y):
-    """That flows solve their equations, that those which are exact are flows of Poisson systems, and their angles."""
     field = structure(model, y, drift_gradient(model, y))
-    total, size = np.zeros(len(y)), 0.0
-    for flow in _flows_of(model, "drift", pieces(model), drift_flow, drift_angle):
+    lacking = inexact_pieces(model)
+    total = sum((np.array(structure(model, y, piece_gradient(model, k, y))) for k in lacking), np.zeros(len(y)))
+    size = float(np.linalg.norm(total))
+    for flow in _flows_of(model, "drift", _others(pieces(model), lacking), drift_flow, drift_angle):
         rate = flow.rate(y, field)
         total, size = total + _velocity(flow, y, rate), max(size, size_of(y) * rate)
         yield from _one_flow(model, flow, y, rate)
     if differ(total, field, DIFFERENCES, 1e-6 * size):
         yield "drift_flow: its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
-    for flow in _flows_of(model, "noise", noises(model), noise_flow, noise_angle):
+    for flow in _flows_of(model, "noise", _others(noises(model), inexact_noises(model)), noise_flow, noise_angle):
         field = structure(model, y, noise_gradient(model, flow.k, y))
         rate = flow.rate(y, field)
         if differ(_velocity(flow, y, rate), field, DIFFERENCES, 1e-6 * size_of(y) * rate):
@@ -118,10 +121,14 @@ def flows(model, y):
 
 def commuting(model, y):
     """That the noises which are said to commute do."""
-    flows = list(_flows_of(model, "noise", noises(model), noise_flow, noise_angle))
+    m, lacking = noises(model), inexact_noises(model)
+    flows = {flow.k: flow for flow in _flows_of(model, "noise", _others(m, lacking), noise_flow, noise_angle)}
     for pair in commuting_noises(model):
-        if pair not in itertools.combinations(range(len(flows)), 2):
-            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {len(flows)}"
+        if pair not in itertools.combinations(range(m), 2):
+            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {m}"
+            continue
+        if set(pair) & set(lacking):
+            yield from _fields_commuting(model, y, pair)
             continue
         first, second = (flows[k] for k in pair)
         s, t = (
@@ -131,6 +138,15 @@ def commuting(model, y):
         there, back = first.act(s, second.act(t, y)), second.act(t, first.act(s, y))
         if differ(there, back, EXACT, y):
             yield f"commuting_noises has {pair}, but their flows do not commute"
+
+
+def _fields_commuting(model, y, pair):
+    """That the fields of two noises commute, f_k' f_l = f_l' f_k."""
+    k, other = pair
+    there = noise_field_derivative(model, k, y, noise_field(model, other, y))
+    back = noise_field_derivative(model, other, y, noise_field(model, k, y))
+    if differ(there, back, EXACT, y):
+        yield f"commuting_noises has {pair}, but their fields do not commute"
 
 
 def joint_flows(model, y):
@@ -144,8 +160,8 @@ def joint_flows(model, y):
     if not (answers(joint_flow, model) and answers(joint_angle, model)):
         yield "joint_noises needs the methods joint_flow and joint_angle"
         return
-    drift = list(_flows_of(model, "drift", pieces(model), drift_flow, drift_angle))
-    noise = list(_flows_of(model, "noise", noises(model), noise_flow, noise_angle))
+    drift = list(_flows_of(model, "drift", range(pieces(model)), drift_flow, drift_angle))
+    noise = list(_flows_of(model, "noise", range(noises(model)), noise_flow, noise_angle))
     for k, group in enumerate(groups):
         flows = [drift[k], *(noise[j] for j in group)]
         fields = [drift_gradient(model, y), *(noise_gradient(model, j, y) for j in group)]
@@ -169,6 +185,11 @@ def _joint(model, k, y, flows, times):
     if not noted[0] <= (said := joint_angle(model, k, t, s, y)) * (1.0 + 1e-9) and math.isfinite(noted[0]):
         what = f"is {said:.3g} where joint_flow takes the sine of {noted[0]:.3g}; it must be no less"
         yield f"joint_angle, k = {k}, {what}"
+
+
+def _others(count, lacking):
+    """The numbers of the flows that are known."""
+    return [k for k in range(count) if k not in lacking]
 
 
 def _velocity(flow, y, rate):
@@ -199,7 +220,7 @@ def _exactness(model, flow, y, rate):
     if differ(flow.act(s, there), flow.act(s + t, y), EXACT, there, y):
         yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
         return
-    units = unit_vectors(model)
+    units = unit_vectors(len(y))
     before, after = (matrix_of([structure(model, z, e) for e in units]) for z in (y, there))
     columns = zip(*(derivatives_along(lambda z: flow.act(t, z), y, e) for e in units), strict=True)
     if all(_changes(np.array([changed for changed, _ in both]).T, before, after) for both in columns):

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..compiler.inlining import uncompiled
 from ..ensemble.fields import cross_product
+from ..ensemble.inexact import inexact_pieces, piece_gradient, piece_hessian
 from ..ensemble.protocol import (
     casimirs,
     conserved,
@@ -82,7 +83,7 @@ def _shapes(model, y):
 
 
 def _structure(model, y):
-    units = unit_vectors(model)
+    units = unit_vectors(len(y))
     B = matrix_of([structure(model, y, e) for e in units])
     if differ(B, -B.T, EXACT):
         yield "structure is not skew: v . B(y) w must be -w . B(y) v"
@@ -90,7 +91,7 @@ def _structure(model, y):
     if differ(structure(model, y, v), B @ v, EXACT, B @ np.abs(v)):
         yield "structure is not linear in v"
     if cross_product(model) and differ(structure(model, y, v), np.cross(y, v), EXACT, B @ np.abs(v)):
-        yield "structure is not y x v, as axis_inertias says"
+        yield "structure is not y x v, as structure_is_cross_product or axis_inertias says"
     derivatives = np.array([matrix_of([structure_derivative(model, y, e, w) for w in units]) for e in units])
     for i, e in enumerate(units):
         if differ_from_derivative(derivatives[i], lambda z: matrix_of([structure(model, z, w) for w in units]), y, e):
@@ -115,12 +116,15 @@ def _moves(B, slopes):
 
 
 def _gradients(model, y):
-    for e, slope in zip(unit_vectors(model), drift_gradient(model, y), strict=True):
+    for e, slope in zip(unit_vectors(len(y)), drift_gradient(model, y), strict=True):
         if differ_from_derivative(slope, lambda z: hamiltonian(model, z), y, e, drift_gradient(model, y)):
             yield "drift_gradient is not the gradient of hamiltonian"
             break
     v = tuple(np.linspace(-1.0, 1.3, len(y)).tolist())
     yield from _hessian("drift", "", lambda z: drift_gradient(model, z), lambda z, w: drift_hessian(model, z, w), y, v)
+    for k in inexact_pieces(model):
+        gradient, hessian = lambda z, k=k: piece_gradient(model, k, z), lambda z, w, k=k: piece_hessian(model, k, z, w)
+        yield from _hessian("piece", f", k = {k},", gradient, hessian, y, v)
     for k in range(noises(model)):
         gradient, hessian = lambda z, k=k: noise_gradient(model, k, z), lambda z, w, k=k: noise_hessian(model, k, z, w)
         yield from _hessian("noise", f", k = {k},", gradient, hessian, y, v)

@@ -3,7 +3,21 @@
 from typing import NamedTuple
 
 from ..compiler.dispatch import method
-from ..ensemble.protocol import drift_angle, drift_flow, joint_angle, joint_flow, noise_angle, noise_flow
+from ..ensemble.inexact import piece_gradient, piece_hessian
+from ..ensemble.protocol import (
+    drift_angle,
+    drift_flow,
+    joint_angle,
+    joint_flow,
+    noise_angle,
+    noise_flow,
+    noise_gradient,
+    noise_hessian,
+    noise_structure,
+    noise_structure_derivative,
+    structure,
+    structure_derivative,
+)
 
 
 @method
@@ -16,6 +30,26 @@ def angle(part, model, k, t, y):
     """The largest |angle| in it."""
 
 
+@method
+def gradient(part, model, k, y):
+    """The gradient of the Hamiltonian of this flow, one without an exact flow."""
+
+
+@method
+def hessian(part, model, k, y, v):
+    """Its Hessian times v."""
+
+
+@method
+def structure_along(part, model, k, y, v):
+    """B(y) v for a v that is 0 wherever this gradient always is."""
+
+
+@method
+def structure_derivative_along(part, model, k, y, u, v):
+    """(DB(y)[u]) v for such a v."""
+
+
 class Drift(NamedTuple):
     """The flows of H_1, ..., H_p."""
 
@@ -24,6 +58,18 @@ class Drift(NamedTuple):
 
     def angle(part, model, k, t, y):
         return drift_angle(model, k, t, y)
+
+    def gradient(part, model, k, y):
+        return piece_gradient(model, k, y)
+
+    def hessian(part, model, k, y, v):
+        return piece_hessian(model, k, y, v)
+
+    def structure_along(part, model, k, y, v):
+        return structure(model, y, v)
+
+    def structure_derivative_along(part, model, k, y, u, v):
+        return structure_derivative(model, y, u, v)
 
 
 class Noise(NamedTuple):
@@ -34,6 +80,18 @@ class Noise(NamedTuple):
 
     def angle(part, model, k, t, y):
         return noise_angle(model, k, t, y)
+
+    def gradient(part, model, k, y):
+        return noise_gradient(model, k, y)
+
+    def hessian(part, model, k, y, v):
+        return noise_hessian(model, k, y, v)
+
+    def structure_along(part, model, k, y, v):
+        return noise_structure(model, k, y, v)
+
+    def structure_derivative_along(part, model, k, y, u, v):
+        return noise_structure_derivative(model, k, y, u, v)
 
 
 class Joint(NamedTuple):

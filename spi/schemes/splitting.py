@@ -12,22 +12,22 @@ import numpy as np
 from ..compiler.dispatch import INDICES, device, number
 from ..compiler.generated import function_of
 from ..compiler.records import class_of, field, is_array, is_none
+from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import most_joined, noises, strengths
-from ..ensemble.scheme_protocol import REPORT
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
-from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits
 from ..numerics.rng import LANES
+from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
 from .parts import PARTS, Symmetric, Together, angle, flow
+from .reporting import report_angle
 from .stages import flows, has_loops, is_reversed_by_coin, needs_coins, substeps
 from .sweeps import LoopTime, ShareOfWhole, sweeps
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
 _TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = int(bits(TINY)), int(bits(SMALL)), int(bits(REDUCIBLE))
-_INFINITE_BITS = int(bits(np.inf))
-_LARGEST_ANGLE = REPORT.index("largest_angle")
 
 
 class Splitting(NamedTuple):
@@ -45,8 +45,7 @@ class Splitting(NamedTuple):
         return has_loops(field(scheme, "stages"))
 
     def work_size(scheme, model):
-        # the times of a sweep, and a and b of a loop or the times of all noises of a joint flow
-        return size_or(max(3, 1 + most_joined(model)) * LANES, model)
+        return size_or(stages_work(model), model)
 
     def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
         run_stages_of_large(scheme.stages, model, paths, h, dW, coins, y, work, report)
@@ -122,11 +121,18 @@ def has_antithetic_path(scheme):
 
 @device(by_type=True)
 def run_stages(stages, model, h, dW, coins, y, work, report):
-    """Apply the stages in order to the states `y` of a block, in place; `work` has LANES floats.
+    """Apply the stages in order to the states `y` of a block, in place; `work` has :func:`stages_work` floats."""
+    inexact = ("drift", inexact_pieces(model)), ("noise", inexact_noises(model))
+    return _step(sweeps(stages, model), inexact, most_joined(model))
 
-    For loops it has 3 LANES floats, for joint flows LANES more than one for each noise of a piece.
+
+@device
+def stages_work(model):
+    """How many floats of scratch stages need: the times of a sweep, a and b of a loop, and what inner steps need.
+
+    A sweep of joint flows has a time for each noise that goes with a piece, and perhaps one for the piece.
     """
-    return _step(sweeps(stages, model), most_joined(model))
+    return max(3, 1 + most_joined(model)) * LANES + inner_size(model)
 
 
 #: The time of a drift flow, as source text.
@@ -136,10 +142,11 @@ _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[l
 
 
 @functools.lru_cache
-def _step(sweeps, most):
+def _step(sweeps, inexact, most):
     """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
-    `most` is the largest number of noises that go with one piece of the model.
+    `inexact`: ((part, numbers of those without an exact flow), ...), by which inner steps move; `most` is the largest
+    number of noises that go with one piece of the model.
     The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
@@ -154,12 +161,15 @@ def _step(sweeps, most):
             lines += _in_lanes(len(time), coin, drift) if coin else []
             part = f"Together({None if coin else drift}, index_{len(time)}, index_{most})"
             time = "work"
-        elif part == "noise" or coin:
+        elif part == "noise" or coin or k in dict(inexact)[part]:
             lines += _in_lanes(0, coin, _noise_time(k, time) if time else drift)
             time = "work"
         else:
             time = drift
-        lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
+        if k in dict(inexact).get(part, ()):
+            lines.append(f"inner_sweep({part}, index_{k}, model, coins, y, work, report)")
+        else:
+            lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
     lines.append("report_angle(largest, report)")
     names = {
         "LANES": LANES,
@@ -167,6 +177,7 @@ def _step(sweeps, most):
         "strengths": strengths,
         "noises": noises,
         "sweep": sweep,
+        "inner_sweep": inner_sweep,
         "report_angle": report_angle,
         "Together": Together,
     }
@@ -210,13 +221,6 @@ def _loop_time(of):
         ]
     time = ("work[LANES + lane]", "work[2 * LANES + lane]", "-work[LANES + lane]", "-work[2 * LANES + lane]")[of.place]
     return [*lines, f"    work[lane] = {time}"]
-
-
-@device
-def report_angle(largest, report):
-    """Report the angle with these bits, if it is above pi/4."""
-    if largest > _SMALL_BITS:
-        report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], from_bits(min(largest, _INFINITE_BITS)))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
