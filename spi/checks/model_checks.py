@@ -36,6 +36,7 @@ from ..ensemble.protocol import (
     structure,
     structure_derivative,
 )
+from .brackets import check_brackets
 from .compilable import obstacle
 from .differences import DIFFERENCES, derivative, derivatives_along, differ, differ_from_derivative, size_of
 
@@ -77,7 +78,7 @@ def check_model(record, states, written=True, finite_at=()):
 
 def _complaints(model, y, all_checks=None):
     """All that is wrong at one state; nothing that depends on what is wrong already."""
-    for checks in all_checks or (_shapes, _structure, _gradients, _flows, _commuting):
+    for checks in all_checks or (_shapes, _structure, _gradients, check_brackets, _flows, _commuting):
         try:
             found = list(checks(model, y))
         except Exception as error:
