@@ -229,3 +229,24 @@ def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
     for name, c in terms:
         found[name] = found.get(name, mpmath.mpf(0)) + c
     return {name: c for name, c in found.items() if abs(c) > NOTHING}
+
+
+def tuple_of(codes: Sequence[str]) -> str:
+    codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
+    return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
+
+
+def _matched(code: str) -> bool:
+    """Whether the first parenthesis closes at the end."""
+    depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
+    return depth[-1] == 0 and all(depth[:-1])
+
+
+def words(code: str) -> set[str]:
+    return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
+
+
+def case(k: int, count: int, lines: Sequence[str]) -> list[str]:
+    """Lines for one k of several, in a method."""
+    head, indent = ([], "    ") if k == count - 1 else ([f"    if k == {k}:"], "        ")
+    return [*head, *(indent + line for line in lines)]

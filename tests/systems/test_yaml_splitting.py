@@ -121,9 +121,9 @@ WRONG = [
     (TOP + "pieces: {a: G3}}", ("pieces",), "must be a list of texts"),
     # the Hamiltonian
     (
-        spin("y1*y2*y3"),
+        spin("y1*sin(y2)"),
         ("hamiltonian",),
-        "has no exact flow: 'y1*y2*y3' depends on y1 and y2, which do not commute; write",
+        "has no exact flow: 'y1*sin(y2)' depends on y1 and y2, which do not commute; write",
     ),
     (spin("y3", "cos(y1*y2)"), ("hamiltonian",), "'cos(y1*y2)' depends on y1 and y2, which do not commute"),
     (spin("(y1 + y2)^3", "sqrt(y1^2 + 2*y3^2)"), ("hamiltonian",), "'sqrt(y1^2 + 2*y3^2)' depends on y1 and y3"),
