@@ -231,7 +231,12 @@ def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
     return {name: c for name, c in found.items() if abs(c) > NOTHING}
 
 
-def tuple_of(codes: Sequence[str]) -> str:
+def signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
+    size = abs(value)
+    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
+
+
+def as_tuple(codes: Sequence[str]) -> str:
     codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
     return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
 
@@ -242,7 +247,7 @@ def _matched(code: str) -> bool:
     return depth[-1] == 0 and all(depth[:-1])
 
 
-def words(code: str) -> set[str]:
+def words_in(code: str) -> set[str]:
     return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
 
 

@@ -1,4 +1,4 @@
-"""Linear functions of y, to 60 digits: a basis of those that some span, and how they are written."""
+"""Linear functions of the state, by the factors of the components that occur in them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,7 +10,7 @@ Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of eac
 
 
 def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
-    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`Term`."""
+    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`.splitting.Term`."""
     left = [dict(row) for row in rows]
     found: dict[int, Functional] = {}
     tiny = mpmath.mpf(10) ** -30

@@ -9,15 +9,11 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .axes import Axis
-from .brackets import DIGITS, NOTHING, precise
-from .code import Formula, Numbers, case, tuple_of, words, written_sum
+from .brackets import DIGITS, precise
+from .code import Formula, Numbers, as_tuple, case, signed, words_in, written_sum
 from .eigenspaces import Inseparable
-from .forms import shortened
 from .generators import Generator, generators, motions
-from .keys import DefinitionError
 from .motion_code import Motion, motion
-from .spectrum import Block
 from .splitting import Flow, commute
 from .system import System
 
@@ -36,7 +32,7 @@ from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
 from spi.numerics.motions import {motions}
 
-__system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}}}
+__system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
 '''
 _IMPORTED = {
     "angles": ("sin_versine", "sinc_versinc"),
@@ -52,7 +48,7 @@ class Generated(NamedTuple):
     text: str
     fields: tuple[tuple[str, str], ...]  #: (parameter, field)
     constants: tuple[float, ...]
-    motions: tuple[Motion, ...]  #: of the flows of H, then of those of the noises
+    motions: tuple[Motion | str, ...]  #: of the flows of H, then of those of the noises; or why there is none
 
 
 def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, str]:
@@ -81,51 +77,57 @@ class _Generator:
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
         noise = [self.moved(flow) for flow in self.system.noises]
-        body = [*self.facts(), *self.flow_words("drift", self.system.flows, drift)]
+        lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
+        body = [*self.facts(lacking), *self.flow_words("drift", self.system.flows, drift)]
         body += self.flow_words("noise", self.system.noises, noise)
-        body += self.derivatives()
+        body += self.derivatives(lacking["pieces"])
         functions = [self.function(*found) for found in self.motions.values()]
         variables = textwrap.fill(", ".join(self.bracket.variables), 110)
-        names, sizes = self.bracket.variables, dict(self.sizes)
-        bodies = words("\n".join(line for lines in functions for line in lines))
-        imported = {key: ", ".join(n for n in known if n in bodies or n in _ALWAYS) for key, known in _IMPORTED.items()}
-        head = _HEAD.format(name=self.name, variables=variables, names=names, sizes=sizes, **imported)
+        names, sizes, inexact = self.bracket.variables, dict(self.sizes), self.inexact(lacking)
+        used = words_in("\n".join(line for lines in functions for line in lines))
+        imported = {key: ", ".join(n for n in known if n in used or n in _ALWAYS) for key, known in _IMPORTED.items()}
+        head = _HEAD.format(name=self.name, variables=variables, names=names, sizes=sizes, inexact=inexact, **imported)
         pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in self.numbers.pairs.items()]
         parts = [head, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])]
         parts += ["\n" + "\n".join(lines) for lines in functions]
         parts += [
             "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
         ]
-        used = [self.motions[key] for key, _ in (*drift, *noise)]
+        moving = (key if isinstance(key, str) else self.motions[key][1] for key, _ in (*drift, *noise))
         return Generated(
             "\n".join(parts) + "\n",
             tuple(self.fields.items()),
             tuple(float(value) for value in self.numbers.constants),
-            tuple(m for _, m, _, _ in used),
+            tuple(moving),
         )
+
+    def inexact(self, lacking: Mapping[str, Mapping[int, str]]) -> str:
+        """What the module says of pieces and noises without an exact flow: {part: {k: (formula, why)}}."""
+        of = {"pieces": self.system.flows, "noises": self.system.noises}
+        said = {
+            part: {k: (self.world.name(of[part][k].expression), why) for k, why in found.items()}
+            for part, found in lacking.items()
+        }
+        return f', "inexact": {said!r}' if any(said.values()) else ""
 
     # ---- flows ---------------------------------------------------------------------------------------------------
 
     def moved(self, flow: Flow) -> tuple[Any, list[Any]]:
-        """The key of the motion of a flow, and its rates; flows by the same matrices share a motion."""
+        """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or why not."""
+        if flow.lacking:
+            return flow.lacking, []
         found = generators(flow, self.world)
         key = tuple(one.key for one in found)
         if key not in self.motions:
             depends = flow.varying
             before = len(self.numbers.constants)
-            made = motion(self.blocks(flow, found), len(found), self.numbers, depends)
+            try:
+                made = motion(motions([one.entries for one in found]), len(found), self.numbers, depends)
+            except Inseparable as error:
+                return str(error), []
             uses = len(self.numbers.constants) > before
             self.motions[key] = f"_motion{len(self.motions) + 1}", made, found, uses
         return key, [one.rate for one in found]
-
-    def blocks(self, flow: Flow, found: Sequence[Generator]) -> list[Block | Axis]:
-        """What moves in a flow; DefinitionError if that cannot be told accurately."""
-        try:
-            return motions([one.entries for one in found])
-        except Inseparable as error:
-            key = "noises" if flow in self.system.noises else "hamiltonian"
-            what = f"has no exact flow of full accuracy: '{shortened(self.world.name(flow.expression))}', {error}"
-            raise DefinitionError(f"{what}; change the parameters, or the units of the variables", key) from None
 
     def function(self, name: str, made: Motion, found: Sequence[Generator], uses: bool) -> list[str]:
         """A motion as a function of the angles a1, a2, ..."""
@@ -138,7 +140,7 @@ class _Generator:
         d = self.bracket.dimension
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
-        used = [i for i in range(d) if f"y{i + 1}" in words(code) or i not in made.components]
+        used = [i for i in range(d) if f"y{i + 1}" in words_in(code) or i not in made.components]
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
@@ -156,6 +158,11 @@ class _Generator:
         flow_lines = [f"def {part}_flow(model, k, t, y, angles):"]
         angle_lines = [f"def {part}_angle(model, k, t, y):"]
         for k, (flow, (key, rates)) in enumerate(zip(flows, moved, strict=True)):
+            if isinstance(key, str):
+                nothing = as_tuple(["np.nan"] * self.bracket.dimension)
+                flow_lines += case(k, len(flows), [f"return {nothing}  # there is no exact flow"])
+                angle_lines += case(k, len(flows), ["return 0.0"])
+                continue
             name, made, _, uses = self.motions[key]
             formula = Formula(self.names, self.world.variables, angles=True)
             lines, codes = formula.lines(rates)
@@ -173,7 +180,7 @@ class _Generator:
         """Lines that return a bound of all angles of which a flow takes sines."""
         formula = Formula(self.names, self.world.variables)
         inside = formula.sines(rates)
-        needed = [n for n in range(len(rates)) if f"a{n + 1}" in words(made.angle)]
+        needed = [n for n in range(len(rates)) if f"a{n + 1}" in words_in(made.angle)]
         lines, codes = formula.lines([*(rates[n] for n in needed), *inside])
         lines += [f"a{n + 1} = t * {code}" for n, code in zip(needed, codes, strict=False)]
         result = made.angle or "0.0"
@@ -183,7 +190,7 @@ class _Generator:
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 
-    def facts(self) -> list[str]:
+    def facts(self, lacking: Mapping[str, Mapping[int, str]]) -> list[str]:
         system, lines = self.system, [f'"""{self.description()}"""', ""]
         lines += [f"{field}: float" for field in self.fields.values()]
         if self.numbers.constants:
@@ -193,6 +200,9 @@ class _Generator:
         strengths = f"({', '.join(['1.0'] * m)}{',' if m == 1 else ''})"
         lines.append(f'sigma: Annotated[{kind}, "strengths of the noises; 0 switches one off"] = {strengths}')
         lines += ["", f"dimension = {self.bracket.dimension}", f"pieces = {len(system.flows)}", f"noises = {m}"]
+        lines += [f"inexact_{part} = {as_tuple(list(map(str, found)))}" for part, found in lacking.items() if found]
+        if any(lacking.values()):
+            lines += [f'inner = "{system.inner}"', f"structure_is_kept = {self.bracket.is_kept}"]
         lines.append(f"conserved = {len(system.casimirs)}")
         degrees = [str(c.degree) for c in system.casimirs]
         if degrees and "None" not in degrees:
@@ -202,6 +212,8 @@ class _Generator:
             lines.append(f"commuting_noises = ({', '.join(map(str, commuting))}{',' * (len(commuting) == 1)})")
         if system.squared_length_first:
             lines.append("squared_length_is_casimir = True")
+        if self.bracket.is_cross_product:
+            lines.append("structure_is_cross_product = True")
         return lines
 
     def description(self) -> str:
@@ -210,7 +222,7 @@ class _Generator:
         text = f"H = {names(self.system.hamiltonian)}" + (f"; noises {noises}" if noises else "")
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
 
-    def derivatives(self) -> list[str]:
+    def derivatives(self, inexact: Iterable[int]) -> list[str]:
         """B v, and what follows from H and the noises by differentiation."""
         system, variables = self.system, self.world.variables
         v = [sympy.Symbol(f"ν{n + 1}", real=True) for n in range(len(variables))]
@@ -223,6 +235,9 @@ class _Generator:
         gradients = [[sympy.diff(flow.expression, y) for y in variables] for flow in system.noises]
         lines += self.word("noise_gradient(model, k, y)", gradients)
         lines += self.word("noise_hessian(model, k, y, v)", [self.hessian(g, v) for g in gradients], v)
+        if pieces := {k: [sympy.diff(system.flows[k].expression, y) for y in variables] for k in inexact}:
+            lines += self.word("piece_gradient(model, k, y)", pieces)
+            lines += self.word("piece_hessian(model, k, y, v)", {k: self.hessian(g, v) for k, g in pieces.items()}, v)
         if self.bracket.dimension > 6 and gradients:  # most columns of B meet a 0 in such a gradient
             supports = [[j for j, g in enumerate(gradient) if g != 0] for gradient in gradients]
             for word, at in (
@@ -241,14 +256,21 @@ class _Generator:
             found.append(sympy.Add(*(sympy.diff(g, self.world.variables[n]) * v[n] for n in used)))
         return found
 
-    def word(self, head: str, cases: Sequence[Sequence[Any]], v: Sequence[Any] = (), scalar: bool = False) -> list[str]:
+    def word(
+        self,
+        head: str,
+        cases: Sequence[Sequence[Any]] | Mapping[int, Sequence[Any]],
+        v: Sequence[Any] = (),
+        scalar: bool = False,
+    ) -> list[str]:
         """A method whose value is a tuple of expressions, one for each k if there are several `cases`."""
         lines = ["", f"def {head}:"]
-        for k, expressions in enumerate(cases):
+        numbered = cases if isinstance(cases, Mapping) else dict(enumerate(cases))
+        for k, expressions in numbered.items():
             names = self.names | {symbol: f"v[{n}]" for n, symbol in enumerate(v)}
             inner, codes = Formula(names, [*self.world.variables, *v]).lines(expressions)
-            value = codes[0] if scalar else tuple_of(codes)
-            lines += case(k, len(cases), [*inner, f"return {value}"])
+            value = codes[0] if scalar else as_tuple(codes)
+            lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
         return lines if cases else [*lines, f"    return {'v' if v else 'y'}"]
 
     def applied(self, columns: Iterable[int], at: str = "y") -> str:
@@ -264,15 +286,15 @@ class _Generator:
                             ("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()
                         ]
                     else:
-                        terms = [_signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
+                        terms = [signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
                     inner = written_sum(terms)
                     if len(terms) == 1:
                         rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))
                     else:
                         rows.setdefault(row, []).append(("+", f"({inner}) * v[{column}]"))
-        return tuple_of([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])
+        return as_tuple([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])
 
 
-def _signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
-    size = abs(value)
-    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
+def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:
+    """By their numbers, why flows have no motion."""
+    return {k: key for k, (key, _) in enumerate(moved) if isinstance(key, str)}

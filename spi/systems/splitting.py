@@ -18,10 +18,15 @@ from .kept import Quadratic, commuting, unmoved
 from .symbolics import Symbolics
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
+Lacking = list[tuple[Any, str]]  #: what has no exact flow, and why
 
 
 class NoExactFlow(ValueError):
     """A term whose flow is not known in closed form; the message names it."""
+
+
+class NowhereFinite(NoExactFlow):
+    """A term that has no finite value."""
 
 
 class Term(NamedTuple):
@@ -39,10 +44,6 @@ class Term(NamedTuple):
     def whole(self) -> Any:
         """The expression without such symbols."""
         return self.expression if self.original is None else self.original
-
-    @property
-    def moves(self) -> bool:
-        return bool(self.functionals) or any(u.fields for u in self.inner.values())
 
     def slope(self, variable: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
@@ -66,9 +67,10 @@ class Constants:
 
 
 class Flow(NamedTuple):
-    """Terms that commute, to be moved by together."""
+    """Terms that commute, to be moved by together; or one term that has no exact flow."""
 
     terms: tuple[Term, ...]
+    lacking: str = ""  #: why there is no exact flow; "" where there is one
 
     @property
     def expression(self) -> Any:
@@ -103,32 +105,47 @@ def split(
     world: Symbolics,
     constants: Constants,
     otherwise: Callable[[Any], Term | None] = lambda addend: None,
-    rest: Callable[[Sequence[Any]], Parts] | None = None,
+    powers: Callable[[Lacking], tuple[Parts, Lacking]] = lambda lacking: (([], []), lacking),
 ) -> list[Flow]:
-    """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none.
+    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
 
-    `otherwise` is asked for the term that an addend is which would be refused, `rest` for what all polynomials are that
-    are refused even so.
+    `otherwise` is asked for the term that an addend is which has no exact flow of its own, `powers` for what becomes of
+    all that has none even so.
     """
-    terms, crossing, refused = list[Term](), list[Any](), list[Any]()
-    for addend in addends:
+    terms: list[Term] = []
+    crossing: list[Any] = []
+    lacking: Lacking = []
+    left = list(addends)
+    while left:
+        addend = left.pop(0)
         try:
             more, cross = _terms([addend], world, otherwise)
-        except NoExactFlow:
-            if rest is None or not addend.is_polynomial(*world.variables):
-                raise
-            refused.append(addend)
+        except NowhereFinite:
+            raise
+        except NoExactFlow as refused:
+            if parts := _written_parts(addend, world):
+                left = parts + left
+            else:
+                lacking.append((addend, str(refused)))
         else:
             terms, crossing = terms + more, crossing + cross
-    if refused and rest is not None:
-        more, cross = rest(refused)
-        terms, crossing = terms + more, crossing + cross
+    (more, cross), lacking = powers(lacking)
+    terms, crossing = terms + more, crossing + cross
     for component in connected(map(world.used, crossing)):
         inside = [term for term in terms if not term.kept and _is_square_within(term.expression, component, world)]
         terms = [term for term in terms if term not in inside]
         form = sympy.Add(*crossing, *(term.expression for term in inside))
         terms += _diagonalised(form, component, world, constants)
-    return merged(terms, world.bracket)
+    flows = merged(terms, world.bracket)
+    if lacking:
+        whole, reason = sympy.Add(*(addend for addend, _ in lacking)), lacking[0][1]
+        flows += [without_flow(whole, reason, world)] if world.used(whole) else []
+    return flows
+
+
+def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
+    """What stands for the flow of a function that has none in closed form."""
+    return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 
 def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
@@ -179,9 +196,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], 
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
         else:
-            raise NoExactFlow(
-                f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
-            )
+            raise reason
     return terms, crossing
 
 
@@ -193,11 +208,18 @@ def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise:
         reason = refused
     if (found := otherwise(addend)) is not None:
         return [found], []
+    if parts := _written_parts(addend, world):
+        return _terms(parts, world, otherwise)
+    raise reason
+
+
+def _written_parts(addend: Any, world: Symbolics) -> list[Any]:
+    """The addends of a sum times factors, as they are written; none of other expressions."""
     sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
     if len(sums) != 1:
-        raise reason
+        return []
     outer = [f for f in sympy.Mul.make_args(addend) if f is not sums[0]]
-    return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world, otherwise)
+    return [sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)]
 
 
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
@@ -273,6 +295,6 @@ def functionals_of(
             parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
             rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
         if not rows:
-            raise NoExactFlow(f"'{world.name(expression)}' has no finite value at these parameters")
+            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
     found, pivots = reduced(rows)
     return (coordinates, used) if len(found) == len(used) else (found, pivots)

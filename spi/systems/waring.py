@@ -11,25 +11,28 @@ others stay factors.
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import sympy
 
-from .splitting import NoExactFlow, Term, connected, single
+from .splitting import Lacking, Parts, connected, single
 from .symbolics import Symbolics
 
 MOST = 16  #: powers
 
 
-def powers(addends: Sequence[Any], world: Symbolics, casimirs: Sequence[Any]) -> tuple[list[Term], list[Any]]:
-    """(terms, products y_i y_j that do not commute) of the sum of some polynomials; NoExactFlow if these are too many.
+def powers(lacking: Lacking, world: Symbolics, casimirs: Callable[[], Sequence[Any]]) -> tuple[Parts, Lacking]:
+    """What has no exact flow as terms that have one, and what is left of it: no polynomials, or too many powers.
 
     A power of a quadratic Casimir function, which moves nothing, is added where that leaves fewer terms.
     """
-    total = sympy.Poly(sympy.Add(*addends), *world.variables)
+    polynomials = [addend for addend, _ in lacking if addend.is_polynomial(*world.variables)]
+    if not polynomials:
+        return ([], []), lacking
+    still = [(addend, reason) for addend, reason in lacking if addend not in polynomials]
     terms, crossing, left = list[Any](), list[Any](), list[tuple[tuple[int, ...], Any]]()
-    for monomial, c in total.terms():
+    for monomial, c in sympy.Poly(sympy.Add(*polynomials), *world.variables).terms():
         product = c * _product(monomial, world)
         if len(connected(_links(monomial, world))) == sum(map(bool, monomial)):
             terms.append(product)
@@ -37,17 +40,16 @@ def powers(addends: Sequence[Any], world: Symbolics, casimirs: Sequence[Any]) ->
             crossing.append(product)
         else:
             left.append((monomial, c))
-    found = dict[Any, Any]()
     for part in _parts(left):
-        tried = [_powers(one, world) for one in _shifted(part, world, casimirs)]
-        best = tried[min(range(len(tried)), key=lambda n: len(tried[n]))]
-        if len(best) > MOST:
-            name = world.name(sympy.Add(*(c * _product(monomial, world) for monomial, c in part.items())))
-            what = f"'{name}' is a sum of {len(best)} powers of linear functions"
-            raise NoExactFlow(f"{what}, and {MOST} are the most; write it as fewer, or leave it out")
-        found |= best
-    terms += [c * power for power, c in found.items()]
-    return [single(term, world) for term in terms if world.used(term)], crossing
+        tried = [_powers(one, world) for one in _shifted(part, world, casimirs())]
+        found = tried[min(range(len(tried)), key=lambda n: len(tried[n]))]
+        if len(found) <= MOST:
+            terms += [c * power for power, c in found.items()]
+        else:
+            whole = sympy.Add(*(c * _product(monomial, world) for monomial, c in part.items()))
+            what = f"'{world.name(whole)}' is a sum of {len(found)} powers of linear functions"
+            still.append((whole, f"{what}, and {MOST} are the most"))
+    return ([single(term, world) for term in terms if world.used(term)], crossing), still
 
 
 def _product(monomial: Sequence[int], world: Symbolics) -> Any:
