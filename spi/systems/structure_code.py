@@ -1,13 +1,10 @@
 """Python source for the structure matrix of a Lie-Poisson bracket, B(y) v, and for the bracket of its Lie algebra."""
 
-import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-import mpmath
-
-from .brackets import NOTHING, Bracket, precise
-from .code import Formula, written_sum
+from .brackets import Bracket, precise
+from .code import Formula, as_tuple, signed, written_sum
 
 Term = tuple[str, str]  #: (sign, code)
 
@@ -23,7 +20,7 @@ def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable
                     rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))
                 else:
                     rows.setdefault(row, []).append(("+", f"({written_sum(terms)}) * v[{column}]"))
-    return in_tuple([written_sum(rows.get(i, [])) for i in range(bracket.dimension)])
+    return as_tuple([written_sum(rows.get(i, [])) for i in range(bracket.dimension)])
 
 
 def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
@@ -33,7 +30,7 @@ def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
         product = f"(w[{i}] * v[{j}] - w[{j}] * v[{i}])"
         for k, term in _terms(bracket, names, i, j, 1, lambda k, product=product: product):  # type: ignore[misc]
             rows.setdefault(k, []).append(term)
-    return in_tuple([written_sum(rows.get(k, [])) for k in range(bracket.dimension)])
+    return as_tuple([written_sum(rows.get(k, [])) for k in range(bracket.dimension)])
 
 
 def _terms(
@@ -43,21 +40,4 @@ def _terms(
     if formulas := bracket.formulas.get((i, j)):
         writer = Formula(names, ())
         return [(k, ("+" if sign > 0 else "-", f"{writer.code(c)} * {factor(k)}")) for k, c in formulas.items()]
-    return [(k, _signed(sign * precise(c), factor(k))) for k, c in bracket.constants[i, j].items()]
-
-
-def _signed(value: mpmath.mpf, what: str) -> Term:
-    size = abs(value)
-    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
-
-
-def in_tuple(codes: Sequence[str]) -> str:
-    """A tuple of pieces of code."""
-    codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
-    return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
-
-
-def _matched(code: str) -> bool:
-    """Whether the first parenthesis closes at the end."""
-    depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
-    return depth[-1] == 0 and all(depth[:-1])
+    return [(k, signed(sign * precise(c), factor(k))) for k, c in bracket.constants[i, j].items()]
