@@ -22,10 +22,12 @@ from .data import Data
 from .forms import check_finite, check_name, degree_of, linear, shortened
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
+from .quadratics import by_quadratics
 from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, Term, merged, single, split, without_flow
 from .symbolics import Symbolics
 from .system import Function, System
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
+from .waring import powers
 
 
 class Defined(NamedTuple):
@@ -208,7 +210,13 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                found = split(parts, world, constants, lambda addend: self.by_invariants(addend, world, formulas))
+                found = split(
+                    parts,
+                    world,
+                    constants,
+                    lambda addend: self.by_invariants(addend, world, formulas),
+                    lambda lacking: powers(lacking, world, lambda: self.known(world, formulas)),
+                )
             except NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(found) > MOST:
@@ -242,9 +250,14 @@ class _Reader(Data):
 
     def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of Casimir functions and of linear ones, if it is one."""
+        known = self.known(world, formulas)
+        return by_invariants(function, world, known) or by_quadratics(function, world, known)
+
+    def known(self, world: Symbolics, formulas: Symbols) -> list[Any]:
+        """The Casimir functions."""
         if self.invariants is None:
             self.invariants = [found.expression for found in self.casimirs(world, formulas)[0]]
-        return by_invariants(function, world, self.invariants)
+        return self.invariants
 
     def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
         """The one flow of a piece or a noise, which is known where all of its terms commute."""

@@ -12,35 +12,36 @@ from .symbolics import Symbolics
 Moves = Sequence[tuple[str, Sequence[Any]]]  #: (a time as source text, the rates of the angles a1, a2, ...), ...
 
 
+class Call(NamedTuple):
+    """Of one motion."""
+
+    k: int  #: the number of the flow
+    key: Any  #: of its motion, or a text why there is none
+    moves: Moves
+    together: Sequence[Flow]  #: for each of the moves
+
+
 class Writer(NamedTuple):
     """Writes flows as calls of motions."""
 
     names: Mapping[Any, str]  #: how symbols are called
     world: Symbolics
-    motions: Mapping[Any, Any]  #: key -> (name, motion, linear functions, whether it is given the model)
+    motions: Mapping[Any, Any]  #: key -> (name, motion, what moves, whether it is given the model)
 
-    def words(self, heads: Sequence[str], moved: Sequence[tuple[int, Any, Sequence[str], Sequence[Flow]]]) -> list[str]:
-        """Two methods, of flows and of their angles.
-
-        `moved`: (k, key of the motion or why there is none, times, flows that move together by these times), ...
-        """
-        flow_lines, angle_lines, last = [heads[0]], [heads[1]], moved[-1][0]
-        for k, key, times, together in moved:
+    def words(self, heads: Sequence[str], calls: Sequence[Call]) -> list[str]:
+        """Two methods, of flows and of their angles."""
+        flow_lines, angle_lines, count = [heads[0]], [heads[1]], calls[-1].k + 1
+        for k, key, moves, together in calls:
             if isinstance(key, str):
                 nothing = as_tuple(["np.nan"] * len(self.world.variables))
-                flow_lines += case(k, last + 1, [f"return {nothing}  # there is no exact flow"])
-                angle_lines += case(k, last + 1, ["return 0.0"])
+                flow_lines += case(k, count, [f"return {nothing}  # there is no exact flow"])
+                angle_lines += case(k, count, ["return 0.0"])
                 continue
             name, made, _, uses = self.motions[key]
-            moves = [(t, self.rates(one, key)) for t, one in zip(times, together, strict=True)]
-            said = "; ".join(self.world.name(one.expression) for one in together)
-            flow_lines += case(k, last + 1, [f"# {said}", *self.call(name, uses, moves)])
-            angle_lines += case(k, last + 1, self.angle(made, moves))
+            said = "; ".join(self.world.name(flow.expression) for flow in together)
+            flow_lines += case(k, count, [f"# {said}", *self.call(name, uses, moves)])
+            angle_lines += case(k, count, self.angle(made, moves))
         return ["", *flow_lines, "", *angle_lines]
-
-    def rates(self, flow: Flow, key: Any) -> list[Any]:
-        """df/dl of the linear functions l of a flow, which are derivatives at their pivots."""
-        return [flow.slope(self.world.variables[pivot]) for pivot, _ in key]
 
     def call(self, name: str, uses: bool, moves: Moves) -> list[str]:
         """Lines that return the motion of this name; `uses` says whether it is given the model."""
@@ -86,19 +87,16 @@ class Family(NamedTuple):
     noises: tuple[int, ...]
 
 
-def families(
-    flows: Sequence[Flow], keys: Sequence[Any], noises: Sequence[Flow], noise_keys: Sequence[Any]
-) -> list[Family]:
+def families(flows: Sequence[tuple[Flow, bool]], noises: Sequence[tuple[Flow, bool]]) -> list[Family]:
     """A family for each piece, perhaps without a noise; a noise is in the first one that it fits into.
 
-    The key of a flow is a text where there is no motion.
+    Of each flow it is given whether it lacks a motion.
     """
     found: list[Family] = []
-    for flow, key in zip(flows, keys, strict=True):
+    for flow, lacks in flows:
         family, taken = Family(flow, ()), {k for one in found for k in one.noises}
-        for k, noise in enumerate(noises):
-            known = not isinstance(key, str) and not isinstance(noise_keys[k], str) and k not in taken
-            if known and (leader := _leader(family.leader, noise)):
+        for k, (noise, also) in enumerate(noises):
+            if not (lacks or also or k in taken) and (leader := _leader(family.leader, noise)):
                 family = Family(leader, (*family.noises, k))
         found.append(family)
     return found
@@ -106,6 +104,8 @@ def families(
 
 def _leader(first: Flow, second: Flow) -> Flow | None:
     """That of two flows on whose linear functions the other one depends as well; None if there is none."""
+    if any(term.inner for flow in (first, second) for term in flow.terms):
+        return None
     a, b = (flow.reduced()[0] for flow in (first, second))
     leader = first if len(a) >= len(b) else second
     return leader if len(reduced([*a, *b])[0]) == max(len(a), len(b)) else None

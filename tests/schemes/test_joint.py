@@ -6,7 +6,18 @@ import math
 import numpy as np
 import pytest
 import scheme_cases
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, composed, random_states, take_step, take_steps, turned
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    RIGID_BODY,
+    SCHEMES,
+    composed,
+    random_states,
+    take_step,
+    take_steps,
+    turned,
+)
 from scheme_cases import increments, relative, tosses
 from scipy.integrate import solve_ivp
 from yaml_cases import SYSTEMS, made
@@ -16,7 +27,7 @@ from spi.exact.kolmogorov import exact_expectations, expectations
 from spi.models import MaxwellBloch, RigidBody
 from spi.models.damped import Damped
 from spi.schemes import composed as entry_of
-from spi.schemes import weak_exponents
+from spi.schemes import typical_ns, weak_exponents
 from spi.schemes.splitting import (
     JOINT,
     JOINT_AREAS,
@@ -210,6 +221,14 @@ def test_shared_increments_take_no_sub_steps_and_are_not_independent():
 def test_what_makes_no_step_is_refused(make, complaint):
     with pytest.raises(ValueError, match=complaint):
         make()
+
+
+def test_what_a_step_is_guessed_to_cost():
+    flow = (typical_ns(SCHEMES["splitting"], RIGID_BODY) - typical_ns(SCHEMES["splitting_joint_lie"], RIGID_BODY)) / 3
+    difference = typical_ns(SCHEMES["splitting_joint"], RIGID_BODY) - typical_ns(
+        SCHEMES["splitting_joint_lie"], RIGID_BODY
+    )
+    assert difference == pytest.approx(2 * flow)
 
 
 # --- systems in YAML -------------------------------------------------------------------------------------------------
