@@ -172,6 +172,18 @@ def written_sum(terms: Iterable[tuple[str, str]]) -> str:
     return text or "0.0"
 
 
+def written_tuple(codes: Sequence[str]) -> str:
+    """Code of a tuple."""
+    codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
+    return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
+
+
+def _matched(code: str) -> bool:
+    """Whether the first parenthesis closes at the end."""
+    depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
+    return depth[-1] == 0 and all(depth[:-1])
+
+
 def forms(
     rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: Numbers, depends: bool
 ) -> tuple[list[str], list[str]]:

@@ -17,8 +17,9 @@ import sympy
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
+from .coordinates import Given, simplified
 from .data import Data
-from .forms import check_finite, check_name, degree_of, linear, shortened
+from .forms import check_finite, check_name, degree_of, polynomial, shortened
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
 from .splitting import Constants, Flow, NoExactFlow, Term, merged, single, split
@@ -170,12 +171,13 @@ class _Reader(Data):
             for key in self.mapping("bracket")
             for one in self.at(("bracket", key), self.brackets_of, key, variables, formulas)
         ]
+        entries, logarithmic = simplified(found, values, len(variables))
         try:
-            return checked(variables, found, values)
+            return checked(variables, entries, values, logarithmic)
         except BracketError as error:
             raise DefinitionError(str(error), *error.keys) from None
 
-    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[tuple[str, int, int, Linear]]:
+    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[Given]:
         """The brackets that an entry ``x(i) y(i) for i = 1..n: z(i)`` gives."""
         found = []
         for body, inner in repeated(key, formulas):
@@ -187,7 +189,7 @@ class _Reader(Data):
                     raise NumberError(f"'{name}' is not a variable")
             value = expression(self.data["bracket"][key], inner)
             i, j = (variables.index(name) for name in pair)
-            found.append((key, i, j, linear(value, formulas)))
+            found.append((key, i, j, polynomial(value, formulas)))
         return found
 
     # ---- Hamiltonians --------------------------------------------------------------------------------------------

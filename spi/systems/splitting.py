@@ -13,6 +13,8 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
+from .forms import degree_of
+from .series import ends
 from .symbolics import Symbolics
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
@@ -80,8 +82,10 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
     functionals, pivots = functionals_of(expression, world, kept)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
-            names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
+            names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
+    if world.bracket.higher and not ends(world.bracket, functionals):
+        raise NoExactFlow(f"'{world.name(expression)}' moves along a field that is neither affine nor ends as a series")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying, kept)
 
@@ -116,12 +120,17 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     flows: list[list[Term]] = []
     for term in terms:
         for flow in flows:
-            if commute([term], flow, bracket):
+            if commute([term], flow, bracket) and _is_curved(term, bracket) == _is_curved(flow[0], bracket):
                 flow.append(term)
                 break
         else:
             flows.append([term])
     return [Flow(tuple(flow)) for flow in flows]
+
+
+def _is_curved(term: Term, bracket: Bracket) -> bool:
+    """Whether its fields are not affine, so that its flow is a series."""
+    return any(map(bracket.curved, term.functionals))
 
 
 def _terms(
@@ -144,7 +153,7 @@ def _terms(
         if len(expanded) > 1:
             more, cross = _of_parts(addend, expanded, world, otherwise)
             terms, crossing = terms + more, crossing + cross
-        elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
+        elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
@@ -226,24 +235,26 @@ def functionals_of(
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
     if len(used) == 1:
         return coordinates, used
-    if expression.is_Mul and all(
-        f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
+    if (
+        expression.is_Mul
+        and not world.bracket.logarithmic.intersection(used)
+        and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
     ):
         return coordinates, used  # a monomial
-    numbers = dict(world.parameters) | {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
-    gradient = [sympy.diff(expression, world.variables[i]).xreplace(numbers) for i in used]
+    numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
+    gradient = [world.slope(expression, i).xreplace(numbers) for i in used]
     value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
     rows = []
     with mpmath.workdps(DIGITS + 20):
         for n in range(len(used) + 2):
             point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
             try:
-                slopes = [mpmath.mpmathify(g) for g in value(*point)]
+                row = [mpmath.mpmathify(g) for g in value(*point)]
             except (TypeError, ZeroDivisionError, ValueError):
                 continue  # not defined there
             # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
-            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
-            rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
+            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in row) else (mpmath.mpf,)
+            rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
         if not rows:
             raise NoExactFlow(f"'{world.name(expression)}' has no finite value at these parameters")
     found, pivots = reduced(rows)
