@@ -55,6 +55,18 @@ class Bracket(NamedTuple):
         constant = any(self.dimension in linear for linear in self.constants.values())
         return not (self.higher or self.logarithmic or constant)
 
+    @property
+    def is_cross_product(self) -> bool:
+        """Whether B(y) v = y x v, whatever the parameters."""
+        right = {(0, 1): {2: -1}, (0, 2): {1: 1}, (1, 2): {0: -1}}
+        return self.is_lie and not self.formulas and dict(self.constants) == right
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether every flow keeps all entries of B, which are then Casimir functions."""
+        moving = any(self.field(linear) for linear in self.constants.values())
+        return not (moving or self.higher or self.logarithmic)
+
     def of(self, i: int, j: int) -> Linear:
         """{w_i, w_j}, but for what is of higher degree."""
         if i <= j:

@@ -12,9 +12,11 @@ from spi.checks.model_checks import check_model
 from spi.checks.states import states_on_surface
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import lie_poisson
+from spi.ensemble.inexact import inexact_pieces
 from spi.ensemble.protocol import casimirs, commuting_noises, noise_flow, populations, structure, structure_derivative
 from spi.models import LotkaVolterra
 from spi.numerics.angles import ANY_ANGLES
+from spi.systems.definition import DefinitionError, define
 from spi.systems.making import make
 
 #: name -> (variables, bracket, functions with exact flows, Casimir functions)
@@ -190,6 +192,19 @@ def test_parameters_of_a_bracket_are_numbers_of_the_class():
         )
     for record in (first, other):
         assert check_model(record, states_on_surface(y, record), written=False) == []
+
+
+NAMBU = "{variables: [x, y, z], bracket: {x y: z^2, y z: x^2, z x: y^2}, hamiltonian: x^2/2 + z, inner: midpoint}"
+
+
+def test_what_nothing_simplifies_has_no_exact_flow():
+    """Its Casimir function is found all the same, and the class passes the checks of models without flows."""
+    system = made(NAMBU)
+    assert [one.text for one in system.system.casimirs] == ["x^3 + y^3 + z^3"]
+    assert inexact_pieces(system.record) == (0,)
+    assert check_model(system.record, states_on_surface((0.4, 0.7, 0.5), system.record), written=False) == []
+    with pytest.raises(DefinitionError, match="which is for linear brackets; use midpoint"):
+        define(definition(NAMBU.replace("midpoint", "munthe_kaas")))
 
 
 # --- whole steps -----------------------------------------------------------------------------------------------------
