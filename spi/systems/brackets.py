@@ -118,6 +118,14 @@ class Bracket(NamedTuple):
                             entries[row, monomial] = entries.get((row, monomial), mpmath.mpf(0)) + value
         return {place: value for place, value in entries.items() if abs(value) > NOTHING}
 
+    def polynomial_field(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+        """The whole field of a linear function."""
+        return {**self.as_field(self.field(functional)), **self.curved(functional)}
+
+    def as_field(self, entries: Mapping[tuple[int, int], mpmath.mpf]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+        """M (w, 1) by row and monomial."""
+        return {(row, self.monomial(k)): c for (row, k), c in entries.items()}
+
     def moves(self, functional: Mapping[int, Any]) -> bool:
         """Whether a linear function of w has a field other than 0."""
         return bool(self.field(functional) or self.curved(functional))

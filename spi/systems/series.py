@@ -7,13 +7,13 @@ which are moved before it, as a magnetic field moves momenta by positions, only 
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import mpmath
 
 from .brackets import DIGITS, NOTHING, Bracket, Monomial
 
+Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
 #: What a coordinate is moved by: factors by (monomial of the a_a, monomial of the w_i).
 Series = dict[tuple[Monomial, Monomial], mpmath.mpf]
 _MOST_TERMS, _LONGEST = 24, 500  # of a series, and monomials of a term
@@ -23,11 +23,11 @@ class EndlessSeries(ValueError):
     """A series has more terms, or longer ones, than are looked at."""
 
 
-def series(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> dict[int, Series]:
+def series(fields: Sequence[Field]) -> dict[int, Series]:
     """By how much each coordinate is moved that is moved at all, X w_i + X^2 w_i / 2 + ...; or EndlessSeries."""
     rows: dict[int, Series] = {}
-    for n, functional in enumerate(functionals):
-        for (row, monomial), c in _field(bracket, functional):
+    for n, field in enumerate(fields):
+        for (row, monomial), c in field.items():
             rows.setdefault(row, {})[(n,), monomial] = c
     with mpmath.workdps(DIGITS):
         return {row: _summed(motion, rows) for row, motion in rows.items()}
@@ -51,16 +51,10 @@ def ends(bracket: Bracket, functionals: Sequence[Mapping[int, mpmath.mpf]]) -> b
     if not any(map(bracket.curved, functionals)):
         return True
     try:
-        series(bracket, functionals)
+        series(list(map(bracket.polynomial_field, functionals)))
     except EndlessSeries:
         return False
     return True
-
-
-def _field(bracket: Bracket, functional: Mapping[int, mpmath.mpf]) -> Iterator[tuple[tuple[int, Monomial], Any]]:
-    for (row, k), c in bracket.field(functional).items():
-        yield (row, bracket.monomial(k)), c
-    yield from bracket.curved(functional).items()
 
 
 def _summed(first: Series, rows: Mapping[int, Series]) -> Series:

@@ -12,10 +12,8 @@ from .brackets import DIGITS
 from .code import Formula, Numbers, as_tuple, case, words_in
 from .derivative_code import Derivatives
 from .eigenspaces import Inseparable
-from .functionals import Functional, form_text
+from .generators import Generator, generators, motions
 from .motion_code import Motion, motion
-from .series import constant_rates, series
-from .spectrum import blocks
 from .splitting import Flow, commute
 from .system import System
 
@@ -28,14 +26,19 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spi.numerics.angles import sin_versine
+from spi.numerics.angles import {angles}
 from spi.compiler.dispatch import device
 from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
-from spi.numerics.motions import larger, sinh_coshm1, times
+from spi.numerics.motions import {motions}
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
 '''
+_IMPORTED = {
+    "angles": ("sin_versine", "sinc_versinc"),
+    "motions": ("larger", "sinh_coshm1", "times", "turning"),
+}
+_ALWAYS = ("sin_versine", "larger", "sinh_coshm1", "times")
 _TAKEN = {"sigma", "constants", "count", "index", "y", "v", "u", "t", "k", "np", "model", "angles"}
 
 
@@ -69,7 +72,7 @@ class _Generator:
         self.names = {y: f"y[{n}]" for n, y in enumerate(self.world.variables)}
         self.names |= {p: f"model.{self.fields[str(p)]}" for p in self.world.parameters}
         self.names |= {k: self.numbers.constant(value) for k, value in system.constants.items()}
-        self.motions: dict[Any, tuple[str, Motion, tuple[Functional, ...], bool]] = {}
+        self.motions: dict[Any, tuple[str, Motion, list[Generator], bool]] = {}
 
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
@@ -78,23 +81,25 @@ class _Generator:
         body = [*self.facts(lacking), *self.flow_words("drift", self.system.flows, drift)]
         body += self.flow_words("noise", self.system.noises, noise)
         body += Derivatives(self.system, self.names).lines(lacking["pieces"])
-        functions = [self.function(name, m, functionals, uses) for name, m, functionals, uses in self.motions.values()]
+        functions = [self.function(*found) for found in self.motions.values()]
         variables = textwrap.fill(", ".join(self.bracket.variables), 110)
         names, sizes, inexact = self.bracket.variables, dict(self.sizes), self.inexact(lacking)
-        kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
-        head = _HEAD.format(kind=kind, name=self.name, variables=variables, names=names, sizes=sizes, inexact=inexact)
+        used = words_in("\n".join(line for lines in functions for line in lines))
+        imported = {key: ", ".join(n for n in known if n in used or n in _ALWAYS) for key, known in _IMPORTED.items()}
+        imported["kind"] = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
+        head = _HEAD.format(name=self.name, variables=variables, names=names, sizes=sizes, inexact=inexact, **imported)
         pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in self.numbers.pairs.items()]
         parts = [head, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])]
         parts += ["\n" + "\n".join(lines) for lines in functions]
         parts += [
             "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
         ]
-        motions = (key if isinstance(key, str) else self.motions[key][1] for key in (*drift, *noise))
+        moving = (key if isinstance(key, str) else self.motions[key][1] for key, _ in (*drift, *noise))
         return Generated(
             "\n".join(parts) + "\n",
             tuple(self.fields.items()),
             tuple(float(value) for value in self.numbers.constants),
-            tuple(motions),
+            tuple(moving),
         )
 
     def inexact(self, lacking: Mapping[str, Mapping[int, str]]) -> str:
@@ -108,74 +113,58 @@ class _Generator:
 
     # ---- flows ---------------------------------------------------------------------------------------------------
 
-    def moved(self, flow: Flow) -> Any:
-        """The key of the motion of a flow; flows of the same linear functions share one.  Or why there is no motion."""
+    def moved(self, flow: Flow) -> tuple[Any, list[Any]]:
+        """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or why not."""
         if flow.lacking:
-            return flow.lacking
-        functionals, pivots = flow.reduced()
-        moving = [(f, p) for f, p in zip(functionals, pivots, strict=True) if self.bracket.moves(f)]
-        key = tuple((p, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items())) for f, p in moving)
+            return flow.lacking, []
+        found = generators(flow, self.world)
+        key = tuple(one.key for one in found)
         if key not in self.motions:
             before = len(self.numbers.constants)
             try:
-                made = self.motion([f for f, _ in moving], flow.varying)
+                made = motion(*motions(found, self.bracket), len(found), self.numbers, flow.varying)
             except Inseparable as error:
-                return str(error)
+                return str(error), []
             uses = len(self.numbers.constants) > before
-            self.motions[key] = f"_motion{len(self.motions) + 1}", made, tuple(f for f, _ in moving), uses
-        return key
+            self.motions[key] = f"_motion{len(self.motions) + 1}", made, found, uses
+        return key, [one.rate for one in found]
 
-    def motion(self, functionals: Sequence[Functional], depends: bool) -> Motion:
-        """The motion along the fields of some linear functions, with numbers that depend on parameters or do not."""
-        more = self.bracket.logarithmic, len(functionals), self.numbers, depends
-        if any(map(self.bracket.curved, functionals)):
-            return motion([], series(self.bracket, functionals), *more)
-        steady, matrices = constant_rates([self.bracket.field(f) for f in functionals], self.bracket.dimension)
-        return motion(blocks(matrices), steady, *more)
-
-    def function(self, name: str, made: Motion, functionals: Sequence[Functional], uses: bool) -> list[str]:
+    def function(self, name: str, made: Motion, found: Sequence[Generator], uses: bool) -> list[str]:
         """A motion as a function of the angles a1, a2, ..."""
-        parameters = "".join(f"a{n + 1}, " for n in range(len(functionals)))
+        parameters = "".join(f"a{n + 1}, " for n in range(len(found)))
         names = self.bracket.coordinates
         if uses:  # without numbers, so that others make the same text
-            text = ", ".join(f"a linear function of {', '.join(names[i] for i in f)}" for f in functionals)
+            text = ", ".join(f"a {one.kind} function of {', '.join(names[i] for i in one.components)}" for one in found)
         else:
-            text = ", ".join(form_text(f, names) for f in functionals)
+            text = ", ".join(one.text for one in found)
         d = self.bracket.dimension
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
         used = [i for i in range(d) if f"y{i + 1}" in words_in(code) or i not in made.components]
         zero = self.bracket.logarithmic.intersection(made.components)
-        begin = {i: "0.0" if i in zero else f"y[{i}]" for i in used} | (
-            {d: "1.0"} if f"y{d + 1}" in words_in(code) else {}
-        )
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
             "@device",
             f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
             f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
-            *(f"    y{i + 1} = {value}" for i, value in begin.items()),
+            *(f"    y{i + 1} = {'0.0' if i in zero else f'y[{i}]'}" for i in used),
+            *([f"    y{d + 1} = 1.0"] if d in made.components else []),
             *("    " + line for line in made.lines),
             f"    return {result}{',' if d == 1 else ''}",
         ]
 
-    def rates(self, flow: Flow, key: Any) -> list[Any]:
-        """df/dl of the linear functions l of a flow, which are derivatives at their pivots."""
-        return [self.world.by_coordinate(flow.slope(self.world.variables[pivot]), pivot) for pivot, _ in key]
-
-    def flow_words(self, part: str, flows: Sequence[Flow], keys: Sequence[Any]) -> list[str]:
+    def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
         flow_lines = [f"def {part}_flow(model, k, t, y, angles):"]
         angle_lines = [f"def {part}_angle(model, k, t, y):"]
-        for k, (flow, key) in enumerate(zip(flows, keys, strict=True)):
+        for k, (flow, (key, rates)) in enumerate(zip(flows, moved, strict=True)):
             if isinstance(key, str):
                 nothing = as_tuple(["np.nan"] * self.bracket.dimension)
                 flow_lines += case(k, len(flows), [f"return {nothing}  # there is no exact flow"])
                 angle_lines += case(k, len(flows), ["return 0.0"])
                 continue
             name, made, _, uses = self.motions[key]
-            rates = self.rates(flow, key)
             formula = Formula(self.names, self.world.variables, angles=True)
             lines, codes = formula.lines(rates)
             arguments = [f"t * {code}" for code in codes]
@@ -243,6 +232,6 @@ class _Generator:
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
 
 
-def _texts(keys: Sequence[Any]) -> dict[int, str]:
+def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:
     """By their numbers, why flows have no motion."""
-    return {k: key for k, key in enumerate(keys) if isinstance(key, str)}
+    return {k: key for k, (key, _) in enumerate(moved) if isinstance(key, str)}
