@@ -5,8 +5,8 @@ from typing import Any
 
 import sympy
 
-from .brackets import precise
-from .code import Formula, as_tuple, case, signed, written_sum
+from .code import Formula, as_tuple, case
+from .structure_code import lie_bracket_code, structure_code
 from .system import System
 
 
@@ -45,7 +45,9 @@ class Derivatives:
         """The word for B v, and that for its derivative where B is not linear."""
         every = range(self.bracket.dimension)
         if self.bracket.is_lie:
-            return ["", "def structure(model, y, v):", f"    return {self.applied(every)}"]
+            lines = ["", "def structure(model, y, v):", f"    return {structure_code(self.bracket, self.names, every)}"]
+            code = lie_bracket_code(self.bracket, self.names)
+            return [*lines, "", "def lie_bracket(model, v, w):", f"    return {code}"]
         moved = self.rows(every)
         lines = self.word("structure(model, y, v)", [moved])
         return lines + self.word("structure_derivative(model, y, u, v)", [self.along(moved, self.u)])
@@ -60,29 +62,9 @@ class Derivatives:
         for head, at in zip(heads, "yu", strict=True):
             lines += ["", f"def {head}:"]
             for k, support in enumerate(supports):
-                lines += case(k, len(supports), [f"return {self.applied(support, at)}"])
+                code = structure_code(self.bracket, self.names, support, at)
+                lines += case(k, len(supports), [f"return {code}"])
         return lines
-
-    def applied(self, columns: Iterable[int], at: str = "y") -> str:
-        """B(y) v of a linear bracket as a tuple, for a v that is 0 outside of some columns."""
-        kept, rows = set(columns), dict[int, list[tuple[str, str]]]()
-        for (i, j), linear in self.bracket.constants.items():
-            for row, column, sign in ((i, j, 1), (j, i, -1)):
-                if column in kept:
-                    formulas = self.bracket.formulas.get((i, j))
-                    if formulas:
-                        writer = Formula(self.names, ())
-                        terms = [
-                            ("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()
-                        ]
-                    else:
-                        terms = [signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
-                    inner = written_sum(terms)
-                    if len(terms) == 1:
-                        rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))
-                    else:
-                        rows.setdefault(row, []).append(("+", f"({inner}) * v[{column}]"))
-        return as_tuple([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])
 
     def rows(self, columns: Iterable[int]) -> list[Any]:
         """The components of B(y) v as formulas, for a v that is 0 outside of some columns.
