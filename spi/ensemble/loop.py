@@ -17,10 +17,9 @@ from numba import get_num_threads, prange, set_num_threads
 from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
+from .given import coins_of_step, noise_of_steps
 from .increments import (
     copy_coins,
-    draw_coins,
-    draw_steps,
     join,
     keep,
     reversed_row,
@@ -158,8 +157,8 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
             draw = np.uint64(n // STEPS_PER_DRAW)
-            draw_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
-        draw_coins(kept.coins, noise, n, np.uint64(block), bits, coins, here)
+            noise_of_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
+        coins_of_step(kept.coins, noise, n, np.uint64(block), bits, coins, here)
         drawn = n % STEPS_PER_DRAW
         # these belong to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
         s, h = 0, grid.reference_step
