@@ -55,13 +55,11 @@ class Data:
             for one, inner in self.at(keys, entries, text, formulas):
                 yield keys, one.strip(), self.at(keys, expression, one, inner)
 
-    def inner(self, linear: bool) -> str:
-        """How compositions move by terms that have no exact flow; `linear`: whether the bracket is."""
+    def inner(self) -> str:
+        """How compositions move by terms that have no exact flow."""
         given = self.data.get("inner", "")
         if given not in ("", *INNER_METHODS):
             raise DefinitionError(f"is '{given}'; must be {' or '.join(INNER_METHODS)}", "inner")
-        if given == "munthe_kaas" and not linear:
-            raise DefinitionError("is 'munthe_kaas', which is for linear brackets; use midpoint", "inner")
         return str(given)
 
 

@@ -105,7 +105,7 @@ class _Reader(Data):
             casimirs=casimirs,
             squared_length_first=first is not None,
             constants=constants.values,
-            inner=self.inner(bracket.is_lie),
+            inner=self.inner(),
         )
         return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
 

@@ -91,7 +91,7 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
             names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
     if world.bracket.higher and not ends(world.bracket, functionals):
-        raise NoExactFlow(f"'{world.name(expression)}' moves along a field that is neither affine nor ends as a series")
+        raise NoExactFlow(f"'{world.name(expression)}' moves by a Lie series that does not end")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying, kept)
 

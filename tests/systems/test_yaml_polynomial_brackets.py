@@ -16,7 +16,6 @@ from spi.ensemble.inexact import inexact_pieces
 from spi.ensemble.protocol import casimirs, commuting_noises, noise_flow, populations, structure, structure_derivative
 from spi.models import LotkaVolterra
 from spi.numerics.angles import ANY_ANGLES
-from spi.systems.definition import DefinitionError, define
 from spi.systems.making import make
 
 #: name -> (variables, bracket, functions with exact flows, Casimir functions)
@@ -213,8 +212,6 @@ def test_what_nothing_simplifies_has_no_exact_flow():
     assert [one.text for one in system.system.casimirs] == ["x^3 + y^3 + z^3"]
     assert inexact_pieces(system.record) == (0,)
     assert check_model(system.record, states_on_surface((0.4, 0.7, 0.5), system.record), written=False) == []
-    with pytest.raises(DefinitionError, match="which is for linear brackets; use midpoint"):
-        define(definition(NAMBU.replace("midpoint", "munthe_kaas")))
 
 
 # --- whole steps -----------------------------------------------------------------------------------------------------
