@@ -1,4 +1,5 @@
-"""What a model is asked; for schemes see ``scheme_protocol.py``, for models with arrays as states ``array_states.py``.
+"""What a model is asked; for schemes see ``scheme_protocol.py``, for models with arrays as states ``array_states.py``,
+for flows that are not known in closed form ``inexact.py``.
 
 Read this file first.
 
@@ -72,6 +73,11 @@ def exact_flows(model):
 @trait(bool, default=False)
 def squared_length_is_casimir(model):
     """Whether the first Casimir function is |y|^2."""
+
+
+@trait(bool, default=False)
+def structure_is_cross_product(model):
+    """Whether B(y) v = y x v; also so of every model that answers ``axis_inertias``."""
 
 
 @trait(bool, default=False)
@@ -253,6 +259,22 @@ def in_kernels(model):
 def fault(model):
     """(key, what is wrong with it, what would be right) of the parameters, or None.  Asked in Python only."""
     return None
+
+
+@method(optional=True)
+def lie_bracket(model, v, w):
+    """[v, w] where B is linear in y: the gradient of w . B(y) v, a function that is linear in y.
+
+    ``fields.add_lie_bracket`` finds it component by component where a model does not answer this, which takes longer.
+    """
+
+
+@method(optional=True)
+def noise_bracket_gradient(model, j, k, y):
+    """The gradient of {Ĥ_j, Ĥ_k} = grad Ĥ_j . B grad Ĥ_k at y, j > k.
+
+    ``fields.add_noise_bracket_gradient`` finds it from Hessians and the bracket above, which takes longer.
+    """
 
 
 @method(optional=True)

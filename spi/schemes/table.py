@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 from ..checks.registration import check_class
 from ..compiler.dispatch import answers
-from ..ensemble.fields import cross_product, lie_poisson, noise_field_derivative
+from ..ensemble.fields import lie_poisson, noise_field_derivative
 from ..ensemble.protocol import squared_length_is_casimir
 from ..ensemble.scheme_protocol import advance_large
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
-from .isospectral import IsospectralMidpoint
+from .isospectral import IsospectralMidpoint, turns_alone
 from .midpoint import Midpoint
-from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
+from .munthe_kaas import MuntheKaasAreas, MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
 from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
 from .stages import has_loops
 
@@ -199,6 +199,22 @@ register_scheme(
     needs=lie_poisson,
 )
 register_scheme(
+    "munthe_kaas_areas",
+    record=MuntheKaasAreas(),
+    label="Munthe-Kaas with Lévy areas",
+    formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y to second order, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k "
+    "+ sum_{k < l} sigma_k sigma_l A_kl grad {Ĥ_l, Ĥ_k}",
+    reference="doi:10.1137/060666743, its Castell-Gaines type; see docs/literature_schemes.md",
+    look=("P", "#009E73"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="Casimirs",
+    work=12.0,
+    solves=True,
+    needs=lie_poisson,
+)
+register_scheme(
     "isospectral_midpoint",
     record=IsospectralMidpoint(),
     label="isospectral midpoint",
@@ -208,7 +224,7 @@ register_scheme(
     weak_order=1.0,
     work=16.0,
     needs_truncation=True,
-    needs=cross_product,
+    needs=turns_alone,
     **POISSON,
 )
 register_scheme(

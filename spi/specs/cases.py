@@ -11,7 +11,7 @@ from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.damped import undamped
-from ..schemes import SCHEMES, Scheme, composed, with_eps
+from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import variables
 from ..systems.keys import MOST
@@ -79,10 +79,9 @@ class BaseCase(Keys):
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
         """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        if scheme in self.compositions:
-            rows = self.compositions[scheme]
-            return composed(scheme, rows, weak_order(rows, self.model))
-        return with_eps(SCHEMES[scheme], eps)
+        rows = self.compositions.get(scheme)
+        row = composed(scheme, rows, weak_order(rows, self.model)) if rows else with_eps(SCHEMES[scheme], eps)
+        return of_model(row, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
         """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""

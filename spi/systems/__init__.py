@@ -26,6 +26,7 @@ __all__ = [
     "NumberError",
     "expanded",
     "has_range",
+    "inexact",
     "made",
     "record",
     "report",
@@ -108,6 +109,11 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
 def has_range(text: Any) -> bool:
     """Whether a text stands for several entries, as ``x(i) for i = 1..n`` does."""
     return isinstance(text, str) and re.search(r"\bfor\b", text) is not None
+
+
+def inexact(model: Any) -> dict[str, dict[int, tuple[str, str]]]:
+    """Of a generated model, {"pieces" or "noises": {k: (formula, why)}} of those without an exact flow."""
+    return _said(model).get("inexact", {})
 
 
 def _said(model: Any) -> dict[str, Any]:

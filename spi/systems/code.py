@@ -229,3 +229,29 @@ def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
     for name, c in terms:
         found[name] = found.get(name, mpmath.mpf(0)) + c
     return {name: c for name, c in found.items() if abs(c) > NOTHING}
+
+
+def signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
+    size = abs(value)
+    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
+
+
+def as_tuple(codes: Sequence[str]) -> str:
+    codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
+    return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
+
+
+def _matched(code: str) -> bool:
+    """Whether the first parenthesis closes at the end."""
+    depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
+    return depth[-1] == 0 and all(depth[:-1])
+
+
+def words_in(code: str) -> set[str]:
+    return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
+
+
+def case(k: int, count: int, lines: Sequence[str]) -> list[str]:
+    """Lines for one k of several, in a method."""
+    head, indent = ([], "    ") if k == count - 1 else ([f"    if k == {k}:"], "        ")
+    return [*head, *(indent + line for line in lines)]

@@ -6,7 +6,7 @@ from typing import Any
 #: Names that generated modules give other meanings than their class.
 USED = (
     *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "np", "sin_versine"),
-    *("sinh_coshm1", "times"),
+    *("sinc_versinc", "sinh_coshm1", "times", "turning"),
 )
 MOST = 64  #: components, flows, noises
 KEYS = MappingProxyType(
@@ -19,6 +19,7 @@ KEYS = MappingProxyType(
         "hamiltonian": "H, a formula in variables and parameters",
         "pieces": "H as a list of pieces, in the order of their flows; found by the program if left out",
         "noises": "a list of Hamiltonians of the noises",
+        "inner": "how compositions move by terms that have no exact flow, midpoint or munthe_kaas",
         "casimirs": "a list of Casimir functions; polynomials up to degree 4 are found if left out",
     }
 )

@@ -13,29 +13,42 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
+from .functionals import Functional, form_text, reduced
+from .kept import Quadratic, commuting, unmoved
 from .symbolics import Symbolics
 
-Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
+Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
+Lacking = list[tuple[Any, str]]  #: what has no exact flow, and why
 
 
 class NoExactFlow(ValueError):
     """A term whose flow is not known in closed form; the message names it."""
 
 
+class NowhereFinite(NoExactFlow):
+    """A term that has no finite value."""
+
+
 class Term(NamedTuple):
-    """A function of commuting linear functions."""
+    """A function of commuting linear functions, or of all functions that its flow keeps."""
 
     expression: Any  #: in the variables, the parameters and, where forms were diagonalised, in :class:`Constants`
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
-    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> Casimir functions whose values they are
+    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the kept functions whose values they are
     original: Any = None  #: where it has such symbols: the same in the variables alone
+    inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: those of these functions that are no Casimir functions
 
     @property
     def whole(self) -> Any:
         """The expression without such symbols."""
         return self.expression if self.original is None else self.original
+
+    def slope(self, variable: Any) -> Any:
+        """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
+        inner = [sympy.diff(self.expression, s) * sympy.diff(u.form, variable) for s, u in self.inner.items()]
+        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.kept))
 
 
 class Constants:
@@ -54,9 +67,10 @@ class Constants:
 
 
 class Flow(NamedTuple):
-    """Terms that commute, to be moved by together."""
+    """Terms that commute, to be moved by together; or one term that has no exact flow."""
 
     terms: tuple[Term, ...]
+    lacking: str = ""  #: why there is no exact flow; "" where there is one
 
     @property
     def expression(self) -> Any:
@@ -64,7 +78,7 @@ class Flow(NamedTuple):
 
     def slope(self, variable: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept."""
-        return sympy.Add(*(sympy.diff(t.expression, variable).xreplace(dict(t.kept)) for t in self.terms))
+        return sympy.Add(*(term.slope(variable) for term in self.terms))
 
     @property
     def varying(self) -> bool:
@@ -91,24 +105,59 @@ def split(
     world: Symbolics,
     constants: Constants,
     otherwise: Callable[[Any], Term | None] = lambda addend: None,
+    powers: Callable[[Lacking], tuple[Parts, Lacking]] = lambda lacking: (([], []), lacking),
 ) -> list[Flow]:
-    """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none.
+    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
 
-    `otherwise` is asked for the term that an addend is which would be refused.
+    `otherwise` is asked for the term that an addend is which has no exact flow of its own, `powers` for what becomes of
+    all that has none even so.
     """
-    terms, crossing = _terms(addends, world, otherwise)
+    terms: list[Term] = []
+    crossing: list[Any] = []
+    lacking: Lacking = []
+    left = list(addends)
+    while left:
+        addend = left.pop(0)
+        try:
+            more, cross = _terms([addend], world, otherwise)
+        except NowhereFinite:
+            raise
+        except NoExactFlow as refused:
+            if parts := _written_parts(addend, world):
+                left = parts + left
+            else:
+                lacking.append((addend, str(refused)))
+        else:
+            terms, crossing = terms + more, crossing + cross
+    (more, cross), lacking = powers(lacking)
+    terms, crossing = terms + more, crossing + cross
     for component in connected(map(world.used, crossing)):
         inside = [term for term in terms if not term.kept and _is_square_within(term.expression, component, world)]
         terms = [term for term in terms if term not in inside]
         form = sympy.Add(*crossing, *(term.expression for term in inside))
         terms += _diagonalised(form, component, world, constants)
-    return merged(terms, world.bracket)
+    flows = merged(terms, world.bracket)
+    if lacking:
+        whole, reason = sympy.Add(*(addend for addend, _ in lacking)), lacking[0][1]
+        flows += [without_flow(whole, reason, world)] if world.used(whole) else []
+    return flows
+
+
+def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
+    """What stands for the flow of a function that has none in closed form."""
+    return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 
 def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
-    """Whether all linear functions that some terms depend on commute with those of others."""
-    first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
-    return all(bracket.commuting(f, g) for f, g in itertools.product(first, second))
+    """Whether all linear and quadratic functions that some terms depend on commute with those of others."""
+    both = (list(terms), list(others))
+    first, second = ([f for term in side for f in term.functionals] for side in both)
+    if not all(bracket.commuting(f, g) for f, g in itertools.product(first, second)):
+        return False
+    mine, theirs = ([u for term in side for u in term.inner.values() if u.fields] for side in both)
+    if not all(unmoved(f, u) for f, u in (*itertools.product(first, theirs), *itertools.product(second, mine))):
+        return False
+    return all(commuting(u, other, bracket.dimension) for u, other in itertools.product(mine, theirs))
 
 
 def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
@@ -124,10 +173,8 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     return [Flow(tuple(flow)) for flow in flows]
 
 
-def _terms(
-    addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]
-) -> tuple[list[Term], list[Any]]:
-    """(terms with exact flows, products y_i y_j of components that do not commute)."""
+def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
+    """The terms and products that a sum consists of; NoExactFlow if an addend is neither."""
     terms: list[Term] = []
     crossing: list[Any] = []
     for addend in addends:
@@ -149,15 +196,11 @@ def _terms(
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
         else:
-            raise NoExactFlow(
-                f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
-            )
+            raise reason
     return terms, crossing
 
 
-def _of_parts(
-    addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]
-) -> tuple[list[Term], list[Any]]:
+def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
     """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
     try:
         return _terms(expanded, world, lambda part: None)
@@ -165,11 +208,18 @@ def _of_parts(
         reason = refused
     if (found := otherwise(addend)) is not None:
         return [found], []
+    if parts := _written_parts(addend, world):
+        return _terms(parts, world, otherwise)
+    raise reason
+
+
+def _written_parts(addend: Any, world: Symbolics) -> list[Any]:
+    """The addends of a sum times factors, as they are written; none of other expressions."""
     sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
     if len(sums) != 1:
-        raise reason
+        return []
     outer = [f for f in sympy.Mul.make_args(addend) if f is not sums[0]]
-    return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world, otherwise)
+    return [sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)]
 
 
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
@@ -245,43 +295,6 @@ def functionals_of(
             parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
             rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
         if not rows:
-            raise NoExactFlow(f"'{world.name(expression)}' has no finite value at these parameters")
+            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
     found, pivots = reduced(rows)
     return (coordinates, used) if len(found) == len(used) else (found, pivots)
-
-
-def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
-    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`Term`."""
-    left = [dict(row) for row in rows]
-    found: dict[int, Functional] = {}
-    tiny = mpmath.mpf(10) ** -30
-    with mpmath.workdps(DIGITS + 20):
-        while True:
-            left = [row for row in left if any(abs(c) > tiny for c in row.values())]
-            if not left:
-                break
-            row = left.pop(0)
-            largest = max(abs(c) for c in row.values())
-            pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
-            row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
-            row[pivot] = mpmath.mpf(1)
-            left = [_without(other, pivot, row, tiny) for other in left]
-            found = {p: _without(other, pivot, row, tiny) for p, other in found.items()}
-            found[pivot] = row
-    pivots = tuple(sorted(found))
-    return tuple(found[pivot] for pivot in pivots), pivots
-
-
-def _without(row: Mapping[int, mpmath.mpf], pivot: int, by: Functional, tiny: mpmath.mpf) -> Functional:
-    """A row less so much of another that its entry at the pivot is 0."""
-    factor = row.get(pivot)
-    if not factor:
-        return dict(row)
-    new = {i: row.get(i, mpmath.mpf(0)) - factor * by.get(i, mpmath.mpf(0)) for i in {*row, *by} - {pivot}}
-    return {i: c for i, c in sorted(new.items()) if abs(c) > tiny}
-
-
-def form_text(functional: Functional, names: Sequence[str]) -> str:
-    """A linear function in words."""
-    parts = [names[i] if abs(c - 1) < NOTHING else f"{mpmath.nstr(c, 6)}*{names[i]}" for i, c in functional.items()]
-    return " + ".join(parts)

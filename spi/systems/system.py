@@ -27,3 +27,4 @@ class System(NamedTuple):
     casimirs: tuple[Function, ...]
     squared_length_first: bool  #: whether the first Casimir function is |y|^2
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
+    inner: str = ""  #: how compositions move by terms that have no exact flow
