@@ -190,7 +190,7 @@ register_scheme(
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y to second order, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k "
     "+ sum_{k < l} sigma_k sigma_l A_kl grad {Ĥ_l, Ĥ_k}",
     reference="doi:10.1137/060666743, its Castell-Gaines type; see docs/literature_schemes.md",
-    look=("P", "#009E73"),
+    look=("H", "#009E73"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
