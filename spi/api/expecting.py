@@ -15,12 +15,12 @@ from ..expressions.arithmetic import NumberError
 from ..kinds.blocks import BlocksPlan
 from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan
-from ..kinds.weak.study.sums import mean_over_paths, standard_deviation, with_powers
 from ..numerics.rng import LANES
 from ..running import workers
 from ..running.compiling import compile_missing
 from ..specs import SpecError
 from ..statistics.estimators import GROUPS, group_counts
+from ..statistics.powers import mean_over_paths, standard_deviation, with_powers
 from .paths import plan_of
 from .progress import Line
 from .specs import whole

@@ -18,11 +18,12 @@ from spi.kinds.plans import DOWN, Cost, Done, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.statistics.powers import mean_over_paths, standard_deviation, with_powers
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
 from ...study.plans import WeakPlan, sampled_errors
-from ...study.sums import mean_over_paths, standard_deviation, values_of_blocks, with_powers
+from ...study.sums import values_of_blocks
 
 _BATCH_BYTES = 64e6
 
