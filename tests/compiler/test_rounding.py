@@ -122,7 +122,6 @@ def test_nothing_is_left_for_llvm_to_choose():
     a, b, c, d = function.args
     products = [builder.fmul(*pair, flags=["contract"]) for pair in ((a, b), (c, d))]
     builder.ret(builder.fadd(*products, flags=["contract"]))
-    assert str(module).count("contract") == 3
     rounding.round_explicitly(module)
     assert "contract" not in str(module) and f'"prefer-vector-width"="{rounding.vector_bits()}"' in str(module)
     assert ("@llvm.fma.f64" in str(module).replace('"', "")) == rounding.is_fused()
