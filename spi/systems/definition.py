@@ -19,7 +19,7 @@ from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
 from .data import Data
-from .forms import check_finite, check_name, degree_of, linear, shortened
+from .forms import check_finite, check_name, degree_of, linear, merged_powers, shortened
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
 from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, Term, merged, single, split, without_flow
@@ -94,6 +94,8 @@ class _Reader(Data):
             order = [first, *(n for n in range(len(casimirs)) if n != first)]
             casimirs = tuple(casimirs[n] for n in order)
         given_h = self.hamiltonian(world, formulas)
+        if any(flow.lacking for flow in flows):
+            given_h = merged_powers(given_h)
         system = System(
             world=world,
             hamiltonian=given_h,

@@ -13,6 +13,7 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
+from .forms import merged_powers, shortened
 from .functionals import Functional, form_text, reduced
 from .symbolics import Symbolics
 
@@ -85,7 +86,8 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
             names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
-            raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
+            text = shortened(world.name(expression))
+            raise NoExactFlow(f"'{text}' depends on {names.replace('+ -1.0*', '- ')}, which do not commute")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying, kept)
 
@@ -131,6 +133,7 @@ def split(
 
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
     """What stands for the flow of a function that has none in closed form."""
+    expression = merged_powers(expression)
     return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 
