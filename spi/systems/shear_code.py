@@ -1,6 +1,6 @@
-"""Source of what moves within a joint eigenspace besides e^z: shears, and pairs of nearly equal eigenvalues."""
+"""Source of what moves within a joint eigenspace besides e^z, as shears, and of what moves by series that end."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mpmath
@@ -8,6 +8,7 @@ import mpmath
 from .brackets import NOTHING
 from .code import Numbers, forms, written_sum
 from .eigenspaces import Near, Space
+from .series import Series
 
 
 class Shears:
@@ -17,6 +18,7 @@ class Shears:
         self.count, self.numbers, self.depends = count, numbers, depends
         self.lines: list[str] = []
         self.phases: list[tuple[mpmath.mpf, ...]] = []
+        self.squares: list[str] = []  # of angles about axes that depend on y
         self.kinds: list[str] = []
         self.left = 0
         self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
@@ -43,6 +45,16 @@ class Shears:
             self.taken[angle] = s, v
         return self.taken[angle]
 
+    def about_axis(self, square: str, definite: bool) -> tuple[str, str]:
+        """Names of (sin r)/r - 1 and (1 - cos r)/r^2 from the code of r^2, which may be negative if not `definite`."""
+        if square not in self.taken:
+            s, v = self.name("s"), self.name("v")
+            function = "sinc_versinc" if definite else "turning"
+            self.lines.append(f"{s}, {v} = {function}(angles, {square})")
+            self.squares.append(square if definite else f"larger({square}, 0.0)")
+            self.taken[square] = s, v
+        return self.taken[square]
+
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""
         lines, codes = forms(rows, self.name("f") + "_", self.numbers, self.depends)
@@ -65,6 +77,36 @@ class Shears:
                 size = float(abs(c))
                 terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
         return written_sum(terms)
+
+    def polynomial(self, change: Series) -> str:
+        """Code of a polynomial in the a, with polynomials in the y as factors."""
+        terms = []
+        for times in dict.fromkeys(times for times, _ in change):
+            product = _product("a", times)
+            factors = [
+                self.numbers.times(c, _product("y", monomial) or "1.0", self.depends)
+                for (others, monomial), c in change.items()
+                if others == times
+            ]
+            if len(factors) == 1:
+                (sign, code) = factors[0]
+                terms.append((sign, product if code == "1.0" else f"{code} * {product}"))
+            else:
+                terms.append(("+", f"{product} * ({written_sum(factors)})"))
+        return written_sum(terms)
+
+    def exponentials(self, changes: Mapping[int, str]) -> None:
+        """Multiply variables by exponentials of the changes of their logarithms, each of which is taken once."""
+        names: dict[str, str] = {}
+        for i, code in changes.items():
+            is_negative = code.startswith("-") and " + " not in code and " - " not in code
+            inner = code[1:] if is_negative else code
+            if inner not in names:
+                names[inner] = self.let("e", f"exp({inner})")
+            if is_negative and code not in names:
+                names[code] = self.let("e", f"1.0 / {names[inner]}")
+            self.lines.append(f"z{i + 1} = y[{i}] * {names[code]}")
+            self.kinds.append("scaling")
 
     def sheared(self, space: Space, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
@@ -135,3 +177,7 @@ class Shears:
             real, imaginary = (self.let("q", code) if code else "0.0" for code in codes)
             found.append((real, imaginary))
         return found
+
+
+def _product(name: str, monomial: Sequence[int]) -> str:
+    return " * ".join(f"{name}{k + 1}" for k in monomial)
