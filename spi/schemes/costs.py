@@ -18,7 +18,8 @@ def _flows(stages, model):
     """The flows of a composition; an inner step counts as some, the more the more components there are."""
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
     return sum(
-        _INNER_FLOWS * dimension(model) / 3 if k in inexact[part] else 1 for _, part, k, *_ in sweeps(stages, model)
+        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else 1
+        for _, part, k, *_ in sweeps(stages, model)
     )
 
 
