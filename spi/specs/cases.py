@@ -180,10 +180,9 @@ class BaseCase(Keys):
         """What cannot be done with a model whose states are arrays."""
         for name in self.schemes_used:
             if not self.row(name).for_large_models:
-                listed = name in self.schemes
-                what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
-                right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
-                raise wrong(what, right, "schemes" if listed else "reference_scheme")
+                key = "schemes" if name in self.schemes else "reference_scheme"
+                what = f"{'has' if key == 'schemes' else 'is'} '{name}', which is not for {self.model_name}"
+                raise wrong(what, "use euler_maruyama or a splitting without joint flows and Lévy areas", key)
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:
