@@ -185,6 +185,18 @@ def _by_flow_or_step(record, part, k, t, z):
         return np.array((drift_flow if part == "drift" else noise_flow)(record, k, t, tuple(z), ANY_ANGLES))
 
 
+def test_joint_flows_leave_out_what_has_none():
+    """The piece y2^2 and the noise y2 move together; the piece and the noise without flows by themselves."""
+    record, y, h = system("body", "midpoint").record, np.array(SYSTEMS["body"][2]), 0.1
+    dW = 0.2 * np.random.default_rng(4).standard_normal((2, LANES))
+    new, _ = take_step(SCHEMES["splitting_joint_lie"].record, record, h, dW, np.repeat(y[:, np.newaxis], LANES, axis=1))
+    for lane in range(4):
+        z, noise = y, dict(enumerate(dW[:, lane]))
+        for part, k in (("drift", 0), ("drift", 1), ("noise", 1), ("drift", 2), ("noise", 0)):
+            z = _by_flow_or_step(record, part, k, h if part == "drift" else noise[k], z)
+        assert np.allclose(new[:, lane], z, rtol=0, atol=1e-12)
+
+
 def errors_without_noise(scheme, record, of, y, final=0.5):
     exact, errors = flow(of, final, y), []
     for n in (2, 4, 8):
