@@ -200,6 +200,8 @@ def facts(
         told["samples"] = f"{count(samples)} samples"
     if about.truncate_noise:
         told["truncate_noise"] = "truncated noise"
+    if about.areas != "exact":
+        told["areas"] = "Gaussian areas"
     if estimator:
         told["estimator"] = estimator
     if len(functions) == 1:

@@ -12,7 +12,7 @@ from .table import SCHEMES
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
-_TYPICAL_TERMS = 8  # of the Fourier series of areas
+_TYPICAL_TERMS = 1  # of the Fourier series of areas
 
 
 def _flows(stages, model):
