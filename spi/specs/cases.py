@@ -46,8 +46,8 @@ from .keys import (
 )
 from .mistakes import every
 from .models import Model, check_words, name_of
+from .own_schemes import check_steps
 
-Areas = Literal[HOW]
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
 
@@ -75,7 +75,7 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
-    areas: key_of(Areas, f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
+    areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
@@ -91,8 +91,8 @@ class BaseCase(Keys):
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
         """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        rows = self.compositions.get(scheme)
-        row = composed(scheme, rows, weak_order(rows, self.model)) if rows else with_eps(SCHEMES[scheme], eps)
+        found = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
+        row = found if isinstance(found, Scheme) else composed(scheme, found, weak_order(found, self.model))
         return of_model(row, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
@@ -168,9 +168,10 @@ class BaseCase(Keys):
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
-    @condition("initial", "model")
+    @condition("initial", "model", "compositions")
     def _check_words(self) -> Self:
         check_words(self.model, self.initial)
+        check_steps(self.compositions, self.model, self.initial)
         return self
 
     @condition("schemes", "reference_scheme", "model")

@@ -70,7 +70,8 @@ def check_flows(case: Any) -> None:
         if case.row(name).composition is not None:
             listed = name in case.schemes
             what = f"{'has' if listed else 'is'} '{name}', made of exact flows, and none is known of '{formula}': {why}"
-            right = f"add inner: midpoint (or munthe_kaas) to the model, or use {', '.join(able)}"
+            either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
+            right = f"add inner: {either} to the model, or use {', '.join(able)}"
             raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
 
@@ -129,7 +130,7 @@ def check_large(case: Any) -> None:
         if not case.row(name).for_large_models:
             listed = name in case.schemes
             what = f"{'has' if listed else 'is'} '{name}', which is not for {case.model_name}"
-            right = "use euler_maruyama or a splitting without Lévy areas"
+            right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
             raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
 

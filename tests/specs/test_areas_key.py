@@ -1,5 +1,7 @@
 """The key `areas`: where Gaussian areas are allowed, and who says that they are Gaussian."""
 
+from types import SimpleNamespace
+
 import pytest
 from weak_cases import SPEC, case_of
 
@@ -38,7 +40,7 @@ def test_who_says_that_areas_are_gaussian():
     assert Description.describe(case_of(), case_of().row("splitting"), part).attributes()["areas"] is None
     group = Group(about.case, about.variant, {}, {}, {k: v for k, v in attributes.items() if v is not None}, "plain")
     assert Description.of(group).areas == "gaussian"
-    assert style.facts(about)["areas"] == "Gaussian areas"
+    assert style.facts(SimpleNamespace(about=about))["areas"] == "Gaussian areas"
 
 
 @pytest.mark.parametrize(

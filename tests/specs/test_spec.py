@@ -205,7 +205,8 @@ def test_hash_of_a_profile_is_that_of_its_content(spec):
 NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
 WHOLE = "must be a whole number such as 500 or 10^6"
 SCHEMES = (
-    "splitting, splitting_drift_first, splitting_areas, splitting_order2, splitting_symmetric, euler_maruyama, "
+    "splitting, splitting_drift_first, splitting_areas, splitting_joint_lie, splitting_joint, "
+    "splitting_joint_areas, splitting_order2, splitting_symmetric, euler_maruyama, "
     "euler_maruyama_renormalised, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, munthe_kaas_areas, "
     "isospectral_midpoint, ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
 )
@@ -240,7 +241,7 @@ SCHEMES = (
         (
             "kind: strong",
             "kind: weather",
-            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time",
+            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time, statistics",
         ),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
@@ -1004,7 +1005,8 @@ def test_json_schema():
     keys = strong["properties"]
     assert keys["kind"]["const"] == "strong"
     assert keys["schemes"]["items"]["anyOf"][0]["enum"] == SCHEMES.split(", ")
-    assert keys["compositions"]["additionalProperties"] == {"type": "array", "items": {"type": "string"}}
+    listed = {"type": "array", "items": {"type": "string"}}
+    assert keys["compositions"]["additionalProperties"] == {"anyOf": [listed, {"type": "object"}]}
     assert keys["final_time"]["anyOf"] == [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]
     assert keys["samples"]["description"] == "number of Brownian paths"
     assert {"$ref": "#/$defs/RigidBodyPart"} in keys["model"]["anyOf"]
