@@ -30,6 +30,7 @@ from .increments import (
 )
 from .lanes import aligned
 from .observer import last_states_only, observe
+from .protocol import frozen
 from .scheme_protocol import REPORT, SUMMED
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
@@ -171,6 +172,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                     continue
                 for turn in range(2 if reversal == PAIRS_REVERSED else 1):
                     increments, side = (drawn, here) if turn == 0 else (first + s, s)
+                    begin = (n + 1 - steps_before(reversal, turn) * (1 << s)) * grid.reference_step
                     if reversal != AS_TOSSED:
                         turn_coins(kept.coins, coins, side, flipped)
                         side = flipped
@@ -182,7 +184,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                         grid.reference_scheme,
                         scheme,
                         grid.by_reference[level],
-                        model,
+                        frozen(model, begin, h),
                         paths,
                         h,
                         dW[increments],
@@ -201,6 +203,12 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
             keep(kept, model, dW[drawn], dW[first + s])
             copy_coins(kept.coins, coins, here, s)
     copy_rows(owned[0], states)
+
+
+@device
+def steps_before(reversal, turn):
+    """How many steps before the end of the steps at hand one begins; of a pair, whatever its increments, first two."""
+    return 2 - turn if reversal == PAIRS_REVERSED else 1
 
 
 @device

@@ -11,7 +11,7 @@ from ..compiler.generated import function_of
 from ..compiler.records import field
 from ..ensemble import protocol
 from ..ensemble.fields import add_scaled
-from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
+from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, frozen, pieces
 from ..numerics.elementary import expm1
 
 
@@ -32,6 +32,10 @@ class Damped(NamedTuple):
 
     def decay_rates(model):
         return tuple(k * model.damping for k in casimir_degrees(model))
+
+    def frozen(model, s, h):
+        inner = frozen(model.model, s, h)
+        return Damped(inner, model.damping, inner.sigma)
 
     def drift_flow(model, k, t, y, angles):
         """The factor exp(-gamma t) minus 1, and not itself, because its rounding is the same in every step.

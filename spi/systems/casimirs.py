@@ -27,14 +27,20 @@ class Search(NamedTuple):
     searched: int  #: up to this degree all are found whose coefficients are such fractions
 
 
-def search(world: Symbolics) -> Search:
-    """The polynomial Casimir functions up to degree 4 that are no sums of products of others."""
+def search(world: Symbolics, known: Sequence[tuple[set[int], int, Any]] = ()) -> Search:
+    """The polynomial Casimir functions up to degree 4 that are no sums of products of others.
+
+    Of components of which (components, degree, function) are `known`, these.
+    """
     bracket = world.bracket
     parts = connected([*({i, j, *linear} for (i, j), linear in bracket.constants.items())])
     linked = set().union(*parts)
     found = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
+    found += [(degree, function) for _, degree, function in known]
     searched = MOST_DEGREE
     for part in parts:
+        if any(part <= components for components, _, _ in known):
+            continue
         functions, reached = _search_within(sorted(part), world)
         found += functions
         searched = min(searched, reached)

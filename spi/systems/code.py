@@ -12,7 +12,7 @@ from .brackets import NOTHING
 
 _EXACT = mpmath.mpf(10) ** -35
 _PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "np.sign", sympy.tan: "np.tan"}
-_PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh"}
+_PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh", sympy.atan: "np.arctan"}
 
 
 class Formula:
@@ -108,7 +108,9 @@ class Formula:
     def _function(self, e: Any) -> str:
         if isinstance(e, sympy.DiracDelta):
             return "0.0"  # in the second derivative of |x|, which is 0 wherever it exists
-        (argument,) = e.args
+        if isinstance(e, sympy.Max | sympy.Min):
+            return self._largest(e)
+        argument = e.args[0]
         inner = self.code(argument)
         inner = inner[1:-1] if inner.startswith("(") and argument.is_Add else inner
         if isinstance(e, sympy.sin | sympy.cos):
@@ -117,7 +119,17 @@ class Formula:
             part = 0 if isinstance(e, sympy.sin) else 1
             taken = f"sin_versine(angles, {inner})[{part}]"
             return taken if part == 0 else f"(1.0 - {taken})"
+        if isinstance(e, sympy.Heaviside):  # the derivative of a maximum; 1/2 where two are equal
+            return f"(0.5 + 0.5 * np.sign({inner}))"
         return f"{_PLAIN[e.func]}({inner})"
+
+    def _largest(self, e: Any) -> str:
+        """The largest of several, two by two; the least is minus the largest of their opposites."""
+        sign = "" if isinstance(e, sympy.Max) else "-"
+        first, *others = [f"{sign}{self.code(argument)}" for argument in _ordered(e.args, self.names)]
+        for other in others:
+            first = f"larger({first}, {other})"
+        return f"(-{first})" if sign else first
 
 
 def _ordered(terms: Sequence[Any], names: Mapping[Any, str]) -> list[Any]:
@@ -229,3 +241,32 @@ def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
     for name, c in terms:
         found[name] = found.get(name, mpmath.mpf(0)) + c
     return {name: c for name, c in found.items() if abs(c) > NOTHING}
+
+
+def signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
+    """(sign, code) of a product with a number, as :func:`written_sum` takes it."""
+    size = abs(value)
+    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
+
+
+def tuple_code(codes: Sequence[str]) -> str:
+    """The code of a tuple."""
+    codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
+    return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
+
+
+def _matched(code: str) -> bool:
+    """Whether the first parenthesis closes at the end."""
+    depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
+    return depth[-1] == 0 and all(depth[:-1])
+
+
+def words_of(code: str) -> set[str]:
+    """The names in some code."""
+    return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
+
+
+def case(k: int, count: int, lines: Sequence[str]) -> list[str]:
+    """Lines for one k of several, in a method."""
+    head, indent = ([], "    ") if k == count - 1 else ([f"    if k == {k}:"], "        ")
+    return [*head, *(indent + line for line in lines)]

@@ -14,17 +14,18 @@ from typing import Any, NamedTuple
 
 import sympy
 
-from .algebras import algebra
+from .algebras import algebra, known_casimirs
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
 from .data import Data
+from .driving import TIME, driving_of
 from .forms import check_finite, check_name, degree_of, linear, shortened
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
 from .splitting import Constants, Flow, NoExactFlow, Term, merged, single, split
 from .symbolics import Symbolics
 from .system import Function, System
-from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
+from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 
 
 class Defined(NamedTuple):
@@ -38,7 +39,7 @@ class Defined(NamedTuple):
 
 def define(data: Mapping[str, Any]) -> Defined:
     """The system of a definition with some of :data:`KEYS`; DefinitionError if anything is wrong with it."""
-    unknown = next((key for key in data if key not in KEYS), None)
+    unknown = next((key for key in data if key not in (*KEYS, "sigma")), None)
     if unknown is not None:
         raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
     return _Reader(data).read()
@@ -47,12 +48,15 @@ def define(data: Mapping[str, Any]) -> Defined:
 def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
     reader = _Reader(data if given is None else {**data, "sigma": given})
-    formulas = Symbols(parameters=reader.parameters, indices=reader.sizes)
+    formulas = Symbols(parameters=reader.parameters, indices=reader.sizes).in_time(TIME)
     count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
     if given is None:
         return [1.0] * count
     found = []
     for keys, text, value in reader.expressions("sigma", formulas):
+        if formulas.time in value.free_symbols:
+            found.append(1.0)  # until its value is found, see driving.py
+            continue
         if not value.is_number or not value.is_real or not 0 <= value < 1e300:
             raise DefinitionError(f"is '{shortened(text)}'; must be a number, at least 0", *keys)
         found.append(float(value))
@@ -80,10 +84,11 @@ class _Reader(Data):
         values = {sympy.Symbol(name, real=True): value for name, value in self.parameters.items()}
         formulas = Symbols(dict(zip(variables, symbols, strict=True)), {str(p): p for p in values}, self.sizes)
         bracket = self.bracket(variables, given, formulas, values)
-        world = Symbolics(bracket, symbols, values)
+        driven, numbers = formulas.in_time(TIME), Symbols(parameters=self.parameters, indices=self.sizes)
+        world = Symbolics(bracket, symbols, values, driven.time)
         constants = Constants()
-        flows = self.flows(world, formulas, constants)
-        noises = self.noises(world, formulas)
+        flows = self.flows(world, driven, constants)
+        noises = self.noises(world, driven)
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
         check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants.values)
         casimirs, searched = self.casimirs(world, formulas)
@@ -92,7 +97,7 @@ class _Reader(Data):
         if first:
             order = [first, *(n for n in range(len(casimirs)) if n != first)]
             casimirs = tuple(casimirs[n] for n in order)
-        given_h = self.hamiltonian(world, formulas)
+        given_h = self.hamiltonian(world, driven)
         system = System(
             world=world,
             hamiltonian=given_h,
@@ -101,6 +106,7 @@ class _Reader(Data):
             casimirs=casimirs,
             squared_length_first=first is not None,
             constants=constants.values,
+            driving=driving_of(self, driven, numbers, [given_h, *(flow.expression for flow in noises)]),
         )
         return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
 
@@ -124,7 +130,7 @@ class _Reader(Data):
             raise DefinitionError("is empty; name the components of the state", "variables")
         if len(variables) > MOST:
             raise DefinitionError(f"has {len(variables)} names; a system may have {MOST} components", "variables")
-        taken = {*self.sizes, *self.parameters, *FUNCTIONS, "pi", "mod", "sum", "for"}
+        taken = {*self.sizes, *self.parameters, *TAKEN}
         for n, name in enumerate(variables):
             if name in variables[:n]:
                 raise DefinitionError(f"has '{name}' twice; remove one", "variables")
@@ -234,7 +240,7 @@ class _Reader(Data):
     def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of Casimir functions and of linear ones, if it is one."""
         if self.invariants is None:
-            self.invariants = [found.expression for found in self.casimirs(world, formulas)[0]]
+            self.invariants = [found.expression for found in self.casimirs(world, formulas.in_time(None))[0]]
         return by_invariants(function, world, self.invariants)
 
     def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any], what: str) -> Flow:
@@ -263,9 +269,12 @@ class _Reader(Data):
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""
         if "casimirs" not in self.data:
-            found = search(world)
+            name, sizes = self.data.get("algebra"), Symbols(indices=self.sizes)
+            known = known_casimirs(name, sizes, world.variables) if name else []
+            short = {function: f"tr X^{degree}" for _, degree, function in known if degree > 3}
+            found = search(world, known)
             both = zip(found.functions, found.degrees, strict=True)
-            return tuple(Function(world.name(f), f, degree) for f, degree in both), found.searched
+            return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), found.searched
         functions = []
         for keys, text, value in self.expressions("casimirs", formulas):
             if not world.used(value):

@@ -18,6 +18,8 @@ def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str,
     generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
     values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
     fields = [(field, values[parameter]) for parameter, field in generated.fields]
+    if defined.system.driving:
+        fields.append(("time", defined.system.driving.initial))
     return generated.text, fields, list(generated.constants), _report(defined, generated)
 
 
@@ -32,7 +34,7 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
         lines.append(f"{what}: {_terms(flow, defined)}: {kinds}{lost}")
-    return [*lines, _casimirs(defined)]
+    return [*lines, *([generated.in_time] if generated.in_time else []), _casimirs(defined)]
 
 
 def _casimirs(defined: Defined) -> str:

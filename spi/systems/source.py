@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, precise
-from .code import Formula, Numbers, written_sum
+from .brackets import DIGITS, precise
+from .code import Formula, Numbers, case, signed, tuple_code, words_of, written_sum
+from .driving import Coefficients
 from .eigenspaces import Inseparable
 from .forms import shortened
 from .keys import DefinitionError
@@ -36,6 +37,11 @@ from spi.numerics.motions import larger, sinh_coshm1, times
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}}}
 '''
+_HEAD_IN_TIME = """
+from spi.numerics.averages import mean, signed_root_mean_square
+
+__system__["driving"] = {count}
+"""
 _TAKEN = {"sigma", "constants", "count", "index", "y", "v", "u", "t", "k", "np", "model", "angles"}
 
 
@@ -46,6 +52,7 @@ class Generated(NamedTuple):
     fields: tuple[tuple[str, str], ...]  #: (parameter, field)
     constants: tuple[float, ...]
     motions: tuple[Motion, ...]  #: of the flows of H, then of those of the noises
+    in_time: str | None  #: how time enters, for people; None if nothing depends on it
 
 
 def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, str]:
@@ -65,24 +72,32 @@ class _Generator:
         self.name, self.sizes = name, sizes
         self.system, self.world, self.bracket = system, system.world, system.world.bracket
         self.numbers = Numbers()
+        words = {*words, "time", "driving"} if system.driving else words
         self.fields = field_names(map(str, self.world.parameters), words)
         self.names = {y: f"y[{n}]" for n, y in enumerate(self.world.variables)}
         self.names |= {p: f"model.{self.fields[str(p)]}" for p in self.world.parameters}
         self.names |= {k: self.numbers.constant(value) for k, value in system.constants.items()}
+        self.coefficients = Coefficients(self.names, system.driving.strengths) if system.driving else None
         self.motions: dict[Any, tuple[str, Motion, tuple[Functional, ...], bool]] = {}
 
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
         noise = [self.moved(flow) for flow in self.system.noises]
-        body = [*self.facts(), *self.flow_words("drift", self.system.flows, drift)]
+        body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.derivatives()
+        body = [*self.facts(), *body]
         functions = [self.function(name, m, functionals, uses) for name, m, functionals, uses in self.motions.values()]
         variables = textwrap.fill(", ".join(self.bracket.variables), 110)
         names, sizes = self.bracket.variables, dict(self.sizes)
         head = _HEAD.format(name=self.name, variables=variables, names=names, sizes=sizes)
         pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in self.numbers.pairs.items()]
         parts = [head, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])]
+        if self.coefficients:
+            fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
+            body += self.coefficients.method(self.name, fields, len(noise))
+            functions.append(self.coefficients.function())
+            parts.append(_HEAD_IN_TIME.strip().format(count=len(self.coefficients.entries)))
         parts += ["\n" + "\n".join(lines) for lines in functions]
         parts += [
             "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
@@ -93,7 +108,12 @@ class _Generator:
             tuple(self.fields.items()),
             tuple(float(value) for value in self.numbers.constants),
             tuple(m for _, m, _, _ in used),
+            self.coefficients.report() if self.coefficients else None,
         )
+
+    def frozen(self, expressions: Iterable[Any]) -> list[Any]:
+        """Expressions with what depends on time alone as numbers of the step."""
+        return [self.coefficients.frozen(e) for e in expressions] if self.coefficients else list(expressions)
 
     # ---- flows ---------------------------------------------------------------------------------------------------
 
@@ -131,7 +151,7 @@ class _Generator:
         d = self.bracket.dimension
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
-        used = [i for i in range(d) if f"y{i + 1}" in _words(code) or i not in made.components]
+        used = [i for i in range(d) if f"y{i + 1}" in words_of(code) or i not in made.components]
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
@@ -145,7 +165,7 @@ class _Generator:
 
     def rates(self, flow: Flow, key: Any) -> list[Any]:
         """df/dl of the linear functions l of a flow, which are derivatives at their pivots."""
-        return [flow.slope(self.world.variables[pivot]) for pivot, _ in key]
+        return self.frozen(flow.slope(self.world.variables[pivot]) for pivot, _ in key)
 
     def flow_words(self, part: str, flows: Sequence[Flow], keys: Sequence[Any]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
@@ -160,8 +180,8 @@ class _Generator:
             inner = [f"# {self.world.name(flow.expression)}", *lines]
             call = "".join(f"{argument}, " for argument in arguments)
             inner.append(f"return {name}({'model, ' if uses else ''}angles, {call}y)")
-            flow_lines += _case(k, len(flows), inner)
-            angle_lines += _case(k, len(flows), self.angle(made, rates))
+            flow_lines += case(k, len(flows), inner)
+            angle_lines += case(k, len(flows), self.angle(made, rates))
         if not flows:
             flow_lines.append("    return y")
         return ["", *flow_lines, "", *angle_lines] if flows else ["", *flow_lines]
@@ -170,7 +190,7 @@ class _Generator:
         """Lines that return a bound of all angles of which a flow takes sines."""
         formula = Formula(self.names, self.world.variables)
         inside = formula.sines(rates)
-        needed = [n for n in range(len(rates)) if f"a{n + 1}" in _words(made.angle)]
+        needed = [n for n in range(len(rates)) if f"a{n + 1}" in words_of(made.angle)]
         lines, codes = formula.lines([*(rates[n] for n in needed), *inside])
         lines += [f"a{n + 1} = t * {code}" for n, code in zip(needed, codes, strict=False)]
         result = made.angle or "0.0"
@@ -185,6 +205,8 @@ class _Generator:
         lines += [f"{field}: float" for field in self.fields.values()]
         if self.numbers.constants:
             lines.append(f"constants: tuple[{', '.join(['float'] * len(self.numbers.constants))}]")
+        if self.coefficients:
+            lines += ["time: float", f"driving: tuple[{', '.join(['float'] * len(self.coefficients.entries)) or '()'}]"]
         m = len(system.noises)
         kind = f"tuple[{', '.join(['NonNegative | None'] * m) or '()'}]"
         strengths = f"({', '.join(['1.0'] * m)}{',' if m == 1 else ''})"
@@ -228,7 +250,7 @@ class _Generator:
             ):
                 lines += ["", f"def {word}:"]
                 for k, support in enumerate(supports):
-                    lines += _case(k, len(supports), [f"return {self.applied(support, at)}"])
+                    lines += case(k, len(supports), [f"return {self.applied(support, at)}"])
         return lines
 
     def hessian(self, gradient: Sequence[Any], v: Sequence[Any]) -> list[Any]:
@@ -241,11 +263,11 @@ class _Generator:
     def word(self, head: str, cases: Sequence[Sequence[Any]], v: Sequence[Any] = (), scalar: bool = False) -> list[str]:
         """A method whose value is a tuple of expressions, one for each k if there are several `cases`."""
         lines = ["", f"def {head}:"]
-        for k, expressions in enumerate(cases):
+        for k, expressions in enumerate(map(self.frozen, cases)):
             names = self.names | {symbol: f"v[{n}]" for n, symbol in enumerate(v)}
             inner, codes = Formula(names, [*self.world.variables, *v]).lines(expressions)
-            value = codes[0] if scalar else _tuple(codes)
-            lines += _case(k, len(cases), [*inner, f"return {value}"])
+            value = codes[0] if scalar else tuple_code(codes)
+            lines += case(k, len(cases), [*inner, f"return {value}"])
         return lines if cases else [*lines, f"    return {'v' if v else 'y'}"]
 
     def applied(self, columns: Iterable[int], at: str = "y") -> str:
@@ -261,36 +283,10 @@ class _Generator:
                             ("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()
                         ]
                     else:
-                        terms = [_signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
+                        terms = [signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
                     inner = written_sum(terms)
                     if len(terms) == 1:
                         rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))
                     else:
                         rows.setdefault(row, []).append(("+", f"({inner}) * v[{column}]"))
-        return _tuple([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])
-
-
-def _signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
-    size = abs(value)
-    return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
-
-
-def _tuple(codes: Sequence[str]) -> str:
-    codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
-    return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
-
-
-def _matched(code: str) -> bool:
-    """Whether the first parenthesis closes at the end."""
-    depth = list(itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in code))
-    return depth[-1] == 0 and all(depth[:-1])
-
-
-def _words(code: str) -> set[str]:
-    return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
-
-
-def _case(k: int, count: int, lines: Sequence[str]) -> list[str]:
-    """Lines for one k of several, in a method."""
-    head, indent = ([], "    ") if k == count - 1 else ([f"    if k == {k}:"], "        ")
-    return [*head, *(indent + line for line in lines)]
+        return tuple_code([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])

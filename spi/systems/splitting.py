@@ -13,7 +13,8 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
-from .symbolics import Symbolics
+from .driving import split_in_time
+from .symbolics import Symbolics, numeric
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
 
@@ -97,12 +98,24 @@ def split(
     `otherwise` is asked for the term that an addend is which would be refused.
     """
     terms, crossing = _terms(addends, world, otherwise)
-    for component in connected(map(world.used, crossing)):
-        inside = [term for term in terms if not term.kept and _is_square_within(term.expression, component, world)]
-        terms = [term for term in terms if term not in inside]
-        form = sympy.Add(*crossing, *(term.expression for term in inside))
-        terms += _diagonalised(form, component, world, constants)
+    for factor, products in _by_factor(crossing, world).items():
+        for component in connected(map(world.used, products)):
+            inside = [
+                term for term in terms if not term.kept and _is_square_within(term.expression, component, factor, world)
+            ]
+            terms = [term for term in terms if term not in inside]
+            form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
+            terms += _diagonalised(form, component, factor, world, constants)
     return merged(terms, world.bracket)
+
+
+def _by_factor(crossing: Sequence[Any], world: Symbolics) -> dict[Any, list[Any]]:
+    """Products of components by the factor that depends on time alone, without it."""
+    found: dict[Any, list[Any]] = {}
+    for product in crossing:
+        factor, rest = split_in_time(product, world.time)
+        found.setdefault(factor, []).append(rest)
+    return found
 
 
 def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
@@ -144,7 +157,7 @@ def _terms(
         if len(expanded) > 1:
             more, cross = _of_parts(addend, expanded, world, otherwise)
             terms, crossing = terms + more, crossing + cross
-        elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
+        elif _is_product(addend, world):
             crossing.append(addend)
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
@@ -172,6 +185,11 @@ def _of_parts(
     return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world, otherwise)
 
 
+def _is_product(addend: Any, world: Symbolics) -> bool:
+    """Whether a term is quadratic in the variables; its factor may depend on time."""
+    return addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2
+
+
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
     """Numbers that are linked, directly or by others, together; in the order of their smallest."""
     groups: list[set[int]] = []
@@ -181,17 +199,22 @@ def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
     return sorted((group for group in groups if group), key=min)
 
 
-def _is_square_within(expression: Any, components: set[int], world: Symbolics) -> bool:
-    """Whether an expression is a quadratic form of these components."""
-    used = world.used(expression)
+def _is_square_within(expression: Any, components: set[int], factor: Any, world: Symbolics) -> bool:
+    """Whether an expression is a quadratic form of these components times a factor that depends on time alone."""
+    used, (own, expression) = world.used(expression), split_in_time(expression, world.time)
+    if own != factor or (world.time is not None and world.time in expression.free_symbols):
+        return False
     if not set(used) <= components or not expression.is_polynomial(*world.variables):
         return False
     monomials = sympy.Poly(expression, *world.variables).monoms()
     return all(sum(monomial) == 2 for monomial in monomials)
 
 
-def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: Constants) -> list[Term]:
-    """The quadratic form, of these components only, as squares of linear functions: its principal axes."""
+def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics, constants: Constants) -> list[Term]:
+    """The quadratic form, of these components only, as squares of linear functions, its principal axes; with a factor.
+
+    The factor, 1 or a function of time alone, is that of all of them.
+    """
     order = sorted(components)
     poly = sympy.Poly(form, *world.variables)
     with mpmath.workdps(DIGITS + 20):
@@ -214,7 +237,7 @@ def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: 
             scale = next(axes[r, n] for r, i in enumerate(order) if i == pivot)
             line = sympy.Add(*(constants.symbol(c) * world.variables[i] for i, c in functional.items()))
             weight = constants.symbol(weights[n] * scale**2)
-            terms.append(Term(weight * line**2, (functional,), (pivot,), True))
+            terms.append(Term(factor * weight * line**2, (functional,), (pivot,), True))
     return terms
 
 
@@ -232,11 +255,15 @@ def functionals_of(
         return coordinates, used  # a monomial
     numbers = dict(world.parameters) | {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
     gradient = [sympy.diff(expression, world.variables[i]).xreplace(numbers) for i in used]
-    value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
+    in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
+    value = numeric([*(world.variables[i] for i in used), *in_time], gradient)
     rows = []
     with mpmath.workdps(DIGITS + 20):
         for n in range(len(used) + 2):
-            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
+            point = [
+                mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4
+                for j in range(len(used) + len(in_time))
+            ]
             try:
                 slopes = [mpmath.mpmathify(g) for g in value(*point)]
             except (TypeError, ZeroDivisionError, ValueError):

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import mpmath
 
+from .driving import Driving
 from .splitting import Flow
 from .symbolics import Symbolics
 
@@ -27,3 +28,4 @@ class System(NamedTuple):
     casimirs: tuple[Function, ...]
     squared_length_first: bool  #: whether the first Casimir function is |y|^2
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
+    driving: Driving | None  #: None where nothing depends on time
