@@ -29,7 +29,9 @@ DISTRIBUTION = "stochastic-poisson-integrators"
 
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
-    **dict.fromkeys(("Results", "expectations", "experiments", "load", "run", "trajectory"), "api"),
+    **dict.fromkeys(
+        ("Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"), "api"
+    ),
     "SpecError": "specs",
     "StorageError": "storage",
 }

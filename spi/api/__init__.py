@@ -5,11 +5,12 @@ import warnings
 from .. import CACHE_PROBLEM
 from ..running import shipped
 from .expecting import expectations
+from .integrator import Integrator, increments
 from .paths import trajectory
 from .results import Results, load
 from .running import run
 
-__all__ = ["Results", "expectations", "experiments", "load", "run", "trajectory"]
+__all__ = ["Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"]
 
 if CACHE_PROBLEM:
     warnings.warn(f"{CACHE_PROBLEM}; compiled kernels cannot be saved for other processes", stacklevel=2)

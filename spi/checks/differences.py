@@ -6,6 +6,7 @@ import numpy as np
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 STEP = 0.01
 STEPS = STEP, STEP / 10, STEP / 100
+EXACT = 1e-9  #: relative: of what is equal but for roundings
 DIFFERENCES = 1e-6  #: relative: of what has differences in it
 
 
@@ -45,3 +46,18 @@ def derivatives_along(f, y, v):
 def differ_from_derivative(found, f, y, v, *others):
     """Whether what was found is not the derivative of f at y along v, by any of the steps."""
     return all(differ(found, changed, DIFFERENCES, size, *others) for changed, size in derivatives_along(f, y, v))
+
+
+def matrix_of(columns):
+    """The matrix with these columns."""
+    return np.array(columns, float).T
+
+
+def unit_vectors(d):
+    """e_1, ..., e_d."""
+    return [tuple(row) for row in np.eye(d).tolist()]
+
+
+def shown(y):
+    """A state in a message."""
+    return "(" + ", ".join(f"{x:.6g}" for x in y[:8]) + ", ..." * (len(y) > 8) + ")"

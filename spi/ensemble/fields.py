@@ -19,6 +19,7 @@ from .protocol import (
     strengths,
     structure,
     structure_derivative,
+    structure_is_cross_product,
 )
 
 
@@ -30,8 +31,8 @@ def lie_poisson(model):
 
 @trait
 def cross_product(model):
-    """Whether B(y) v = y x v, as for every model that answers ``axis_inertias``."""
-    return answers(axis_inertias, class_of(model))
+    """Whether B(y) v = y x v."""
+    return structure_is_cross_product(model) or answers(axis_inertias, class_of(model))
 
 
 @unrolled(each="a[i] + c * b[i]")

@@ -17,17 +17,8 @@ from numba import get_num_threads, prange, set_num_threads
 from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
-from .increments import (
-    copy_coins,
-    draw_coins,
-    draw_steps,
-    join,
-    keep,
-    reversed_row,
-    row_length,
-    truncate,
-    turn_coins,
-)
+from .given import coins_of_step, noise_of_steps
+from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import last_states_only, observe
 from .protocol import frozen
@@ -59,6 +50,7 @@ class Grid(NamedTuple):
     reference_scheme: tuple | None = None
     area_terms: int = 0  #: terms of the Fourier series of Lévy areas at the reference step, see ``areas.py``
     first_step: int = 0  #: number of the first reference step; a multiple of STEPS_PER_TOSS and of the largest step
+    start: float = 0.0  #: the time of reference step 0, for a model that depends on time
 
 
 def grid(
@@ -159,8 +151,8 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     for n in range(grid.first_step, grid.first_step + grid.reference_steps):
         if n % STEPS_PER_DRAW == 0:
             draw = np.uint64(n // STEPS_PER_DRAW)
-            draw_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
-        draw_coins(kept.coins, noise, n, np.uint64(block), bits, coins, here)
+            noise_of_steps(kept, model, dW, noise, draw, np.uint64(block), grid.reference_step, grid.area_terms, words)
+        coins_of_step(kept.coins, noise, n, np.uint64(block), bits, coins, here)
         drawn = n % STEPS_PER_DRAW
         # these belong to a step of size 2^s h_ref that ends here; where that is a second half, go on with the whole
         s, h = 0, grid.reference_step
@@ -172,7 +164,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                     continue
                 for turn in range(2 if reversal == PAIRS_REVERSED else 1):
                     increments, side = (drawn, here) if turn == 0 else (first + s, s)
-                    begin = (n + 1 - steps_before(reversal, turn) * (1 << s)) * grid.reference_step
+                    begin = grid.start + (n + 1 - steps_before(reversal, turn) * (1 << s)) * grid.reference_step
                     if reversal != AS_TOSSED:
                         turn_coins(kept.coins, coins, side, flipped)
                         side = flipped

@@ -1,4 +1,5 @@
-"""What a model is asked; for schemes see ``scheme_protocol.py``, for models with arrays as states ``array_states.py``.
+"""What a model is asked; for schemes see ``scheme_protocol.py``, for models with arrays as states ``array_states.py``,
+for flows that are not known in closed form ``inexact.py``.
 
 Read this file first.
 
@@ -74,6 +75,11 @@ def exact_flows(model):
 @trait(bool, default=False)
 def squared_length_is_casimir(model):
     """Whether the first Casimir function is |y|^2."""
+
+
+@trait(bool, default=False)
+def structure_is_cross_product(model):
+    """Whether B(y) v = y x v; also so of every model that answers ``axis_inertias``."""
 
 
 @trait(bool, default=False)

@@ -7,10 +7,10 @@ a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on
 import inspect
 from typing import Any, NamedTuple
 
+from ..checks.registration import vocabulary
 from ..compiler.generated import function_of
 from ..compiler.records import field
-from ..ensemble import protocol
-from ..ensemble.fields import add_scaled
+from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, frozen, pieces
 from ..numerics.elementary import expm1
 
@@ -29,6 +29,9 @@ class Damped(NamedTuple):
 
     def pieces(model):
         return pieces(_inner(model)) + 1
+
+    def structure_is_cross_product(model):
+        return cross_product(_inner(model))
 
     def decay_rates(model):
         return tuple(k * model.damping for k in casimir_degrees(model))
@@ -69,9 +72,8 @@ def _forwarded(asked):
     return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
 
 
-for _name, _asked in vars(protocol).items():
-    _declared = getattr(_asked, "declared", None)
-    if _declared and _declared.asked == "model" and _name not in (*vars(Damped), *_NOT_FORWARDED):
+for _name, _asked in vocabulary("model").items():
+    if _name not in (*vars(Damped), *_NOT_FORWARDED):
         setattr(Damped, _name, _forwarded(_asked))
 
 

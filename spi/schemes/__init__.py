@@ -2,8 +2,10 @@
 
 import math
 
+from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import exact_flows
 from .costs import typical_ns
+from .inner_steps import is_reversible, preserved
 from .splitting import splitting
 from .stages import has_loops, is_own_reverse
 from .table import POISSON, SCHEMES, Scheme, register_scheme
@@ -13,6 +15,7 @@ __all__ = [
     "Scheme",
     "composed",
     "has_theory",
+    "of_model",
     "register_scheme",
     "scheme_entry",
     "typical_ns",
@@ -34,8 +37,24 @@ def weak_exponents(entry, model, count):
     """
     if entry.multiscale or not has_theory(entry, model):
         return None
-    apart = 2 if entry.composition is not None and is_own_reverse(entry.composition, model) else 1
+    symmetric = entry.composition is not None and is_own_reverse(entry.composition, model) and is_reversible(model)
+    apart = 2 if symmetric else 1
     return tuple(entry.weak_order + apart * i for i in range(count))
+
+
+def of_model(entry, model):
+    """An entry as it holds for a model, which may have inner steps in the place of flows that are not known.
+
+    These leave the strong orders as they are, and the weak order where no noise needs them.
+    """
+    lacking = flows_lacking(model)
+    if entry.composition is None or not lacking or not inner(model):
+        return entry
+    entry = entry._replace(preserves=preserved(model))
+    if all(part == "pieces" for part, _ in lacking):
+        return entry
+    implicit = inner(model) == "midpoint"
+    return entry._replace(weak_order=min(1.0, entry.weak_order), needs_truncation=implicit)
 
 
 def composed(name, stages, weak_order):

@@ -13,7 +13,7 @@ from ..ensemble.fields import add_noise_fields, add_scaled, drift_field
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import dimension, noise_indices, noises
 from ..numerics.rng import LANES
-from .splitting import LIE_TROTTER, run_stages, stages_toss
+from .splitting import LIE_TROTTER, run_stages, stages_toss, stages_work
 
 
 @method
@@ -74,7 +74,7 @@ class AsymptoticPreserving(NamedTuple):
         return noises(model) * LANES
 
     def work_size(scheme, model):
-        return (noises(model) + 1) * LANES
+        return noises(model) * LANES + stages_work(model)
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         move_processes(model, y, scheme, h, dW, work)

@@ -15,7 +15,7 @@ from ..ensemble.protocol import dimension, structure
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES, sinc_versinc
 from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
 from ..numerics.rng import LANES
-from .splitting import report_angle
+from .reporting import report_angle
 
 # Squares of angles, by their bits as in splitting.py.
 _TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = (int(bits(angle * angle)) for angle in (TINY, SMALL, REDUCIBLE))

@@ -3,13 +3,27 @@
 A simple rule, so that an estimate depends on nothing but the scheme and the model; the time left of a run is measured.
 """
 
+from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.protocol import area_pairs, dimension, flow_ns, noise_indices
 from ..ensemble.scheme_protocol import needs_areas, substeps
+from .inner_steps import inner_scheme
 from .sweeps import sweeps
+from .table import SCHEMES
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
 _TYPICAL_TERMS = 8  # of the Fourier series of areas
+
+
+def _flows(stages, model):
+    """The flows of a composition, an inner step counting as much as a step of its scheme."""
+    inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
+    found = sweeps(stages, model)
+    inner_steps = sum(k in inexact[part] for _, part, k, *_ in found)
+    if not inner_steps:
+        return len(found)
+    entry = next(entry for entry in SCHEMES.values() if type(entry.record) is type(inner_scheme(model)))
+    return len(found) - inner_steps + inner_steps * entry.work * (dimension(model) / 3 if entry.solves else 1)
 
 
 def typical_ns(entry, model):
@@ -17,7 +31,7 @@ def typical_ns(entry, model):
 
     overhead * (0.85 draws + flows * ns of a flow), where a flow takes what the model states, or 0.15 ns a component.
     """
-    flows = entry.work if entry.composition is None else len(sweeps(entry.composition, model))
+    flows = entry.work if entry.composition is None else _flows(entry.composition, model)
     if entry.solves:
         flows *= dimension(model) / 3
     draws = len(noise_indices(model)) * substeps(entry.record)

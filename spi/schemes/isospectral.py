@@ -4,13 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import device
-from ..ensemble.fields import add_noise_hessians, add_scaled, dot, scaled, step_gradient
+from ..compiler.dispatch import answers, device
+from ..compiler.records import class_of
+from ..ensemble.fields import add_noise_hessians, add_scaled, cross_product, dot, scaled, step_gradient
 from ..ensemble.lanes import load_lane, store_lane
-from ..ensemble.protocol import dimension, drift_hessian, structure
+from ..ensemble.protocol import add_dissipation, dimension, drift_hessian, structure
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
-from .midpoint import ENOUGH, report_solves
+from .midpoint import ENOUGH
+from .reporting import report_solves
 
 
 @device
@@ -77,6 +79,11 @@ def finish(model, h, dW, y, u, tolerance):
         largest = max(largest, bits(abs(square / (size + 1e-300))))
         store_lane(y, lane, add_scaled(state, 1.0, structure(model, middle, v)))
     return failures, np.sqrt(from_bits(largest))
+
+
+def turns_alone(model):
+    """Whether B(y) v = y x v, and the drift has nothing besides B grad H."""
+    return cross_product(model) and not answers(add_dissipation, class_of(model))
 
 
 class IsospectralMidpoint(NamedTuple):

@@ -19,6 +19,7 @@ from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import component_indices, dimension
 from ..numerics.elementary import bits, from_bits
 from ..numerics.rng import LANES
+from .reporting import report_solves
 
 ENOUGH = 2.0**-60  # for squares
 
@@ -110,15 +111,6 @@ def finish(model, h, dW, y, x, tolerance):
         largest = max(largest, bits(abs(residual / (size + 1e-300))))
         store_lane(y, lane, add_scaled(state, 1.0, change))
     return failures, np.sqrt(from_bits(largest))
-
-
-@device
-def report_solves(report, iterations, failures, residual):
-    """Report that the equations of a block were solved, with so many iterations each."""
-    report[0] += LANES
-    report[1] += LANES * iterations
-    report[2] += failures
-    report[3] = np.maximum(report[3], residual)  # keeps NaN
 
 
 class Midpoint(NamedTuple):

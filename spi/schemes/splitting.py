@@ -12,21 +12,21 @@ import numpy as np
 from ..compiler.dispatch import INDICES, device, number
 from ..compiler.generated import function_of
 from ..compiler.records import field, is_array
+from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import noises, strengths
-from ..ensemble.scheme_protocol import REPORT
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
-from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits, from_bits
+from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits
 from ..numerics.rng import LANES
+from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
+from .reporting import report_angle
 from .stages import PARTS, Symmetric, angle, flow, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
 from .sweeps import LoopTime, sweeps
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
 _TINY_BITS, _SMALL_BITS, _REDUCIBLE_BITS = int(bits(TINY)), int(bits(SMALL)), int(bits(REDUCIBLE))
-_INFINITE_BITS = int(bits(np.inf))
-_LARGEST_ANGLE = REPORT.index("largest_angle")
 
 
 class Splitting(NamedTuple):
@@ -44,7 +44,7 @@ class Splitting(NamedTuple):
         return has_loops(field(scheme, "stages"))
 
     def work_size(scheme, model):
-        return size_or(3 * LANES, model)  # the times of a sweep, and a and b of a loop
+        return size_or(stages_work(model), model)
 
     def advance_large(scheme, model, paths, h, dW, coins, y, work, report):
         run_stages_of_large(scheme.stages, model, paths, h, dW, coins, y, work, report)
@@ -102,8 +102,14 @@ def has_antithetic_path(scheme):
 
 @device(by_type=True)
 def run_stages(stages, model, h, dW, coins, y, work, report):
-    """Apply the stages in order to the states `y` of a block, in place; `work` has LANES floats, 3 LANES for loops."""
-    return _step(sweeps(stages, model))
+    """Apply the stages in order to the states `y` of a block, in place; `work` has :func:`stages_work` floats."""
+    return _step(sweeps(stages, model), (("drift", inexact_pieces(model)), ("noise", inexact_noises(model))))
+
+
+@device
+def stages_work(model):
+    """How many floats of scratch stages need: the times of a sweep, a and b of a loop, and what inner steps need."""
+    return 3 * LANES + inner_size(model)
 
 
 #: The time of a flow in a lane, as source text: of all lanes, of those with the coin 1, of those with the coin -1.
@@ -115,9 +121,10 @@ _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[l
 
 
 @functools.lru_cache
-def _step(sweeps):
+def _step(sweeps, inexact):
     """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
+    `inexact`: ((part, numbers of those without an exact flow), ...), by which inner steps move.
     The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
@@ -127,10 +134,13 @@ def _step(sweeps):
             time = "work"
         else:
             time = _TIMES[part].format(stage=stage, k=k, share=share, increment=span and _increment(k, *span))
-            if part == "noise" or coin:  # one time per lane
+            if part == "noise" or coin or k in dict(inexact)[part]:  # one time per lane
                 lines += ["for lane in range(LANES):", "    work[lane] = " + _OF_LANES[coin].format(time)]
                 time = "work"
-        lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
+        if k in dict(inexact)[part]:
+            lines.append(f"inner_sweep({part}, index_{k}, model, coins, y, work, report)")
+        else:
+            lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
     lines.append("report_angle(largest, report)")
     names = {
         "LANES": LANES,
@@ -138,6 +148,7 @@ def _step(sweeps):
         "strengths": strengths,
         "noises": noises,
         "sweep": sweep,
+        "inner_sweep": inner_sweep,
         "report_angle": report_angle,
     }
     names |= PARTS
@@ -167,13 +178,6 @@ def _loop_time(of):
         ]
     time = ("work[LANES + lane]", "work[2 * LANES + lane]", "-work[LANES + lane]", "-work[2 * LANES + lane]")[of.place]
     return [*lines, f"    work[lane] = {time}"]
-
-
-@device
-def report_angle(largest, report):
-    """Report the angle with these bits, if it is above pi/4."""
-    if largest > _SMALL_BITS:
-        report[_LARGEST_ANGLE] = max(report[_LARGEST_ANGLE], from_bits(min(largest, _INFINITE_BITS)))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

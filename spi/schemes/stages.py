@@ -22,14 +22,21 @@ from typing import NamedTuple
 
 from ..compiler.dispatch import INDICES, method
 from ..compiler.records import class_of, field
+from ..ensemble.inexact import piece_gradient, piece_hessian
 from ..ensemble.protocol import (
     area_pairs,
     drift_angle,
     drift_flow,
     noise_angle,
     noise_flow,
+    noise_gradient,
+    noise_hessian,
     noise_indices,
+    noise_structure,
+    noise_structure_derivative,
     piece_indices,
+    structure,
+    structure_derivative,
 )
 
 # The parts and orders of stages are records, so that the compiler knows them by their types.
@@ -45,6 +52,26 @@ def angle(part, model, k, t, y):
     """The largest |angle| in it."""
 
 
+@method
+def gradient(part, model, k, y):
+    """The gradient of the Hamiltonian of this flow, one without an exact flow."""
+
+
+@method
+def hessian(part, model, k, y, v):
+    """Its Hessian times v."""
+
+
+@method
+def structure_along(part, model, k, y, v):
+    """B(y) v for a v that is 0 wherever this gradient always is."""
+
+
+@method
+def structure_derivative_along(part, model, k, y, u, v):
+    """(DB(y)[u]) v for such a v."""
+
+
 class Drift(NamedTuple):
     """The flows of H_1, ..., H_p."""
 
@@ -53,6 +80,18 @@ class Drift(NamedTuple):
 
     def angle(part, model, k, t, y):
         return drift_angle(model, k, t, y)
+
+    def gradient(part, model, k, y):
+        return piece_gradient(model, k, y)
+
+    def hessian(part, model, k, y, v):
+        return piece_hessian(model, k, y, v)
+
+    def structure_along(part, model, k, y, v):
+        return structure(model, y, v)
+
+    def structure_derivative_along(part, model, k, y, u, v):
+        return structure_derivative(model, y, u, v)
 
 
 class Noise(NamedTuple):
@@ -63,6 +102,18 @@ class Noise(NamedTuple):
 
     def angle(part, model, k, t, y):
         return noise_angle(model, k, t, y)
+
+    def gradient(part, model, k, y):
+        return noise_gradient(model, k, y)
+
+    def hessian(part, model, k, y, v):
+        return noise_hessian(model, k, y, v)
+
+    def structure_along(part, model, k, y, v):
+        return noise_structure(model, k, y, v)
+
+    def structure_derivative_along(part, model, k, y, u, v):
+        return noise_structure_derivative(model, k, y, u, v)
 
 
 class Loops(NamedTuple):

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 from ..checks.registration import check_class
 from ..compiler.dispatch import answers
-from ..ensemble.fields import cross_product, lie_poisson, noise_field_derivative
+from ..ensemble.fields import lie_poisson, noise_field_derivative
 from ..ensemble.protocol import squared_length_is_casimir
 from ..ensemble.scheme_protocol import advance_large
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
-from .isospectral import IsospectralMidpoint
+from .isospectral import IsospectralMidpoint, turns_alone
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
 from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
@@ -208,7 +208,7 @@ register_scheme(
     weak_order=1.0,
     work=16.0,
     needs_truncation=True,
-    needs=cross_product,
+    needs=turns_alone,
     **POISSON,
 )
 register_scheme(

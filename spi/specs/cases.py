@@ -11,9 +11,9 @@ from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..models import MODELS
 from ..models.damped import undamped
-from ..schemes import SCHEMES, Scheme, composed, with_eps
+from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import variables
+from ..systems import hidden, variables
 from ..systems.keys import MOST
 from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
 from .compositions import Compositions, weak_order
@@ -79,10 +79,9 @@ class BaseCase(Keys):
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
         """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        if scheme in self.compositions:
-            rows = self.compositions[scheme]
-            return composed(scheme, rows, weak_order(rows, self.model))
-        return with_eps(SCHEMES[scheme], eps)
+        rows = self.compositions.get(scheme)
+        row = composed(scheme, rows, weak_order(rows, self.model)) if rows else with_eps(SCHEMES[scheme], eps)
+        return of_model(row, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
         """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""
@@ -122,9 +121,9 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """Those of the model by name, and the damping where there is one."""
-        return {key: _told(value) for key, value in undamped(self.model)._asdict().items()} | (
-            {"damping": self.damping} if self.damping else {}
-        )
+        model = undamped(self.model)
+        own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
+        return own | ({"damping": self.damping} if self.damping else {})
 
     @property
     def last_time(self) -> float:

@@ -5,10 +5,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from ..ensemble.areas import fourier_terms, most_terms
+from ..ensemble.fields import lie_poisson
+from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import area_pairs
 from ..ensemble.scheme_protocol import needs_areas
+from ..models.damped import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
+from ..systems import inexact
 from ..systems.keys import MOST
 from .keys import quantity, shown, suggestion, wrong
 from .mistakes import every
@@ -48,9 +52,30 @@ def check_names(case: Any) -> None:
     every(check, enumerate(case.schemes_used))
 
 
+def check_flows(case: Any) -> None:
+    """Compositions of flows have a flow of every piece and noise, or an inner method for it."""
+    if not (lacking := flows_lacking(case.model)):
+        return
+    if method := inner(case.model):
+        if method == "munthe_kaas" and not lie_poisson(undamped(case.model)):
+            raise wrong("is 'munthe_kaas', which needs a bracket that is linear", "use midpoint", "model", "inner")
+        return
+    able = [name for name, row in SCHEMES.items() if row.composition is None and not row.multiscale]
+    able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
+    part, k = lacking[0]
+    formula, why = inexact(undamped(case.model)).get(part, {}).get(k, (f"{part}[{k}]", "as the model says"))
+    why = why.replace(f"'{formula}'", "it")
+    for name in case.schemes_used:
+        if case.row(name).composition is not None:
+            listed = name in case.schemes
+            what = f"{'has' if listed else 'is'} '{name}', made of exact flows, and none is known of '{formula}': {why}"
+            right = f"add inner: midpoint (or munthe_kaas) to the model, or use {', '.join(able)}"
+            raise wrong(what, right, "schemes" if listed else "reference_scheme")
+
+
 def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key: str) -> None:
-    """No scheme twice, no Lévy areas of more pairs of noises than compiled code takes; and what the truncation of
-    increments asks for, where some of the schemes are `used`."""
+    """No scheme twice, flows where there must be some, no Lévy areas of more pairs of noises than compiled code takes;
+    and what the truncation of increments asks for, where some of the schemes are `used`."""
     listed, truncated, pairs = case.schemes, case.truncate_noise, len(area_pairs(case.model))
     check_once(listed, "schemes")
     if truncated and max(steps) >= 1:
@@ -65,6 +90,7 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
             what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
             raise wrong(what, f"there may be {MOST}; leave out the scheme or some of the noises", where)
     check_areas(case, min(steps), key)
+    check_flows(case)
 
 
 def check_areas(case: Any, h: float, key: str) -> None:

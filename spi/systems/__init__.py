@@ -29,6 +29,8 @@ __all__ = [
     "NumberError",
     "expanded",
     "has_range",
+    "hidden",
+    "inexact",
     "made",
     "names_time",
     "record",
@@ -96,6 +98,14 @@ def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
     return strengths(definition, given)
 
 
+def hidden(model: Any) -> tuple[str, ...]:
+    """The fields of a generated model that are no parameters: what is found from functions of time."""
+    said = _said(model)
+    if "driving" not in said:
+        return ()
+    return ("driving", *["time"] * (model.time == 0.0), *["sigma"] * bool(said["strengths"]))
+
+
 def names_time(given: Any) -> bool:
     """Whether the word t stands in the text, or in one of the texts, of strengths."""
     texts = given if isinstance(given, list) else [given]
@@ -130,6 +140,11 @@ def expanded(texts: list[Any], model: Any) -> list[Any]:
 def has_range(text: Any) -> bool:
     """Whether a text stands for several entries, as ``x(i) for i = 1..n`` does."""
     return isinstance(text, str) and re.search(r"\bfor\b", text) is not None
+
+
+def inexact(model: Any) -> dict[str, dict[int, tuple[str, str]]]:
+    """Of a generated model, {"pieces" or "noises": {k: (formula, why)}} of those without an exact flow."""
+    return _said(model).get("inexact", {})
 
 
 def _said(model: Any) -> dict[str, Any]:

@@ -35,6 +35,16 @@ class Bracket(NamedTuple):
     def dimension(self) -> int:
         return len(self.variables)
 
+    @property
+    def is_cross_product(self) -> bool:
+        """Whether B(y) v = y x v, whatever the parameters."""
+        return not self.formulas and dict(self.constants) == {(0, 1): {2: -1}, (0, 2): {1: 1}, (1, 2): {0: -1}}
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether every flow keeps all entries of B, which are then Casimir functions."""
+        return not any(self.field(linear) for linear in self.constants.values())
+
     def of(self, i: int, j: int) -> Linear:
         """{y_i, y_j}."""
         if i <= j:

@@ -244,13 +244,11 @@ def total(terms: Iterable[tuple[str, mpmath.mpf]]) -> dict[str, mpmath.mpf]:
 
 
 def signed(value: mpmath.mpf, what: str) -> tuple[str, str]:
-    """(sign, code) of a product with a number, as :func:`written_sum` takes it."""
     size = abs(value)
     return ("+" if value > 0 else "-"), what if abs(size - 1) < NOTHING else f"{float(size)!r} * {what}"
 
 
-def tuple_code(codes: Sequence[str]) -> str:
-    """The code of a tuple."""
+def as_tuple(codes: Sequence[str]) -> str:
     codes = [code[1:-1] if code.startswith("(") and _matched(code) else code for code in codes]
     return f"({', '.join(codes)}{',' if len(codes) == 1 else ''})"
 
@@ -261,8 +259,7 @@ def _matched(code: str) -> bool:
     return depth[-1] == 0 and all(depth[:-1])
 
 
-def words_of(code: str) -> set[str]:
-    """The names in some code."""
+def words_in(code: str) -> set[str]:
     return set("".join(c if c.isalnum() or c == "_" else " " for c in code).split())
 
 

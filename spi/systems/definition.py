@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import sympy
 
+from ..ensemble.inexact import INNER_METHODS
 from .algebras import algebra, known_casimirs
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
@@ -22,7 +23,7 @@ from .driving import TIME, driving_of
 from .forms import check_finite, check_name, degree_of, linear, shortened
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
-from .splitting import Constants, Flow, NoExactFlow, Term, merged, single, split
+from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, Term, merged, single, split, without_flow
 from .symbolics import Symbolics
 from .system import Function, System
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
@@ -107,6 +108,7 @@ class _Reader(Data):
             squared_length_first=first is not None,
             constants=constants.values,
             driving=driving_of(self, driven, numbers, [given_h, *(flow.expression for flow in noises)]),
+            inner=self.inner(),
         )
         return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
 
@@ -202,7 +204,7 @@ class _Reader(Data):
         """The flows of H: those of the given pieces, or the ones that the splitting finds."""
         if "pieces" in self.data:
             pieces = self.expressions("pieces", formulas)
-            found = [self.flow(piece, world, formulas, keys, "piece") for keys, _, piece in pieces]
+            found = [self.flow(piece, world, formulas, keys) for keys, _, piece in pieces]
         else:
             if "hamiltonian" not in self.data:
                 raise DefinitionError(
@@ -213,8 +215,8 @@ class _Reader(Data):
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
                 found = split(parts, world, constants, lambda addend: self.by_invariants(addend, world, formulas))
-            except NoExactFlow as error:
-                raise DefinitionError(f"has no exact flow: {error}", "hamiltonian") from None
+            except NowhereFinite as error:
+                raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(found) > MOST:
             key = "pieces" if "pieces" in self.data else "hamiltonian"
             raise DefinitionError(f"splits into {len(found)} flows; there may be {MOST}", key)
@@ -232,10 +234,17 @@ class _Reader(Data):
 
     def noises(self, world: Symbolics, formulas: Symbols) -> list[Flow]:
         noises = self.expressions("noises", formulas)
-        found = [self.flow(noise, world, formulas, keys, "noise") for keys, _, noise in noises]
+        found = [self.flow(noise, world, formulas, keys) for keys, _, noise in noises]
         if len(found) > MOST:
             raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
         return found
+
+    def inner(self) -> str:
+        """How compositions move by terms that have no exact flow."""
+        given = self.data.get("inner", "")
+        if given not in ("", *INNER_METHODS):
+            raise DefinitionError(f"is '{given}'; must be {' or '.join(INNER_METHODS)}", "inner")
+        return str(given)
 
     def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of Casimir functions and of linear ones, if it is one."""
@@ -243,13 +252,15 @@ class _Reader(Data):
             self.invariants = [found.expression for found in self.casimirs(world, formulas.in_time(None))[0]]
         return by_invariants(function, world, self.invariants)
 
-    def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any], what: str) -> Flow:
-        """The one flow of a piece or a noise, all of whose terms commute."""
+    def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
+        """The one flow of a piece or a noise, which is known where all of its terms commute."""
         text = shortened(world.name(function))
         if not world.used(function):
             raise DefinitionError(f"is '{text}', which moves nothing; leave it out", *keys)
         try:
             return Flow((single(function, world),))
+        except NowhereFinite as error:
+            raise DefinitionError(f"is not finite: {error}; take others", *keys) from None
         except NoExactFlow as error:
             reason = error
         try:
@@ -257,14 +268,12 @@ class _Reader(Data):
         except NoExactFlow:
             terms = []
         found = merged(terms, world.bracket)
-        if len(found) != 1 and (term := self.by_invariants(function, world, formulas)) is not None:
-            if not term.functionals:
-                raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
-            return Flow((term,))
-        if len(found) != 1:
-            help_ = "use a function of commuting variables" if what == "noise" else "split it further"
-            raise DefinitionError(f"has no exact flow: {reason}; {help_}", *keys)
-        return found[0]
+        if len(found) == 1:
+            return found[0]
+        if world.is_casimir(function):
+            raise DefinitionError(f"is '{text}', a Casimir function, which moves nothing; leave it out", *keys)
+        term = self.by_invariants(function, world, formulas)
+        return Flow((term,)) if term else without_flow(function, str(reason), world)
 
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""

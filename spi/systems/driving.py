@@ -19,7 +19,10 @@ from .keys import DefinitionError
 from .text import Symbols, expression
 
 TIME = sympy.Symbol("t", real=True)
-MEAN, MIDDLE, STRENGTH = "mean", "middle", "strength"
+MEAN, MIDDLE = "mean", "middle"
+_HEAD = """from spi.numerics.averages import mean as _mean, signed_root_mean_square as _signed_root_mean_square
+
+__system__ |= {{"driving": {count}, "strengths": {strengths}}}"""
 
 
 class Driving(NamedTuple):
@@ -60,6 +63,15 @@ def split_in_time(expression: Any, time: Any) -> tuple[Any, Any]:
     alone = [f for f in sympy.Mul.make_args(expression) if time in f.free_symbols and _of_time(f, time)]
     rest = [f for f in sympy.Mul.make_args(expression) if f not in alone]
     return sympy.Mul(*alone), sympy.Mul(*rest)
+
+
+def by_factor(products: Sequence[Any], time: Any) -> dict[Any, list[Any]]:
+    """The rests of some products by the factor that depends on time alone."""
+    found: dict[Any, list[Any]] = {}
+    for product in products:
+        factor, rest = split_in_time(product, time)
+        found.setdefault(factor, []).append(rest)
+    return found
 
 
 def _of_time(expression: Any, time: Any) -> bool:
@@ -104,6 +116,10 @@ class Coefficients:
             self.entries[key] = symbol
         return self.entries[key]
 
+    def head(self) -> str:
+        """What a module has besides at its beginning."""
+        return _HEAD.format(count=len(self.entries), strengths=list(self.strengths))
+
     def function(self) -> list[str]:
         """The function of the values at a time."""
         expressions = [*(e for e, _ in self.entries), *self.strengths.values()]
@@ -124,10 +140,10 @@ class Coefficients:
         lines += [f"    {v} = _driving(model, start + {node!r} * h)" for v, node in zip(at, NODES, strict=True)]
         driving = []
         for n, (_, kind) in enumerate(self.entries):
-            driving.append(f"c[{n}]" if kind == MIDDLE else _average("mean", at, n))
+            driving.append(f"c[{n}]" if kind == MIDDLE else _average("_mean", at, n))
         place = {k: len(self.entries) + n for n, k in enumerate(self.strengths)}
         sigma = [
-            _average("signed_root_mean_square", at, place[k]) if k in place else f"model.sigma[{k}]"
+            _average("_signed_root_mean_square", at, place[k]) if k in place else f"model.sigma[{k}]"
             for k in range(noises)
         ]
         lines += [f"    driving = ({''.join(f'{code}, ' for code in driving)})"]

@@ -5,8 +5,8 @@ from typing import Any
 
 #: Names that generated modules give other meanings than their class.
 USED = (
-    *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "mean", "np", "sin_versine"),
-    *("signed_root_mean_square", "sinh_coshm1", "times"),
+    *("Annotated", "NamedTuple", "NonNegative", "device", "exp", "expm1", "larger", "log", "np", "sin_versine"),
+    *("sinh_coshm1", "times"),
 )
 MOST = 64  #: components, flows, noises
 KEYS = MappingProxyType(
@@ -20,6 +20,7 @@ KEYS = MappingProxyType(
         "pieces": "H as a list of pieces, in the order of their flows; found by the program if left out",
         "noises": "a list of Hamiltonians of the noises",
         "initial_time": "the time t at the beginning, where formulas name it; 0 if left out",
+        "inner": "how compositions move by terms that have no exact flow, midpoint or munthe_kaas",
         "casimirs": "a list of Casimir functions; polynomials up to degree 4 are found if left out",
     }
 )

@@ -31,10 +31,23 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
     for n, (flow, motion) in enumerate(moving):
         number = n - len(system.flows)
         what = f"flow {n + 1}" if number < 0 else f"noise {number + 1}"
+        if isinstance(motion, str):
+            lines.append(f"{what}: {_terms(flow, defined)}: no exact flow, as {motion}{_by_inner(system.inner)}")
+            continue
         kinds = ", ".join(_counted(motion.kinds)) or "nothing moves"
         lost = f"; eigenvalues are nearly equal, {motion.lost} of 16 digits are lost" if motion.lost else ""
         lines.append(f"{what}: {_terms(flow, defined)}: {kinds}{lost}")
+    lacking = any(isinstance(motion, str) for motion in generated.motions)
+    if lacking and not system.inner:
+        lines.append("compositions of flows need inner: midpoint or inner: munthe_kaas; other schemes need no flows")
+    if system.inner and not lacking:
+        lines.append(f"inner: {system.inner} is not needed, all flows are exact")
     return [*lines, *([generated.in_time] if generated.in_time else []), _casimirs(defined)]
+
+
+def _by_inner(method: str) -> str:
+    """How compositions move by what has no exact flow."""
+    return {"": "", "midpoint": "; by the implicit midpoint rule", "munthe_kaas": "; by Munthe-Kaas midpoint"}[method]
 
 
 def _casimirs(defined: Defined) -> str:

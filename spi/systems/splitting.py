@@ -13,14 +13,17 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
-from .driving import split_in_time
+from .driving import by_factor, split_in_time
+from .functionals import Functional, form_text, reduced
 from .symbolics import Symbolics, numeric
-
-Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
 
 
 class NoExactFlow(ValueError):
     """A term whose flow is not known in closed form; the message names it."""
+
+
+class NowhereFinite(NoExactFlow):
+    """A term that has no finite value."""
 
 
 class Term(NamedTuple):
@@ -55,9 +58,10 @@ class Constants:
 
 
 class Flow(NamedTuple):
-    """Terms that commute, to be moved by together."""
+    """Terms that commute, to be moved by together; or one term that has no exact flow."""
 
     terms: tuple[Term, ...]
+    lacking: str = ""  #: why there is no exact flow; "" where there is one
 
     @property
     def expression(self) -> Any:
@@ -93,29 +97,43 @@ def split(
     constants: Constants,
     otherwise: Callable[[Any], Term | None] = lambda addend: None,
 ) -> list[Flow]:
-    """The flows into which a sum splits, in the order of its addends; NoExactFlow names what has none.
+    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
 
-    `otherwise` is asked for the term that an addend is which would be refused.
+    `otherwise` is asked for the term that an addend is which has no exact flow of its own.
     """
-    terms, crossing = _terms(addends, world, otherwise)
-    for factor, products in _by_factor(crossing, world).items():
+    terms: list[Term] = []
+    crossing: list[Any] = []
+    lacking: list[tuple[Any, str]] = []
+    left = list(addends)
+    while left:
+        addend = left.pop(0)
+        try:
+            more, cross = _terms([addend], world, otherwise)
+        except NowhereFinite:
+            raise
+        except NoExactFlow as refused:
+            if parts := _written_parts(addend, world):
+                left = parts + left
+            else:
+                lacking.append((addend, str(refused)))
+        else:
+            terms, crossing = terms + more, crossing + cross
+    for factor, products in by_factor(crossing, world.time).items():
         for component in connected(map(world.used, products)):
-            inside = [
-                term for term in terms if not term.kept and _is_square_within(term.expression, component, factor, world)
-            ]
+            inside = [t for t in terms if not t.kept and _is_square_within(t.expression, component, factor, world)]
             terms = [term for term in terms if term not in inside]
             form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
             terms += _diagonalised(form, component, factor, world, constants)
-    return merged(terms, world.bracket)
+    flows = merged(terms, world.bracket)
+    if lacking:
+        whole, reason = sympy.Add(*(addend for addend, _ in lacking)), lacking[0][1]
+        flows += [without_flow(whole, reason, world)] if world.used(whole) else []
+    return flows
 
 
-def _by_factor(crossing: Sequence[Any], world: Symbolics) -> dict[Any, list[Any]]:
-    """Products of components by the factor that depends on time alone, without it."""
-    found: dict[Any, list[Any]] = {}
-    for product in crossing:
-        factor, rest = split_in_time(product, world.time)
-        found.setdefault(factor, []).append(rest)
-    return found
+def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
+    """What stands for the flow of a function that has none in closed form."""
+    return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 
 def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
@@ -157,14 +175,12 @@ def _terms(
         if len(expanded) > 1:
             more, cross = _of_parts(addend, expanded, world, otherwise)
             terms, crossing = terms + more, crossing + cross
-        elif _is_product(addend, world):
+        elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
             crossing.append(addend)
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
         else:
-            raise NoExactFlow(
-                f"{reason}; write it as a sum of squares or of functions of commuting variables, or leave it out"
-            )
+            raise reason
     return terms, crossing
 
 
@@ -178,16 +194,18 @@ def _of_parts(
         reason = refused
     if (found := otherwise(addend)) is not None:
         return [found], []
+    if parts := _written_parts(addend, world):
+        return _terms(parts, world, otherwise)
+    raise reason
+
+
+def _written_parts(addend: Any, world: Symbolics) -> list[Any]:
+    """The addends of a sum times factors, as they are written; none of other expressions."""
     sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
     if len(sums) != 1:
-        raise reason
+        return []
     outer = [f for f in sympy.Mul.make_args(addend) if f is not sums[0]]
-    return _terms([sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)], world, otherwise)
-
-
-def _is_product(addend: Any, world: Symbolics) -> bool:
-    """Whether a term is quadratic in the variables; its factor may depend on time."""
-    return addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2
+    return [sympy.Mul(*outer, part) for part in sorted(sums[0].args, key=world.used)]
 
 
 def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
@@ -272,43 +290,6 @@ def functionals_of(
             parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
             rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
         if not rows:
-            raise NoExactFlow(f"'{world.name(expression)}' has no finite value at these parameters")
+            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
     found, pivots = reduced(rows)
     return (coordinates, used) if len(found) == len(used) else (found, pivots)
-
-
-def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
-    """A basis of the span of linear functions and its pivots, the largest factors; see :class:`Term`."""
-    left = [dict(row) for row in rows]
-    found: dict[int, Functional] = {}
-    tiny = mpmath.mpf(10) ** -30
-    with mpmath.workdps(DIGITS + 20):
-        while True:
-            left = [row for row in left if any(abs(c) > tiny for c in row.values())]
-            if not left:
-                break
-            row = left.pop(0)
-            largest = max(abs(c) for c in row.values())
-            pivot = min(i for i, c in row.items() if abs(c) > largest * (1 - mpmath.mpf(10) ** -9))
-            row = {i: c / row[pivot] for i, c in row.items() if abs(c) > largest * tiny}
-            row[pivot] = mpmath.mpf(1)
-            left = [_without(other, pivot, row, tiny) for other in left]
-            found = {p: _without(other, pivot, row, tiny) for p, other in found.items()}
-            found[pivot] = row
-    pivots = tuple(sorted(found))
-    return tuple(found[pivot] for pivot in pivots), pivots
-
-
-def _without(row: Mapping[int, mpmath.mpf], pivot: int, by: Functional, tiny: mpmath.mpf) -> Functional:
-    """A row less so much of another that its entry at the pivot is 0."""
-    factor = row.get(pivot)
-    if not factor:
-        return dict(row)
-    new = {i: row.get(i, mpmath.mpf(0)) - factor * by.get(i, mpmath.mpf(0)) for i in {*row, *by} - {pivot}}
-    return {i: c for i, c in sorted(new.items()) if abs(c) > tiny}
-
-
-def form_text(functional: Functional, names: Sequence[str]) -> str:
-    """A linear function in words."""
-    parts = [names[i] if abs(c - 1) < NOTHING else f"{mpmath.nstr(c, 6)}*{names[i]}" for i, c in functional.items()]
-    return " + ".join(parts)

@@ -28,4 +28,5 @@ class System(NamedTuple):
     casimirs: tuple[Function, ...]
     squared_length_first: bool  #: whether the first Casimir function is |y|^2
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
-    driving: Driving | None  #: None where nothing depends on time
+    inner: str = ""  #: how compositions move by terms that have no exact flow
+    driving: Driving | None = None  #: how time enters; None where nothing depends on it

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers import COMPILED
 
@@ -50,6 +51,15 @@ def test_all_code_runs(name, tmp_path, monkeypatch, capsys):
         assert 0 < float(names["own"].casimirs.std()) < 1e-12
     else:
         assert Path("mine.pdf").is_file() and names["loaded"].parts == names["mine"].parts
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+def test_the_examples_of_the_integrator_run(capsys):
+    names = run(cells(DOCS / "integrator.md"), "integrator.md")
+    assert abs(np.ptp((names["y"] ** 2).sum(axis=1))) < 1 and len(capsys.readouterr().out.splitlines()) == 12
+    assert np.std(names["other"] - names["one"]) < 0.1 * np.std(names["one"])
+    assert names["corrected"].var() < names["y1"].var()
 
 
 def stored_texts():

@@ -142,6 +142,7 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
 SHORT = {
     "digests.py": ["experiments/rigid_body_strong.yaml"],
     "flops.py": ["lotka_volterra"],
+    "integrator.py": ["640", "10"],
     "kernels.py": ["lotka_volterra"],
     "normals_offline.py": ["--draws", "100000"],
     "peers.py": [],

@@ -47,7 +47,7 @@ noises:
         (FILE, "  b: 1", "  b: x", "3: model.system: is 'top.yaml', line 5, parameters.b: is 'x' (unknown word 'x'"),
         (FILE, "so(3)", "so(99)", "3: model.system: is 'top.yaml', line 2, algebra: is 'so(99)'"),
         (FILE, "b*y2^2", "c*y2^2", "3: model.system: is 'top.yaml', line 6, hamiltonian: is 'y1^2/a + c*y2^2'"),
-        (FILE, "  - y3", "  - y3*y2", "3: model.system: is 'top.yaml', line 9, noises: has no exact flow: 'y2*y3'"),
+        (FILE, "  - y3", "  - y3*y2", "8: schemes: has 'splitting', made of exact flows, and none is known of 'y2*y3'"),
         (
             FILE,
             "noises:",
@@ -283,11 +283,11 @@ def test_workers_on_other_machines_know_the_system(top):
 
 def test_a_wrong_system_ends_in_one_line_and_writes_nothing(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("s.yaml").write_text(TWO.replace("y1^2/2 + y3^2, noises: [y3]}}\n  - ", "y1*y2*y3}}\n  - "))
+    Path("s.yaml").write_text(TWO.replace("y1^2/2 + y3^2, noises: [y3]}}\n  - ", "y1*y2*y4}}\n  - "))
     for arguments in (("check", "s.yaml"), ("run", "s.yaml", "--out", "out"), ("model", "s.yaml")):
         code, out, err = call(*arguments)
         assert (code, out) == (2, "") and err.count("\n") == 1 and "Traceback" not in err
-        assert err.startswith("spi: s.yaml:8: cases.model.hamiltonian: has no exact flow: 'y1*y2*y3'"), err
+        assert err.startswith("spi: s.yaml:8: cases.model.hamiltonian: is 'y1*y2*y4' (unknown word 'y4'"), err
     assert [path.name for path in tmp_path.iterdir()] == ["s.yaml"]
 
 

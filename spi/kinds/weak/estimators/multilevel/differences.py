@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from spi.ensemble.inexact import flows_lacking
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, RandomStream, grid
 from spi.ensemble.protocol import exact_flows
 from spi.ensemble.scheme_protocol import needs_areas, tosses
@@ -47,6 +48,8 @@ def can_compare(case: Any, part: Part) -> bool:
     """Whether the errors of a scheme are found by differences to the scheme of weak order 2."""
     row = case.row(part.scheme, part.eps)
     same_limit = exact_flows(case.model) and has_theory(row, case.model) and not row.multiscale
+    if flows_lacking(case.model):  # there is no such scheme
+        return False
     steep = has_antithetic_path(row.record) or needs_areas(row.record)  # the variances of its levels fall like h^2
     return same_limit and not steep and not part.extrapolate
 

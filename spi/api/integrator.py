@@ -1,0 +1,213 @@
+"""The integrator as a library: steps of many paths, from states and with noise that a program of one's own has."""
+
+import math
+from collections.abc import Sequence
+from contextlib import nullcontext
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ..ensemble.given import Given, draw_noise, draw_paths
+from ..ensemble.loop import (
+    add_reports,
+    brownian,
+    empty_report,
+    integrate,
+    limited_threads,
+    report_columns,
+)
+from ..ensemble.moving import move
+from ..ensemble.observer import last_states_only
+from ..ensemble.protocol import area_pairs, dimension, noises
+from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, substeps, tosses
+from ..numerics.rng import LANES, STEPS_PER_TOSS
+from ..specs import SpecError
+from .paths import plan_of
+from .specs import whole
+
+Array = npt.NDArray[np.float64]
+
+_NO_AREAS, _NO_COINS = np.zeros((0, 0, 0)), np.zeros((0, 0))  # for schemes that need none
+
+
+class Noise(NamedTuple):
+    """The noise of some steps of some paths, see :meth:`Integrator.noise`."""
+
+    dW: Array  #: (n * steps, paths, noises): increments over sub-steps, n = ``Integrator.substeps`` of them a step
+    areas: Array  #: (steps, paths, pairs): Lévy areas over steps, of ``Integrator.pairs``; empty where not needed
+    coins: Array  #: (steps, paths): 1.0 or -1.0; empty where not needed
+
+
+def increments(
+    seed: int, paths: int, step: float, steps: int, *, noises: int = 1, first_path: int = 0, first_step: int = 0
+) -> Array:
+    """The increments dW (steps, paths, noises) of the Brownian paths of a seed over steps of size `step`.
+
+    They are, to the last bit, those of a run with this seed and this step (in a study of errors this reference step;
+    the increment of a step twice as large is the sum of two), so that another program can follow the same paths.
+
+    Raises SpecError for numbers that are none.
+    """
+    if not 0 < step < math.inf:
+        raise SpecError(f"step: is {step!r}; must be a positive number")
+    shape = whole("steps", steps, 1), whole("paths", paths, 1), whole("noises", noises, 1)
+    dW = np.empty(shape)
+    first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
+    draw_paths(brownian(whole("seed", seed, 0)), float(step), *first, dW)
+    return dW
+
+
+class Integrator:
+    """Steps of a scheme, of size h = `step`, for many paths at once.
+
+    `model`, `initial` and `options` are as for :func:`spi.trajectory`: for `initial`, a state, the model is checked,
+    and :meth:`start` gives copies of it.  States are arrays (paths, dimension) of floats in C order, increments
+    dW (steps, paths, noises); these are read in place where they are such arrays, and copied otherwise.  A noise that
+    is off (strength 0) has its column, which is not read.  `threads` is the largest number of threads.
+
+    Attributes: ``dimension``, ``noises``; ``substeps``, into how many parts with increments of their own a step is
+    divided; ``pairs``, the pairs (k, l) of noises, from 0 on, whose Lévy areas the scheme needs; and ``needs``,
+    which of "areas" and "coins" it needs besides increments; ``area_terms``, of how many terms drawn areas are.
+
+    Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        scheme: str,
+        step: float,
+        *,
+        initial: Sequence[Any],
+        threads: int | None = None,
+        **options: Any,
+    ) -> None:
+        plan = plan_of(model, scheme, {"initial": initial, "final_time": step, "step": step, **options})
+        self._scheme, self._model, self._grid = plan.scheme, plan.model, plan.grid
+        self._initial = np.array(plan.initial, float)
+        if memory_size(self._scheme, self._model):
+            raise SpecError(f"scheme: is {scheme!r}, which has a fast process besides the states; use spi.trajectory")
+        self.step_size = plan.case.step
+        self.dimension, self.noises = dimension(self._model), noises(self._model)
+        self.substeps = substeps(self._scheme)
+        self.pairs = tuple(area_pairs(self._model)) if needs_areas(self._scheme) else ()
+        self.needs = ("areas",) * bool(self.pairs) + ("coins",) * (bool(self.pairs) or tosses(self._scheme))
+        self.threads = None if threads is None else whole("threads", threads, 1)
+        self.area_terms = self._grid.area_terms
+        self._report = empty_report(1, 1)
+        self._observer = last_states_only(self._grid)
+
+    def start(self, paths: int) -> Array:
+        """The initial state of so many paths, (paths, dimension)."""
+        return np.tile(self._initial, (whole("paths", paths, 1), 1))
+
+    def step(
+        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0
+    ) -> Array:
+        """The states after one step, see :meth:`steps`: dW is (paths, noises), or (substeps, paths, noises)."""
+        dW = np.asarray(dW)
+        areas, coins = (None if each is None else np.asarray(each)[np.newaxis] for each in (areas, coins))
+        return self.steps(y, dW[np.newaxis] if dW.ndim == 2 else dW, areas, coins, out, time)
+
+    def steps(
+        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0
+    ) -> Array:
+        """The states after len(dW) / substeps steps along given noise; in `out`, which may be `y`, if it is given.
+
+        `areas` (steps, paths, pairs) and `coins` (steps, paths) are what the scheme needs besides; ``noise`` has both.
+        `time` is that of the first step, for a model that depends on time.
+        """
+        y = self._states(y)
+        n, parts = len(y), self.substeps
+        dW = _array("dW", dW, n, self.noises)
+        steps, rest = divmod(len(dW), parts)
+        if rest:
+            raise SpecError(f"dW: has {len(dW)} increments; must have {parts} for each step, one for each sub-step")
+        missing = [name for name, value in (("areas", areas), ("coins", coins)) if value is None and name in self.needs]
+        if missing:
+            raise SpecError(f"{missing[0]}: missing; this scheme needs them, and Integrator.noise has some")
+        areas = _array("areas", areas, n, len(self.pairs), first=steps) if self.pairs else _NO_AREAS
+        coins = _array("coins", coins, n, first=steps) if "coins" in self.needs else _NO_COINS
+        return self._moved(y, Given(dW, areas, coins), steps, 0, 0, out, float(time))
+
+    def sample(
+        self, y: Any, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0, out: Array | None = None
+    ) -> Array:
+        """The states after so many steps along the Brownian paths of a seed: from `first_path` on, those of a run.
+
+        `first_path` is a multiple of 64, and `first_step`, the number of steps that the paths have made before, one
+        of 128; numbers are drawn in such portions.
+        """
+        whole("steps", steps, 0)
+        for name, value, unit in (("first_path", first_path, LANES), ("first_step", first_step, STEPS_PER_TOSS)):
+            if whole(name, value, 0) % unit:
+                raise SpecError(f"{name}: is {value}; must be a multiple of {unit}")
+        return self._moved(self._states(y), brownian(whole("seed", seed, 0)), steps, first_step, first_path, out)
+
+    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
+        """What :meth:`sample` uses, as arrays: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
+        shape = whole("steps", steps, 1), whole("paths", paths, 1)
+        areas = np.zeros((*shape, len(self.pairs))) if self.pairs else _NO_AREAS
+        coins = np.zeros(shape) if "coins" in self.needs else _NO_COINS
+        given = Given(np.zeros((shape[0] * self.substeps, shape[1], self.noises)), areas, coins)
+        first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
+        stream = brownian(whole("seed", seed, 0))
+        draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
+        return Noise(*given)
+
+    def _states(self, y: Any) -> Array:
+        return _array("y", y, self.dimension)
+
+    def _moved(
+        self,
+        y: Array,
+        noise: Any,
+        steps: int,
+        first_step: int,
+        first_path: int,
+        out: Array | None,
+        time: float = 0.0,
+    ) -> Array:
+        """The states after steps along some noise."""
+        if out is None:
+            out = np.empty_like(y)
+        elif out.shape != y.shape or out.dtype != float:
+            raise SpecError(f"out: must be an array of floats of the shape of y, {y.shape}")
+        paths, d = y.shape
+        blocks = -(-paths // LANES)
+        if paths < blocks * LANES:
+            y = np.pad(y, ((0, blocks * LANES - paths), (0, 0)), "edge")
+        states = y.reshape(blocks, LANES, d).transpose(0, 2, 1).reshape(blocks, 1, d * LANES)
+        times = self._grid._replace(reference_steps=steps, first_step=first_step, start=time)
+        first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
+        with limited_threads(self.threads) if self.threads else nullcontext():
+            integrate(self._scheme, self._model, states, times, noise, self._observer, self._report, first, end)
+        out[...] = states.reshape(blocks, d, LANES).transpose(0, 2, 1).reshape(-1, d)[:paths]
+        return out
+
+    @property
+    def compiled(self) -> tuple[Any, tuple[Any, ...]]:
+        """(move, records): ``move(records, y, *noise)``, in code that Numba compiles too, moves `y` in place.
+
+        It runs on one thread, and checks neither shapes nor types; a model that depends on time begins anew.
+        """
+        return move, (self._scheme, self._model, self._grid, self._observer)
+
+    @property
+    def report(self) -> dict[str, float]:
+        """What the scheme reports of the last call, of its equations, and the largest angle above pi/4."""
+        total = add_reports(np.zeros((1, len(REPORT))), self._report)[0]
+        return {name: float(value) for name, value in report_columns(total).items()}
+
+
+def _array(name: str, value: Any, *shape: int, first: int | None = None) -> Array:
+    """An argument as an array (first, *shape) of floats in C order, where no `first` means any; SpecError otherwise."""
+    try:
+        found = np.ascontiguousarray(value, float)
+    except (TypeError, ValueError):
+        raise SpecError(f"{name}: is {value!r}; must be an array of numbers") from None
+    if found.ndim != 1 + len(shape) or found.shape[1:] != shape or first not in (None, len(found)):
+        right = ", ".join(map(str, ("any" if first is None else first, *shape)))
+        raise SpecError(f"{name}: has shape {found.shape}; must be ({right})")
+    return found

@@ -1,0 +1,193 @@
+"""The generic checks of flows: against their fields, as flows of a Poisson system; and noises that commute."""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..ensemble.fields import noise_field, noise_field_derivative
+from ..ensemble.inexact import inexact_noises, inexact_pieces, piece_gradient
+from ..ensemble.protocol import (
+    casimirs,
+    commuting_noises,
+    drift_angle,
+    drift_flow,
+    drift_gradient,
+    exact_flows,
+    noise_angle,
+    noise_flow,
+    noise_gradient,
+    noises,
+    pieces,
+    structure,
+)
+from .differences import (
+    DIFFERENCES,
+    EXACT,
+    derivative,
+    derivatives_along,
+    differ,
+    matrix_of,
+    shown,
+    size_of,
+    unit_vectors,
+)
+
+_TIMES = (0.3, -0.9)  # of flows, in units of the time in which they move a state by its own size
+_ANGLES = (
+    2.0**-6,
+    0.7,
+    30.0,
+)  # at which angle methods are compared: below each of the bounds for cheaper sines, and above
+
+
+class NotedAngles(NamedTuple):
+    """Takes every angle, and keeps in its one entry the largest modulus of those it is given."""
+
+    largest: np.ndarray
+
+    def sin_versine(angles, x):
+        angles.largest[0] = max(angles.largest[0], abs(x))
+        return math.sin(x), 2.0 * math.sin(0.5 * x) ** 2
+
+    def adding_to_zero(angles, p0, p1, p2):
+        angles.largest[0] = max(angles.largest[0], abs(p0), abs(p1), abs(p2))
+        return p0, p1, p2
+
+
+class _Flow(NamedTuple):
+    """The flow of one piece or noise, with its number."""
+
+    part: str
+    k: int
+    act: Callable  #: (t, y) -> the flow, which notes its angles
+    bound: Callable  #: (t, y) -> what the angle method says
+    noted: np.ndarray  #: of the angles since :meth:`noting` was called
+
+    def noting(self, t, y):
+        """The largest |angle| whose sine the flow takes."""
+        self.noted[0] = 0.0
+        self.act(t, y)
+        return float(self.noted[0])
+
+    def rate(self, y, field):
+        """One over the time in which it moves a state by its own size or by an angle of 1; `field` is a guess."""
+        guess = size_of(field) / size_of(y)
+        t = 1e-3 / guess
+        moved = np.linalg.norm(np.subtract(self.act(t, y), y)) / size_of(y)
+        return max(guess, self.noting(t, y) / t, float(moved) / t)
+
+    def __str__(self):
+        return f"{self.part}_flow, k = {self.k},"
+
+
+def _flows_of(model, part, numbers, flow, angle):
+    for k in numbers:
+        noted = np.zeros(1)
+        yield _Flow(
+            part,
+            k,
+            lambda t, y, k=k, noted=noted: flow(model, k, t, y, NotedAngles(noted)),
+            lambda t, y, k=k: angle(model, k, t, y),
+            noted,
+        )
+
+
+def flows(model, y):
+    field = structure(model, y, drift_gradient(model, y))
+    lacking = inexact_pieces(model)
+    total = sum((np.array(structure(model, y, piece_gradient(model, k, y))) for k in lacking), np.zeros(len(y)))
+    size = float(np.linalg.norm(total))
+    for flow in _flows_of(model, "drift", _others(pieces(model), lacking), drift_flow, drift_angle):
+        rate = flow.rate(y, field)
+        total, size = total + _velocity(flow, y, rate), max(size, size_of(y) * rate)
+        yield from _one_flow(model, flow, y, rate)
+    if differ(total, field, DIFFERENCES, 1e-6 * size):
+        yield "drift_flow: its derivatives at t = 0, added up over k, are not structure(drift_gradient)"
+    for flow in _flows_of(model, "noise", _others(noises(model), inexact_noises(model)), noise_flow, noise_angle):
+        field = structure(model, y, noise_gradient(model, flow.k, y))
+        rate = flow.rate(y, field)
+        if differ(_velocity(flow, y, rate), field, DIFFERENCES, 1e-6 * size_of(y) * rate):
+            yield f"{flow} does not solve its equation: its derivative at t = 0 is not structure(noise_gradient)"
+        yield from _one_flow(model, flow, y, rate)
+
+
+def commuting(model, y):
+    """That the noises which are said to commute do."""
+    m, lacking = noises(model), inexact_noises(model)
+    flows = {flow.k: flow for flow in _flows_of(model, "noise", _others(m, lacking), noise_flow, noise_angle)}
+    for pair in commuting_noises(model):
+        if pair not in itertools.combinations(range(m), 2):
+            yield f"commuting_noises has {pair}, which is not a pair (k, l) of noises with 0 <= k < l < {m}"
+            continue
+        if set(pair) & set(lacking):
+            yield from _fields_commuting(model, y, pair)
+            continue
+        first, second = (flows[k] for k in pair)
+        s, t = (
+            time / flow.rate(y, structure(model, y, noise_gradient(model, flow.k, y)))
+            for time, flow in zip(_TIMES, (first, second), strict=True)
+        )
+        there, back = first.act(s, second.act(t, y)), second.act(t, first.act(s, y))
+        if differ(there, back, EXACT, y):
+            yield f"commuting_noises has {pair}, but their flows do not commute"
+
+
+def _fields_commuting(model, y, pair):
+    """That the fields of two noises commute, f_k' f_l = f_l' f_k."""
+    k, other = pair
+    there = noise_field_derivative(model, k, y, noise_field(model, other, y))
+    back = noise_field_derivative(model, other, y, noise_field(model, k, y))
+    if differ(there, back, EXACT, y):
+        yield f"commuting_noises has {pair}, but their fields do not commute"
+
+
+def _others(count, lacking):
+    """The numbers of the flows that are known."""
+    return [k for k in range(count) if k not in lacking]
+
+
+def _velocity(flow, y, rate):
+    return derivative(lambda s: flow.act(s / rate, y)) * rate
+
+
+def _one_flow(model, flow, y, rate):
+    """The angle method of a flow; and if flows are exact, that it is the flow of a Poisson system."""
+    per_time = flow.noting(1e-3 / rate, y) * 1e3 * rate
+    for t in [sign * angle / (per_time or rate) for angle in _ANGLES for sign in (1.0, -1.0)]:
+        largest, said = flow.noting(t, y), flow.bound(t, y)
+        if not largest <= said * (1.0 + 1e-9) and math.isfinite(largest):
+            name = f"{flow.part}_angle, k = {flow.k},"
+            yield f"{name} is {said:.3g} where {flow.part}_flow takes the sine of {largest:.3g}; it must be no less"
+            break
+    if exact_flows(model):
+        yield from _exactness(model, flow, y, rate)
+
+
+def _exactness(model, flow, y, rate):
+    if differ(flow.act(0.0, y), y, EXACT):
+        yield f"{flow} at t = 0 does not leave the state as it is"
+    s, t = (time / rate for time in _TIMES)
+    there = flow.act(t, y)
+    if not all(map(math.isfinite, there)):
+        yield f"{flow} is not finite at t = {t:.3g}, y = {shown(y)}"
+        return
+    if differ(flow.act(s, there), flow.act(s + t, y), EXACT, there, y):
+        yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
+        return
+    units = unit_vectors(len(y))
+    before, after = (matrix_of([structure(model, z, e) for e in units]) for z in (y, there))
+    columns = zip(*(derivatives_along(lambda z: flow.act(t, z), y, e) for e in units), strict=True)
+    if all(_changes(np.array([changed for changed, _ in both]).T, before, after) for both in columns):
+        yield f"{flow} is not a Poisson map: it changes the structure"
+    sizes = [casimirs(model, tuple(np.abs(z).tolist())) for z in (y, there)]
+    for c, (was, now) in enumerate(zip(casimirs(model, y), casimirs(model, there), strict=True)):
+        if differ(was, now, EXACT, *(size[c] for size in sizes)):
+            yield f"{flow} does not keep casimirs, number {c}"
+
+
+def _changes(jacobian, before, after):
+    """Whether a map with this Jacobian matrix makes another structure of that before it than the one behind it."""
+    return differ(jacobian @ before @ jacobian.T, after, DIFFERENCES, np.linalg.norm(jacobian) ** 2 * before)
