@@ -52,10 +52,10 @@ def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
     return dimension, brackets
 
 
-def known_casimirs(text: str, symbols: Symbols, variables: Sequence[Any]) -> list[tuple[set[int], int, Any]]:
+def known_casimirs(text: str | None, symbols: Symbols, variables: Sequence[Any]) -> list[tuple[set[int], int, Any]]:
     """(components, degree, Casimir function) of those that are known by the names of the factors: traces of powers."""
     first, found = 0, []
-    for name, sizes, count, factor in _factors(text, symbols):
+    for name, sizes, count, factor in _factors(text, symbols) if text else ():
         d, _ = _simple(name, sizes, factor)
         for n in range(first, first + d * count, d):
             if name in OF_MATRICES and sizes != [2]:

@@ -13,6 +13,7 @@ import sympy
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .splitting import connected
 from .symbolics import Symbolics
+from .system import Function
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients
@@ -46,6 +47,23 @@ def search(world: Symbolics, known: Sequence[tuple[set[int], int, Any]] = ()) ->
         searched = min(searched, reached)
     found.sort(key=lambda pair: pair[0])
     return Search(tuple(f for _, f in found), tuple(degree for degree, _ in found), searched)
+
+
+def named(world: Symbolics, known: Sequence[tuple[set[int], int, Any]]) -> tuple[tuple[Function, ...], int]:
+    """(functions, degree up to which all are known); known ones of degree 4 and more are called by their trace."""
+    short = {function: f"tr X^{degree}" for _, degree, function in known if degree > 3}
+    found = search(world, known)
+    both = zip(found.functions, found.degrees, strict=True)
+    return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), found.searched
+
+
+def squares_first(functions: tuple[Function, ...], world: Symbolics) -> tuple[tuple[Function, ...], bool]:
+    """Some Casimir functions, |y|^2 before all others, and whether it is one of them."""
+    squares = sympy.Add(*(y**2 for y in world.variables))
+    first = next((n for n, c in enumerate(functions) if c.expression - squares == 0), None)
+    if not first:
+        return functions, first is not None
+    return (functions[first], *functions[:first], *functions[first + 1 :]), True
 
 
 def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:

@@ -17,16 +17,19 @@ import sympy
 from ..ensemble.inexact import INNER_METHODS
 from .algebras import algebra, known_casimirs
 from .brackets import Bracket, BracketError, Linear, checked
-from .casimirs import counted, search
+from .casimirs import counted, named, squares_first
 from .data import Data
-from .driving import TIME, driving_of
+from .driving import TIME, driving_of, split_in_time
 from .forms import check_finite, check_name, degree_of, linear, shortened
+from .functionals import NoExactFlow, NowhereFinite
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
-from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, Term, merged, single, split, without_flow
+from .quadratics import by_quadratics
+from .splitting import Constants, Flow, Term, merged, single, split, without_flow
 from .symbolics import Symbolics
 from .system import Function, System
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
+from .waring import powers
 
 
 class Defined(NamedTuple):
@@ -55,9 +58,7 @@ def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
         return [1.0] * count
     found = []
     for keys, text, value in reader.expressions("sigma", formulas):
-        if formulas.time in value.free_symbols:
-            found.append(1.0)  # until its value is found, see driving.py
-            continue
+        value = sympy.Integer(1) if formulas.time in value.free_symbols else value  # see driving.py
         if not value.is_number or not value.is_real or not 0 <= value < 1e300:
             raise DefinitionError(f"is '{shortened(text)}'; must be a number, at least 0", *keys)
         found.append(float(value))
@@ -80,8 +81,7 @@ class _Reader(Data):
     def read(self) -> Defined:
         variables, given = self.structure()
         self.check_names(variables)
-        d = len(variables)
-        symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(d))
+        symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(len(variables)))
         values = {sympy.Symbol(name, real=True): value for name, value in self.parameters.items()}
         formulas = Symbols(dict(zip(variables, symbols, strict=True)), {str(p): p for p in values}, self.sizes)
         bracket = self.bracket(variables, given, formulas, values)
@@ -92,12 +92,8 @@ class _Reader(Data):
         noises = self.noises(world, driven)
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
         check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants.values)
-        casimirs, searched = self.casimirs(world, formulas)
-        squares = sympy.Add(*(y**2 for y in symbols))
-        first = next((n for n, c in enumerate(casimirs) if c.expression - squares == 0), None)
-        if first:
-            order = [first, *(n for n in range(len(casimirs)) if n != first)]
-            casimirs = tuple(casimirs[n] for n in order)
+        functions, searched = self.casimirs(world, formulas)
+        casimirs, has_squares = squares_first(functions, world)
         given_h = self.hamiltonian(world, driven)
         system = System(
             world=world,
@@ -105,7 +101,7 @@ class _Reader(Data):
             flows=tuple(flows),
             noises=tuple(noises),
             casimirs=casimirs,
-            squared_length_first=first is not None,
+            squared_length_first=has_squares,
             constants=constants.values,
             driving=driving_of(self, driven, numbers, [given_h, *(flow.expression for flow in noises)]),
             inner=self.inner(),
@@ -214,7 +210,13 @@ class _Reader(Data):
                 raise DefinitionError("is not a string; must be one formula", "hamiltonian")
             parts = self.at(("hamiltonian",), addends, self.data["hamiltonian"], formulas)
             try:
-                found = split(parts, world, constants, lambda addend: self.by_invariants(addend, world, formulas))
+                found = split(
+                    parts,
+                    world,
+                    constants,
+                    lambda addend: self.by_invariants(addend, world, formulas),
+                    lambda lacking: powers(lacking, world, lambda: self.known(world, formulas)),
+                )
             except NowhereFinite as error:
                 raise DefinitionError(f"is not finite: {error}; take others", "hamiltonian") from None
         if len(found) > MOST:
@@ -248,9 +250,17 @@ class _Reader(Data):
 
     def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of Casimir functions and of linear ones, if it is one."""
+        known, (factor, rest) = self.known(world, formulas), split_in_time(function, world.time)
+        if world.time in rest.free_symbols:
+            return None
+        found = by_invariants(rest, world, known) or by_quadratics(rest, world, known)
+        return found and found._replace(expression=factor * found.expression, original=factor * found.whole)
+
+    def known(self, world: Symbolics, formulas: Symbols) -> list[Any]:
+        """The Casimir functions."""
         if self.invariants is None:
             self.invariants = [found.expression for found in self.casimirs(world, formulas.in_time(None))[0]]
-        return by_invariants(function, world, self.invariants)
+        return self.invariants
 
     def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
         """The one flow of a piece or a noise, which is known where all of its terms commute."""
@@ -278,12 +288,7 @@ class _Reader(Data):
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""
         if "casimirs" not in self.data:
-            name, sizes = self.data.get("algebra"), Symbols(indices=self.sizes)
-            known = known_casimirs(name, sizes, world.variables) if name else []
-            short = {function: f"tr X^{degree}" for _, degree, function in known if degree > 3}
-            found = search(world, known)
-            both = zip(found.functions, found.degrees, strict=True)
-            return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), found.searched
+            return named(world, known_casimirs(self.data.get("algebra"), Symbols(indices=self.sizes), world.variables))
         functions = []
         for keys, text, value in self.expressions("casimirs", formulas):
             if not world.used(value):

@@ -1,7 +1,7 @@
 """How a generated module begins."""
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from .code import Numbers
 
@@ -14,19 +14,29 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from spi.numerics.angles import sin_versine
+from spi.numerics.angles import {angles}
 from spi.compiler.dispatch import device
 from spi.numerics.elementary import exp, expm1, log
 from spi.ensemble.protocol import NonNegative
-from spi.numerics.motions import larger, sinh_coshm1, times
+from spi.numerics.motions import {motions}
 
 __system__ = {{"name": "{name}", "variables": {names!r}, "sizes": {sizes!r}{inexact}}}
 '''
 
 
-def head(name: str, variables: Sequence[str], sizes: Mapping[str, int], inexact: str, numbers: Numbers) -> str:
-    """What stands before the functions: imports, what is said of the system, and numbers of two parts."""
+_IMPORTED = {
+    "angles": ("sin_versine", "sinc_versinc"),
+    "motions": ("larger", "sinh_coshm1", "times", "turning"),
+}
+_ALWAYS = ("sin_versine", "larger", "sinh_coshm1", "times")
+
+
+def head(
+    name: str, variables: Sequence[str], sizes: Mapping[str, int], inexact: str, used: Collection[str], numbers: Numbers
+) -> str:
+    """What stands before the functions, which have `used` some words: imports, the system, numbers of two parts."""
     listed = textwrap.fill(", ".join(variables), 110)
-    text = _HEAD.format(name=name, variables=listed, names=variables, sizes=dict(sizes), inexact=inexact)
+    imported = {key: ", ".join(n for n in known if n in used or n in _ALWAYS) for key, known in _IMPORTED.items()}
+    text = _HEAD.format(name=name, variables=listed, names=variables, sizes=dict(sizes), inexact=inexact, **imported)
     pairs = [f"{name}, {name}_REST = {high!r}, {low!r}" for (high, low), name in numbers.pairs.items()]
     return "\n".join([text, *(["\n".join(["# numbers that are no doubles, in two parts", *pairs])] if pairs else [])])

@@ -1,13 +1,14 @@
 """Source of the motions exp(a_1 M_1 + ... + a_r M_r) y, one function for each set of commuting linear functions."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
 
+from .axes import Axis
 from .brackets import NOTHING
-from .code import Numbers, total
+from .code import Numbers, total, written_sum
 from .eigenspaces import Space
 from .shear_code import Shears
 from .spectrum import Block
@@ -23,7 +24,7 @@ class Motion(NamedTuple):
     lost: int  #: digits that it loses, where eigenvalues are nearly equal
 
 
-def motion(blocks: Sequence[Block], count: int, numbers: Numbers, depends: bool) -> Motion:
+def motion(blocks: Sequence[Block | Axis], count: int, numbers: Numbers, depends: bool) -> Motion:
     """The motion of some blocks with `count` parameters a; `depends`: whether the matrices depend on parameters."""
     writer = _Writer(count, numbers, depends)
     for block in blocks:
@@ -34,8 +35,10 @@ def motion(blocks: Sequence[Block], count: int, numbers: Numbers, depends: bool)
 
 
 class _Writer(Shears):
-    def block(self, block: Block) -> None:
-        if block.turn and self._turns(block):
+    def block(self, block: Block | Axis) -> None:
+        if isinstance(block, Axis):
+            self.axis(block)
+        elif block.turn and self._turns(block):
             self.turn(block)
         elif self._is_plane(block):
             self.plane(block)
@@ -44,6 +47,14 @@ class _Writer(Shears):
 
     def angle(self) -> str:
         """See :attr:`Motion.angle`."""
+        text = self._angle()
+        for square in self.squares:
+            root = f"np.sqrt({square})"
+            text = f"larger({text}, {root})" if text else root
+        return text
+
+    def _angle(self) -> str:
+        """Of what turns about axes that do not depend on y."""
         single = {n for phase in self.phases for n, c in enumerate(phase) if c}
         if all(sum(bool(c) for c in phase) == 1 for phase in self.phases) and len(single) <= 8:
             factors = {n: max(abs(phase[n]) for phase in self.phases) for n in sorted(single)}
@@ -99,6 +110,30 @@ class _Writer(Shears):
                 self.lines.append(f"z{i + 1} = y{i + 1}" if not rows[i] else f"z{i + 1} = y{i + 1} + {s} * {first[i]}")
             else:
                 self.lines.append(f"z{i + 1} = y{i + 1} + ({s} * {first[i]} + {v} * ({code}))")
+
+    # ---- matrices that do not commute ----------------------------------------------------------------------------
+
+    def axis(self, block: Axis) -> None:
+        """y + sin(r)/r A y + (1 - cos r)/r^2 A^2 y with A = sum_j a_j M_j and r^2 a quadratic form of the a_j."""
+        terms = [self.numbers.times(c, f"a{i + 1} * a{j + 1}", self.depends) for (i, j), c in block.square.items()]
+        s, v = self.about_axis(written_sum(terms), block.definite)
+        first = self._acted(block, {i: f"y{i + 1}" for i in block.components})
+        named = {i: self.let("m", code) for i, code in first.items()}
+        for i, code in self._acted(block, named).items():
+            self.lines.append(f"z{i + 1} = y{i + 1} + ({named[i]} + {s} * {named[i]} + {v} * ({code}))")
+        self.kinds.append("rotation" if block.definite else "rotation or hyperbolic rotation")
+
+    def _acted(self, block: Axis, y: Mapping[int, str]) -> dict[int, str]:
+        """Code of A y by component."""
+        rows: dict[int, list[tuple[str, str]]] = {i: [] for i in block.components}
+        for n, entries in block.matrices.items():
+            for i in block.components:
+                parts = [self.numbers.times(c, y[k], self.depends) for (r, k), c in entries.items() if r == i]
+                if len(parts) == 1:
+                    rows[i].append((parts[0][0], f"a{n + 1} * {parts[0][1]}"))
+                elif parts:
+                    rows[i].append(("+", f"a{n + 1} * ({written_sum(parts)})"))
+        return {i: written_sum(terms) for i, terms in rows.items()}
 
     # ---- a rotation of two components -------------------------------------------------------------------------------
 

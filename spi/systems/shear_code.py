@@ -17,6 +17,7 @@ class Shears:
         self.count, self.numbers, self.depends = count, numbers, depends
         self.lines: list[str] = []
         self.phases: list[tuple[mpmath.mpf, ...]] = []
+        self.squares: list[str] = []  # of angles about axes that depend on y
         self.kinds: list[str] = []
         self.left = 0
         self.taken: dict[str, tuple[str, str]] = {}  # sines and versines by the angle
@@ -42,6 +43,16 @@ class Shears:
             self.phases.append(phase)
             self.taken[angle] = s, v
         return self.taken[angle]
+
+    def about_axis(self, square: str, definite: bool) -> tuple[str, str]:
+        """Names of (sin r)/r - 1 and (1 - cos r)/r^2 from the code of r^2, which may be negative if not `definite`."""
+        if square not in self.taken:
+            s, v = self.name("s"), self.name("v")
+            function = "sinc_versinc" if definite else "turning"
+            self.lines.append(f"{s}, {v} = {function}(angles, {square})")
+            self.squares.append(square if definite else f"larger({square}, 0.0)")
+            self.taken[square] = s, v
+        return self.taken[square]
 
     def linear(self, rows: Sequence[dict[str, mpmath.mpf]]) -> list[str]:
         """Code of linear forms of named quantities."""

@@ -13,10 +13,9 @@ from .brackets import DIGITS, precise
 from .code import Formula, Numbers, as_tuple, case, signed, words_in, written_sum
 from .driving import Coefficients
 from .eigenspaces import Inseparable
-from .functionals import Functional, form_text
+from .generators import Generator, generators, motions
 from .head import head
 from .motion_code import Motion, motion
-from .spectrum import blocks
 from .splitting import Flow, commute
 from .system import System
 
@@ -56,7 +55,7 @@ class _Generator:
         self.names |= {p: f"model.{self.fields[str(p)]}" for p in self.world.parameters}
         self.names |= {k: self.numbers.constant(value) for k, value in system.constants.items()}
         self.coefficients = Coefficients(self.names, system.driving.strengths) if system.driving else None
-        self.motions: dict[Any, tuple[str, Motion, tuple[Functional, ...], bool]] = {}
+        self.motions: dict[Any, tuple[str, Motion, list[Generator], bool]] = {}
 
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
@@ -66,8 +65,9 @@ class _Generator:
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.derivatives(lacking["pieces"])
         body = [*self.facts(lacking), *body]
-        functions = [self.function(name, m, functionals, uses) for name, m, functionals, uses in self.motions.values()]
-        parts = [head(self.name, self.bracket.variables, self.sizes, self.inexact(lacking), self.numbers)]
+        functions = [self.function(*found) for found in self.motions.values()]
+        used = words_in("\n".join(line for lines in functions for line in lines))
+        parts = [head(self.name, self.bracket.variables, self.sizes, self.inexact(lacking), used, self.numbers)]
         if self.coefficients:
             fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
             body += self.coefficients.method(self.name, fields, len(noise))
@@ -77,12 +77,12 @@ class _Generator:
         parts += [
             "\n\n" + "\n".join([f"class {self.name}(NamedTuple):", *("    " + line if line else "" for line in body)])
         ]
-        motions = (key if isinstance(key, str) else self.motions[key][1] for key in (*drift, *noise))
+        moving = (key if isinstance(key, str) else self.motions[key][1] for key, _ in (*drift, *noise))
         return Generated(
             "\n".join(parts) + "\n",
             tuple(self.fields.items()),
             tuple(float(value) for value in self.numbers.constants),
-            tuple(motions),
+            tuple(moving),
             self.coefficients.report() if self.coefficients else None,
         )
 
@@ -101,33 +101,31 @@ class _Generator:
 
     # ---- flows ---------------------------------------------------------------------------------------------------
 
-    def moved(self, flow: Flow) -> Any:
-        """The key of the motion of a flow; flows of the same linear functions share one.  Or why there is no motion."""
+    def moved(self, flow: Flow) -> tuple[Any, list[Any]]:
+        """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or why not."""
         if flow.lacking:
-            return flow.lacking
-        functionals, pivots = flow.reduced()
-        moving = [(f, p) for f, p in zip(functionals, pivots, strict=True) if self.bracket.field(f)]
-        key = tuple((p, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items())) for f, p in moving)
+            return flow.lacking, []
+        found = generators(flow, self.world)
+        key = tuple(one.key for one in found)
         if key not in self.motions:
             depends = flow.varying
             before = len(self.numbers.constants)
             try:
-                found = blocks([self.bracket.field(f) for f, _ in moving])
+                made = motion(motions([one.entries for one in found]), len(found), self.numbers, depends)
             except Inseparable as error:
-                return str(error)
-            made = motion(found, len(moving), self.numbers, depends)
+                return str(error), []
             uses = len(self.numbers.constants) > before
-            self.motions[key] = f"_motion{len(self.motions) + 1}", made, tuple(f for f, _ in moving), uses
-        return key
+            self.motions[key] = f"_motion{len(self.motions) + 1}", made, found, uses
+        return key, self.frozen(one.rate for one in found)
 
-    def function(self, name: str, made: Motion, functionals: Sequence[Functional], uses: bool) -> list[str]:
+    def function(self, name: str, made: Motion, found: Sequence[Generator], uses: bool) -> list[str]:
         """A motion as a function of the angles a1, a2, ..."""
-        parameters = "".join(f"a{n + 1}, " for n in range(len(functionals)))
+        parameters = "".join(f"a{n + 1}, " for n in range(len(found)))
         names = self.bracket.variables
         if uses:  # without numbers, so that others make the same text
-            text = ", ".join(f"a linear function of {', '.join(names[i] for i in f)}" for f in functionals)
+            text = ", ".join(f"a {one.kind} function of {', '.join(names[i] for i in one.components)}" for one in found)
         else:
-            text = ", ".join(form_text(f, names) for f in functionals)
+            text = ", ".join(one.text for one in found)
         d = self.bracket.dimension
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
@@ -139,26 +137,22 @@ class _Generator:
             f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
             f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
             *([f"    y{i + 1} = y[{i}]" for i in used]),
+            *([f"    y{d + 1} = 1.0"] if d in made.components else []),
             *("    " + line for line in made.lines),
             f"    return {result}{',' if d == 1 else ''}",
         ]
 
-    def rates(self, flow: Flow, key: Any) -> list[Any]:
-        """df/dl of the linear functions l of a flow, which are derivatives at their pivots."""
-        return self.frozen(flow.slope(self.world.variables[pivot]) for pivot, _ in key)
-
-    def flow_words(self, part: str, flows: Sequence[Flow], keys: Sequence[Any]) -> list[str]:
+    def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
         flow_lines = [f"def {part}_flow(model, k, t, y, angles):"]
         angle_lines = [f"def {part}_angle(model, k, t, y):"]
-        for k, (flow, key) in enumerate(zip(flows, keys, strict=True)):
+        for k, (flow, (key, rates)) in enumerate(zip(flows, moved, strict=True)):
             if isinstance(key, str):
                 nothing = as_tuple(["np.nan"] * self.bracket.dimension)
                 flow_lines += case(k, len(flows), [f"return {nothing}  # there is no exact flow"])
                 angle_lines += case(k, len(flows), ["return 0.0"])
                 continue
             name, made, _, uses = self.motions[key]
-            rates = self.rates(flow, key)
             formula = Formula(self.names, self.world.variables, angles=True)
             lines, codes = formula.lines(rates)
             arguments = [f"t * {code}" for code in codes]
@@ -292,6 +286,6 @@ class _Generator:
         return as_tuple([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])
 
 
-def _texts(keys: Sequence[Any]) -> dict[int, str]:
+def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:
     """By their numbers, why flows have no motion."""
-    return {k: key for k, key in enumerate(keys) if isinstance(key, str)}
+    return {k: key for k, (key, _) in enumerate(moved) if isinstance(key, str)}

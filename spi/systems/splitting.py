@@ -14,32 +14,34 @@ import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .driving import by_factor, split_in_time
-from .functionals import Functional, form_text, reduced
-from .symbolics import Symbolics, numeric
+from .functionals import Functional, NoExactFlow, NowhereFinite, form_text, functionals_of, reduced
+from .kept import Quadratic, commuting, unmoved
+from .symbolics import Symbolics
 
-
-class NoExactFlow(ValueError):
-    """A term whose flow is not known in closed form; the message names it."""
-
-
-class NowhereFinite(NoExactFlow):
-    """A term that has no finite value."""
+Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
+Lacking = list[tuple[Any, str]]  #: what has no exact flow, and why
 
 
 class Term(NamedTuple):
-    """A function of commuting linear functions."""
+    """A function of commuting linear functions, or of all functions that its flow keeps."""
 
     expression: Any  #: in the variables, the parameters and, where forms were diagonalised, in :class:`Constants`
     functionals: tuple[Functional, ...]  #: in reduced form: each has the factor 1 at its pivot, where the others have 0
     pivots: tuple[int, ...]
     varying: bool  #: whether the factors depend on parameters
-    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> Casimir functions whose values they are
+    kept: Mapping[Any, Any] = MappingProxyType({})  #: symbols in it -> the kept functions whose values they are
     original: Any = None  #: where it has such symbols: the same in the variables alone
+    inner: Mapping[Any, Quadratic] = MappingProxyType({})  #: those of these functions that are no Casimir functions
 
     @property
     def whole(self) -> Any:
         """The expression without such symbols."""
         return self.expression if self.original is None else self.original
+
+    def slope(self, variable: Any) -> Any:
+        """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
+        inner = [sympy.diff(self.expression, s) * sympy.diff(u.form, variable) for s, u in self.inner.items()]
+        return sympy.Add(sympy.diff(self.expression, variable), *inner).xreplace(dict(self.kept))
 
 
 class Constants:
@@ -69,7 +71,7 @@ class Flow(NamedTuple):
 
     def slope(self, variable: Any) -> Any:
         """The derivative by a variable, Casimir functions being kept."""
-        return sympy.Add(*(sympy.diff(t.expression, variable).xreplace(dict(t.kept)) for t in self.terms))
+        return sympy.Add(*(term.slope(variable) for term in self.terms))
 
     @property
     def varying(self) -> bool:
@@ -96,14 +98,16 @@ def split(
     world: Symbolics,
     constants: Constants,
     otherwise: Callable[[Any], Term | None] = lambda addend: None,
+    powers: Callable[[Lacking], tuple[Parts, Lacking]] = lambda lacking: (([], []), lacking),
 ) -> list[Flow]:
     """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none.
 
-    `otherwise` is asked for the term that an addend is which has no exact flow of its own.
+    `otherwise` is asked for the term that an addend is which has no exact flow of its own, `powers` for what becomes of
+    all that has none even so.
     """
     terms: list[Term] = []
     crossing: list[Any] = []
-    lacking: list[tuple[Any, str]] = []
+    lacking: Lacking = []
     left = list(addends)
     while left:
         addend = left.pop(0)
@@ -118,6 +122,8 @@ def split(
                 lacking.append((addend, str(refused)))
         else:
             terms, crossing = terms + more, crossing + cross
+    (more, cross), lacking = powers(lacking)
+    terms, crossing = terms + more, crossing + cross
     for factor, products in by_factor(crossing, world.time).items():
         for component in connected(map(world.used, products)):
             inside = [t for t in terms if not t.kept and _is_square_within(t.expression, component, factor, world)]
@@ -137,9 +143,15 @@ def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
 
 
 def commute(terms: Iterable[Term], others: Iterable[Term], bracket: Bracket) -> bool:
-    """Whether all linear functions that some terms depend on commute with those of others."""
-    first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
-    return all(bracket.commuting(f, g) for f, g in itertools.product(first, second))
+    """Whether all linear and quadratic functions that some terms depend on commute with those of others."""
+    both = (list(terms), list(others))
+    first, second = ([f for term in side for f in term.functionals] for side in both)
+    if not all(bracket.commuting(f, g) for f, g in itertools.product(first, second)):
+        return False
+    mine, theirs = ([u for term in side for u in term.inner.values() if u.fields] for side in both)
+    if not all(unmoved(f, u) for f, u in (*itertools.product(first, theirs), *itertools.product(second, mine))):
+        return False
+    return all(commuting(u, other, bracket.dimension) for u, other in itertools.product(mine, theirs))
 
 
 def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
@@ -155,10 +167,8 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     return [Flow(tuple(flow)) for flow in flows]
 
 
-def _terms(
-    addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]
-) -> tuple[list[Term], list[Any]]:
-    """(terms with exact flows, products y_i y_j of components that do not commute)."""
+def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
+    """The terms and products that a sum consists of; NoExactFlow if an addend is neither."""
     terms: list[Term] = []
     crossing: list[Any] = []
     for addend in addends:
@@ -184,9 +194,7 @@ def _terms(
     return terms, crossing
 
 
-def _of_parts(
-    addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]
-) -> tuple[list[Term], list[Any]]:
+def _of_parts(addend: Any, expanded: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
     """The terms of what is a sum when expanded: those of its parts as they are written, where its powers have none."""
     try:
         return _terms(expanded, world, lambda part: None)
@@ -257,39 +265,3 @@ def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics
             weight = constants.symbol(weights[n] * scale**2)
             terms.append(Term(factor * weight * line**2, (functional,), (pivot,), True))
     return terms
-
-
-def functionals_of(
-    expression: Any, world: Symbolics, kept: Iterable[Any] = ()
-) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
-    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
-    used = world.used(expression)
-    coordinates = tuple({i: mpmath.mpf(1)} for i in used)
-    if len(used) == 1:
-        return coordinates, used
-    if expression.is_Mul and all(
-        f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
-    ):
-        return coordinates, used  # a monomial
-    numbers = dict(world.parameters) | {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
-    gradient = [sympy.diff(expression, world.variables[i]).xreplace(numbers) for i in used]
-    in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
-    value = numeric([*(world.variables[i] for i in used), *in_time], gradient)
-    rows = []
-    with mpmath.workdps(DIGITS + 20):
-        for n in range(len(used) + 2):
-            point = [
-                mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4
-                for j in range(len(used) + len(in_time))
-            ]
-            try:
-                slopes = [mpmath.mpmathify(g) for g in value(*point)]
-            except (TypeError, ZeroDivisionError, ValueError):
-                continue  # not defined there
-            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
-            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
-            rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
-        if not rows:
-            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
-    found, pivots = reduced(rows)
-    return (coordinates, used) if len(found) == len(used) else (found, pivots)

@@ -1,10 +1,21 @@
-"""Functions of Casimir functions and linear ones: flows against solutions of y' = B(y) grad f by SciPy."""
+"""Functions of Casimir, quadratic and linear functions: flows against solutions of y' = B(y) grad f by SciPy."""
 
 import numpy as np
 import pytest
 import scipy.integrate
 import sympy
-from yaml_cases import commutators, definition, given, made, product, rigid, structure, with_translations
+from yaml_cases import (
+    commutators,
+    definition,
+    given,
+    heisenberg,
+    made,
+    product,
+    rigid,
+    structure,
+    turns,
+    with_translations,
+)
 
 from spi.checks.model_checks import check_model
 from spi.checks.states import states_on_surface
@@ -16,6 +27,8 @@ from spi.systems.definition import DefinitionError, define
 SPIN = commutators(rigid())
 BOOST = given(3, {(1, 2, 3): 1, (2, 3, 1): -1, (3, 1, 2): -1})
 
+DOT, BOOSTED = "y1*y4 + y2*y5 + y3*y6", "y1*y4 + y2*y5 - y3*y6"
+
 #: algebra -> (its bracket, functions with exact flows, functions without)
 CASES = {
     "so(3)": (
@@ -24,13 +37,55 @@ CASES = {
             *("y1^2 + y2^2", "(y1^2 + y2^2)^2", "y3*(y1^2 + y2^2 + y3^2)", "sqrt(y1^2 + y2^2)", "y1^2*(y2^2 + y3^2)"),
             *("exp(-y1^2 - y2^2)*cos(y3)", "log(5 + y2^2 + y3^2)", "y1^2 + y2^2 - 3*y3"),
         ],
-        ["y1^2 + 2*y2^2", "y1*(y1^2 + y2^2)", "y2^3 + y1^2*y2"],
+        ["y1^2 + 2*y2^2", "y1*(y1^2 + y2^2)", "y2^3 + y1^2*y2", "y1*y2*y3"],
     ),
     "so(2,1)": (BOOST, ["y1^2 + y2^2", "(y2^2 - y3^2)^2/4", "y1*(y2^2 - y3^2)", "y1^2 - y3^2 + y2"], ["y1^2 - y3"]),
     "so(3)^2": (
         product(SPIN, SPIN),
-        ["y4*(y1^2 + y2^2)", "(y1^2 + y2^2)^2*y6", "(y1^2 + y2^2)*(y4^2 + y3)"],
-        ["(y1^2 + y2^2)*(y4^2 + y1)"],
+        [
+            *("y4*(y1^2 + y2^2)", "(y1^2 + y2^2)^2*y6", "(y1^2 + y2^2)*(y4^2 + y3)"),
+            *(DOT, f"({DOT})^2", f"log(9 - {DOT})", f"({DOT})^2/3 - ({DOT})", f"exp({DOT})/5"),
+            "((y1 + y4)^2 + (y2 + y5)^2 + (y3 + y6)^2)^2/9",
+        ],
+        ["(y1^2 + y2^2)*(y4^2 + y1)", "y1*y4 + y2*y5 + 2*y3*y6", f"y1*({DOT})"],
+    ),
+    "so(3)^3": (
+        product(SPIN, SPIN, SPIN),
+        [f"y7*({DOT})", f"(y7^2 + y8^2)*({DOT})"],
+        [f"({DOT})*(y1*y7 + y2*y8 + y3*y9)"],
+    ),
+    "so(2,1)^2": (product(BOOST, BOOST), [BOOSTED, f"({BOOSTED})^2/2", DOT], [f"{DOT} - 3*y3*y6"]),
+    "so(4)": (commutators(turns(4)), ["y1^2 + y2^2 + y4^2", "sqrt(y1^2 + y2^2 + y4^2)"], ["y1^2 + y2^2 + 2*y3^2"]),
+    "heisenberg": (
+        heisenberg(1),
+        [
+            *("y1^2 + y2^2", "(y1^2 + y2^2)^2", "log(1 + y1^2 + 2*y2^2)", "y1*y2", "(y1*y2)^3", "y3*(y1^2 + y2^2)^2"),
+            *(
+                "exp(y1^2/9 - y2^2/5)",
+                "(y1 - 2)^2 + y2^2",
+                "log((y1 - y3)^2 + (y2 + 1)^2)",
+                "sqrt(1 + y1^2 + y1*y2 + y2^2)",
+            ),
+        ],
+        ["y1^2*(y1^2 + y2^2)", "y1^4 + y2^2", "y1 + y1^2*y2", "sin(y1) + y2^2"],
+    ),
+    "heisenberg(2)": (
+        heisenberg(2),
+        [
+            *("log((y1 - y2)^2 + (y3 - y4)^2)", "(y1^2 + y3^2)*(y2^2 + y4^2)", "(y1*y4 - y2*y3)^3"),
+            *("(y1^2 + y2^2 + y3^2 + y4^2)^2 + y1*y4 - y2*y3", "y1*(y2^2 + y4^2)", "y1*y4 + y2*y3"),
+        ],
+        ["(y1^2 + y3^2)*(y1*y4 - y2*y3)"],
+    ),
+    "so(3)*heisenberg": (
+        product(SPIN, heisenberg(1)),
+        [
+            "y3*(y4^2 + y5^2)",
+            "(y1^2 + y2^2)*(y4^2 + y5^2)",
+            "(y3 + (y4^2 + y5^2)/2)^2",
+            "sqrt(y4^2 + y1^2 + y2^2 + y5^2)",
+        ],
+        ["y3*y4*y5*y1"],
     ),
     "se(3)": (commutators(with_translations(rigid())), ["(y4^2 + y5^2)^2", "y4^2 + y5^2 + y4*y6"], ["y1^2 + y2^2"]),
 }
@@ -74,6 +129,29 @@ def test_what_is_no_such_function_has_no_flow(algebra, text):
     assert "which do not commute" in noise.lacking
 
 
+def test_matrices_and_their_numbers():
+    """Control of the above: the flow of u^2 at a time is that of u at 2 u times it, and no other."""
+    for algebra, u in (("so(3)^2", DOT), ("heisenberg(2)", "y1*y4 - y2*y3")):
+        y = np.linspace(0.4, 1.3, len(CASES[algebra][0]))
+        values = {f"y{n + 1}": x for n, x in enumerate(y)}
+        twice = 2 * float(sympy.sympify(u).subs(values))
+        with uncompiled():
+            plain, squared = (made(defined(algebra, text)).record for text in (u, f"({u})^2"))
+            found = noise_flow(squared, 0, 0.3, tuple(y.tolist()), ANY_ANGLES)
+            expected, other = (noise_flow(plain, 0, t, tuple(y.tolist()), ANY_ANGLES) for t in (0.3 * twice, 0.3))
+        assert np.allclose(found, expected, rtol=0, atol=1e-14) and not np.allclose(found, other, atol=1e-2)
+
+
+def test_phase_noise_decays_as_it_must():
+    """E (q + i p) = exp(-2 sigma^2 T) (q_0 + i p_0) for dy = sigma B grad(q^2 + p^2) o dW."""
+    record = made(defined("heisenberg", "y1^2 + y2^2")).record
+    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
+    with uncompiled():
+        ends = np.array([noise_flow(record, 0, 0.6 * x, (0.8, -0.3, 1.0), ANY_ANGLES) for x in nodes])
+    mean = weights @ ends / weights.sum()
+    assert np.allclose(mean, [0.8 * np.exp(-0.72), -0.3 * np.exp(-0.72), 1.0], rtol=0, atol=1e-13)
+
+
 def test_a_noise_that_moves_nothing():
     with pytest.raises(DefinitionError, match="a Casimir function, which moves nothing; leave it out"):
         define(definition(defined("so(3)", "(y1^2 + y2^2 + y3^2)^2")))
@@ -84,3 +162,12 @@ def test_pieces_of_a_hamiltonian():
     system = define(definition("{algebra: so(3), hamiltonian: '(y1^2 + y2^2)^2 + y1^2/2 + y2^2/3'}")).system
     texts = [system.world.name(flow.expression) for flow in system.flows]
     assert texts == ["(y1^2 + y2^2)^2", "y1^2/2", "y2^2/3"]
+
+
+def test_disjoint_pairs_of_vortices_move_together():
+    """Of the pairs of four those without a common vortex commute: three flows."""
+    text = """{sizes: {n: 4}, algebra: heisenberg(n), variables: ['q(i) for i = 1..n, p(i) for i = 1..n', z],
+        hamiltonian: "-sum(log((q(i) - q(j))^2 + (p(i) - p(j))^2) for i = 1..n, j = 1..i-1)/2"}"""
+    text = text.replace("'q(i) for i = 1..n, p(i) for i = 1..n'", "q(i) for i = 1..n, p(i) for i = 1..n")
+    system = define(definition(text)).system
+    assert [len(flow.terms) for flow in system.flows] == [2, 2, 2]
