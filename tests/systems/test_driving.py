@@ -102,6 +102,25 @@ def test_the_beginning_can_be_at_another_time():
     assert type(model) is type(record(PLAIN))
 
 
+#: The same with time as a variable, whose pair is E.
+EXTENDED = """
+algebra: so(3) * heisenberg
+variables: [y1, y2, y3, tau, E, i]
+parameters: {eps: 1/2, w: 3}
+hamiltonian: y1^2/4 + y2^2/2 + 3*y3^2/4 + eps*cos(w*tau)*((y1 + y2)^2 - (y1 - y2)^2)/4 + sin(y3 - w*tau)/2 + E
+"""
+
+
+def test_time_as_a_variable_is_another_road_to_the_same_limit():
+    model, steps = record(EXTENDED, "Extended"), 32
+    y, h = np.repeat(np.array([*INITIAL, 0.0, 0.0, 1.0])[:, None], LANES, axis=1), 1.0 / steps
+    with uncompiled():
+        for _ in range(steps):
+            y, _ = take_step(SCHEMES["splitting_symmetric"].record, model, h, np.zeros((0, LANES)), y)
+    assert y[3, 0] == pytest.approx(1.0, abs=1e-15)
+    assert np.linalg.norm(y[:3, 0] - reference(1.0)) < 1e-3
+
+
 # --- what is frozen --------------------------------------------------------------------------------------------------
 
 #: All that moves is about one axis.
