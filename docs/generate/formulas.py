@@ -25,6 +25,9 @@ FORMULAS = {
     r"f_k \right) + \sum_k \sigma_k\, \mathrm{d}W_k \nabla \widehat H_k \quad \text{at } y",
     "munthe_kaas_midpoint": r"z = \exp(M(v(x)))\, y, \qquad x = \exp(M(v(y)) / 2)\, y, \qquad "
     rf"v = {_CAYLEY}",
+    "munthe_kaas_areas": r"z = \exp(M(v(x)))\, y, \qquad x = (1 + \tfrac12 M + \tfrac18 M^2)\, y, \quad "
+    r"M = M(v(y)), \\ "
+    rf"v = {_CAYLEY} + \sum_{{k < l}} \sigma_k \sigma_l A_{{kl}} \nabla \{{\widehat H_l, \widehat H_k\}}",
     "isospectral_midpoint": r"y = u - \tfrac12 u \times v + \tfrac14 (v \cdot u)\, v, \qquad "
     rf"z = u + \tfrac12 u \times v + \tfrac14 (v \cdot u)\, v, \\ v = {_CAYLEY} \quad \text{{at }} u",
     "ap_splitting": r"\text{splitting with } \frac{h}{\varepsilon} \xi_k^n \text{ for } \mathrm{d}W_k, \qquad "

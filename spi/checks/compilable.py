@@ -40,7 +40,8 @@ def obstacle(record):
 def _wrong_type(record, name, declared):
     """What the compiler finds wrong with a method, or with the type of what it returns."""
     d = dimension(record)
-    known = {"k": 0, **dict.fromkeys("tsh", 1.0), "angles": ANY_ANGLES, **dict.fromkeys("yuv", (1.0,) * d)}
+    known = dict.fromkeys("jk", 0) | dict.fromkeys("tsh", 1.0) | dict.fromkeys("yuvw", (1.0,) * d)
+    known["angles"] = ANY_ANGLES
     _, *parameters = inspect.signature(declared).parameters
     if not parameters:  # a trait, or a method that is not called in compiled code
         return None

@@ -275,6 +275,22 @@ def fault(model):
 
 
 @method(optional=True)
+def lie_bracket(model, v, w):
+    """[v, w] where B is linear in y: the gradient of w . B(y) v, a function that is linear in y.
+
+    ``fields.add_lie_bracket`` finds it component by component where a model does not answer this, which takes longer.
+    """
+
+
+@method(optional=True)
+def noise_bracket_gradient(model, j, k, y):
+    """The gradient of {Ĥ_j, Ĥ_k} = grad Ĥ_j . B grad Ĥ_k at y, j > k.
+
+    ``fields.add_noise_bracket_gradient`` finds it from Hessians and the bracket above, which takes longer.
+    """
+
+
+@method(optional=True)
 def axis_inertias(model):
     """((I_1, I_2, I_3), (Î_1, Î_2, Î_3)) where B(y) v = y x v, H_k = y_k^2 / (2 I_k) and Ĥ_k = y_k^2 / (2 Î_k).
 

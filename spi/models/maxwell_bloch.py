@@ -39,6 +39,10 @@ class MaxwellBloch(NamedTuple):
     def structure(model, y, v):
         return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
 
+    def noise_bracket_gradient(model, j, k, y):
+        """Of -y1 y2."""
+        return -y[1], -y[0], 0.0
+
     def casimirs(model, y):
         return (0.5 * (y[1] * y[1] + y[2] * y[2]),)
 

@@ -16,7 +16,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..compiler.dispatch import device, unrolled
-from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian
+from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian, structure
 from ..numerics.angles import adding_to_zero, sin_versine
 
 Strength = NonNegative | None
@@ -105,6 +105,12 @@ def _column(k, y, v):
 
 
 @device
+def _conjugated(y):
+    """The complex conjugates of all modes."""
+    return y[0], -y[1], y[2], -y[3], y[4], -y[5], y[6], -y[7]
+
+
+@device
 def _squares(y):
     """|omega_k|^2 of the four modes."""
     return (
@@ -174,6 +180,10 @@ class SineEuler(NamedTuple):
     def structure(model, y, v):
         """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""
         return _plus(_plus(_column(0, y, v), _column(1, y, v)), _plus(_column(2, y, v), _column(3, y, v)))
+
+    def lie_bracket(model, v, w):
+        """In conjugated modes the commutator is the coadjoint action: the algebra is su(3)."""
+        return _conjugated(structure(model, _conjugated(v), _conjugated(w)))
 
     def noise_structure(model, k, y, v):
         return _column(k, y, v)

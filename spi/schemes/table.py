@@ -12,7 +12,7 @@ from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, Impl
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint, turns_alone
 from .midpoint import Midpoint
-from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
+from .munthe_kaas import MuntheKaasAreas, MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
 from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
 from .stages import has_loops
 
@@ -195,6 +195,22 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs",
     work=10.0,
+    solves=True,
+    needs=lie_poisson,
+)
+register_scheme(
+    "munthe_kaas_areas",
+    record=MuntheKaasAreas(),
+    label="Munthe-Kaas with Lévy areas",
+    formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y to second order, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k "
+    "+ sum_{k < l} sigma_k sigma_l A_kl grad {Ĥ_l, Ĥ_k}",
+    reference="doi:10.1137/060666743, its Castell-Gaines type; see docs/literature_schemes.md",
+    look=("H", "#009E73"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="Casimirs",
+    work=12.0,
     solves=True,
     needs=lie_poisson,
 )

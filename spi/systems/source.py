@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, precise
-from .code import Formula, Numbers, as_tuple, case, signed, words_in, written_sum
+from .brackets import DIGITS
+from .code import Formula, Numbers, as_tuple, case, words_in
 from .driving import Coefficients
 from .eigenspaces import Inseparable
 from .generators import Generator, generators, motions
 from .head import head
 from .motion_code import Motion, motion
 from .splitting import Flow, commute
+from .structure_code import lie_bracket_code, structure_code
 from .system import System
 
 _TAKEN = {"sigma", "constants", "count", "index", "y", "v", "u", "t", "k", "np", "model", "angles"}
@@ -217,7 +218,9 @@ class _Generator:
         """B v, and what follows from H and the noises by differentiation."""
         system, variables = self.system, self.world.variables
         v = [sympy.Symbol(f"ν{n + 1}", real=True) for n in range(len(variables))]
-        lines = ["", "def structure(model, y, v):", f"    return {self.applied(range(self.bracket.dimension))}"]
+        applied = structure_code(self.bracket, self.names, range(self.bracket.dimension))
+        lines = ["", "def structure(model, y, v):", f"    return {applied}"]
+        lines += ["", "def lie_bracket(model, v, w):", f"    return {lie_bracket_code(self.bracket, self.names)}"]
         lines += self.word("hamiltonian(model, y)", [[system.hamiltonian]], scalar=True)
         lines += self.word("casimirs(model, y)", [[c.expression for c in system.casimirs]])
         gradient = [sympy.diff(system.hamiltonian, y) for y in variables]
@@ -237,7 +240,8 @@ class _Generator:
             ):
                 lines += ["", f"def {word}:"]
                 for k, support in enumerate(supports):
-                    lines += case(k, len(supports), [f"return {self.applied(support, at)}"])
+                    code = structure_code(self.bracket, self.names, support, at)
+                    lines += case(k, len(supports), [f"return {code}"])
         return lines
 
     def hessian(self, gradient: Sequence[Any], v: Sequence[Any]) -> list[Any]:
@@ -263,27 +267,6 @@ class _Generator:
             value = codes[0] if scalar else as_tuple(codes)
             lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
         return lines if cases else [*lines, f"    return {'v' if v else 'y'}"]
-
-    def applied(self, columns: Iterable[int], at: str = "y") -> str:
-        """B(y) v as a tuple, for a v that is 0 outside of some columns."""
-        kept, rows = set(columns), dict[int, list[tuple[str, str]]]()
-        for (i, j), linear in self.bracket.constants.items():
-            for row, column, sign in ((i, j, 1), (j, i, -1)):
-                if column in kept:
-                    formulas = self.bracket.formulas.get((i, j))
-                    if formulas:
-                        writer = Formula(self.names, ())
-                        terms = [
-                            ("+" if sign > 0 else "-", f"{writer.code(c)} * {at}[{k}]") for k, c in formulas.items()
-                        ]
-                    else:
-                        terms = [signed(sign * precise(c), f"{at}[{k}]") for k, c in linear.items()]
-                    inner = written_sum(terms)
-                    if len(terms) == 1:
-                        rows.setdefault(row, []).append((terms[0][0], f"{terms[0][1]} * v[{column}]"))
-                    else:
-                        rows.setdefault(row, []).append(("+", f"({inner}) * v[{column}]"))
-        return as_tuple([written_sum(rows.get(i, [])) for i in range(self.bracket.dimension)])
 
 
 def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:

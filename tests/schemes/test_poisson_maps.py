@@ -75,7 +75,9 @@ def test_splittings_and_one_more_claim_to_be_poisson_maps_and_no_others():
 
 
 @pytest.mark.share
-@pytest.mark.parametrize("name", ["euler_maruyama", "midpoint", "munthe_kaas_euler", "munthe_kaas_midpoint"])
+@pytest.mark.parametrize(
+    "name", ["euler_maruyama", "midpoint", "munthe_kaas_euler", "munthe_kaas_midpoint", "munthe_kaas_areas"]
+)
 def test_comparators_are_no_poisson_maps(name, model, generator):
     """Negative control.  The midpoint rule keeps quadratic Casimirs but, for a B that is not constant, not B.
 

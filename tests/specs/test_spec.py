@@ -206,8 +206,8 @@ NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
 WHOLE = "must be a whole number such as 500 or 10^6"
 SCHEMES = (
     "splitting, splitting_drift_first, splitting_areas, splitting_order2, splitting_symmetric, euler_maruyama, "
-    "euler_maruyama_renormalised, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, isospectral_midpoint, "
-    "ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
+    "euler_maruyama_renormalised, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, munthe_kaas_areas, "
+    "isospectral_midpoint, ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
 )
 
 
