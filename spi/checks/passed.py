@@ -8,7 +8,8 @@ from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..compiler.inlining import is_compiling
-from ..ensemble.protocol import dimension, frozen
+from ..ensemble.protocol import dimension
+from ..ensemble.special import frozen
 from .model_checks import check_model
 from .states import states_around, states_on_surface
 

@@ -9,7 +9,8 @@ import numpy as np
 from ..compiler.dispatch import kernel, number, unrolled
 from ..numerics.rng import LANES
 from .lanes import load_lane
-from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, frozen, hamiltonian, large
+from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, hamiltonian, large
+from .special import frozen
 
 
 def growth(model, t):

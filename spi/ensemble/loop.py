@@ -21,8 +21,8 @@ from .given import coins_of_step, noise_of_steps
 from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import last_states_only, observe
-from .protocol import frozen
 from .scheme_protocol import REPORT, SUMMED
+from .special import frozen
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
 #: How often a study that runs in batches can report, and be interrupted.

@@ -20,8 +20,6 @@ A class must implement what is marked ``@method``; for ``@method(default=True)``
 
 A state y is a tuple of d floats, of an array-state model an array.  In kernels LANES paths travel together: their
 states are one array of d * LANES floats, component i of lane l at [i * LANES + l] (see ``lanes.py``).
-
-H and Ĥ_k may depend on time: :func:`frozen` is then all that is asked besides.  In flows t is how long they act.
 """
 
 import itertools
@@ -253,17 +251,6 @@ def in_kernels(model):
     """The record that kernels are given; of an array-state model one with its tables, a class with the methods below.
 
     Asked in Python only.
-    """
-    return model
-
-
-@method(default=True)
-def frozen(model, s, h):
-    """The model as a step from the time s to s + h takes it, where time stands still: itself if nothing depends on it.
-
-    What is linear in a coefficient c(t) of H or of a noise has its mean over the step, which is its value for h = 0; a
-    strength sigma_k(t) its root mean square; where t stands otherwise it is s + h/2.  A step of a scheme for the model
-    that does not change is then one of the same order, up to 2, for the one that does: see docs/driving.md.
     """
     return model
 

@@ -11,7 +11,8 @@ from ..checks.registration import vocabulary
 from ..compiler.generated import function_of
 from ..compiler.records import field
 from ..ensemble.fields import add_scaled, cross_product
-from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, frozen, pieces
+from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
+from ..ensemble.special import frozen
 from ..numerics.elementary import expm1
 
 

@@ -17,7 +17,7 @@ from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..compiler.inlining import uncompiled
-from ..ensemble.protocol import frozen
+from ..ensemble.special import frozen
 from ..expressions.arithmetic import NumberError
 from .keys import KEYS, USED, DefinitionError
 

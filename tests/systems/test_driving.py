@@ -13,7 +13,8 @@ from spi.checks.model_checks import check_model
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.invariants import invariants_of
 from spi.ensemble.loop import PAIRS_REVERSED
-from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gradient
+from spi.ensemble.protocol import drift_gradient, hamiltonian, noise_gradient
+from spi.ensemble.special import frozen
 from spi.models.damped import damped
 from spi.numerics.rng import LANES
 from spi.systems.definition import DefinitionError, define
