@@ -28,28 +28,28 @@ def functionals_of(
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
     if len(used) == 1:
         return coordinates, used
-    if expression.is_Mul and all(
-        f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
+    if (
+        expression.is_Mul
+        and not world.bracket.logarithmic.intersection(used)
+        and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
     ):
         return coordinates, used  # a monomial
-    numbers = dict(world.parameters) | {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
-    gradient = [sympy.diff(expression, world.variables[i]).xreplace(numbers) for i in used]
+    numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
+    gradient = [world.slope(expression, i).xreplace(numbers) for i in used]
     in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
-    value = numeric([*(world.variables[i] for i in used), *in_time], gradient)
+    symbols = [*(world.variables[i] for i in used), *in_time]
+    value = numeric(symbols, gradient)
     rows = []
     with mpmath.workdps(DIGITS + 20):
         for n in range(len(used) + 2):
-            point = [
-                mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4
-                for j in range(len(used) + len(in_time))
-            ]
+            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(symbols))]
             try:
-                slopes = [mpmath.mpmathify(g) for g in value(*point)]
+                row = [mpmath.mpmathify(g) for g in value(*point)]
             except (TypeError, ZeroDivisionError, ValueError):
                 continue  # not defined there
             # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
-            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
-            rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
+            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in row) else (mpmath.mpf,)
+            rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
         if not rows:
             raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
     found, pivots = reduced(rows)

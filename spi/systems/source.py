@@ -7,17 +7,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
-import sympy
 
 from .brackets import DIGITS
 from .code import Formula, Numbers, as_tuple, case, words_in
+from .derivative_code import Derivatives
 from .driving import Coefficients
 from .eigenspaces import Inseparable
 from .generators import Generator, generators, motions
 from .head import head
 from .motion_code import Motion, motion
 from .splitting import Flow, commute
-from .structure_code import lie_bracket_code, structure_code
 from .system import System
 
 _TAKEN = {"sigma", "constants", "count", "index", "y", "v", "u", "t", "k", "np", "model", "angles"}
@@ -64,11 +63,12 @@ class _Generator:
         lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
-        body += self.derivatives(lacking["pieces"])
+        body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
         body = [*self.facts(lacking), *body]
         functions = [self.function(*found) for found in self.motions.values()]
         used = words_in("\n".join(line for lines in functions for line in lines))
-        parts = [head(self.name, self.bracket.variables, self.sizes, self.inexact(lacking), used, self.numbers)]
+        kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
+        parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), used, self.numbers)]
         if self.coefficients:
             fields = [*self.fields.values(), *["constants"] * bool(self.numbers.constants)]
             body += self.coefficients.method(self.name, fields, len(noise))
@@ -109,10 +109,9 @@ class _Generator:
         found = generators(flow, self.world)
         key = tuple(one.key for one in found)
         if key not in self.motions:
-            depends = flow.varying
             before = len(self.numbers.constants)
             try:
-                made = motion(motions([one.entries for one in found]), len(found), self.numbers, depends)
+                made = motion(*motions(found, self.bracket), len(found), self.numbers, flow.varying)
             except Inseparable as error:
                 return str(error), []
             uses = len(self.numbers.constants) > before
@@ -122,7 +121,7 @@ class _Generator:
     def function(self, name: str, made: Motion, found: Sequence[Generator], uses: bool) -> list[str]:
         """A motion as a function of the angles a1, a2, ..."""
         parameters = "".join(f"a{n + 1}, " for n in range(len(found)))
-        names = self.bracket.variables
+        names = self.bracket.coordinates
         if uses:  # without numbers, so that others make the same text
             text = ", ".join(f"a {one.kind} function of {', '.join(names[i] for i in one.components)}" for one in found)
         else:
@@ -131,13 +130,14 @@ class _Generator:
         code = "\n".join(made.lines)
         kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
         used = [i for i in range(d) if f"y{i + 1}" in words_in(code) or i not in made.components]
+        zero = self.bracket.logarithmic.intersection(made.components)
         result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
         return [
             "",
             "@device",
             f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
             f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
-            *([f"    y{i + 1} = y[{i}]" for i in used]),
+            *(f"    y{i + 1} = {'0.0' if i in zero else f'y[{i}]'}" for i in used),
             *([f"    y{d + 1} = 1.0"] if d in made.components else []),
             *("    " + line for line in made.lines),
             f"    return {result}{',' if d == 1 else ''}",
@@ -200,73 +200,27 @@ class _Generator:
         if degrees and "None" not in degrees:
             lines.append(f"casimir_degrees = ({', '.join(degrees)}{',' * (len(degrees) == 1)})")
         pairs = itertools.combinations(enumerate(system.noises), 2)
-        if commuting := [(k, other) for (k, a), (other, b) in pairs if commute(a.terms, b.terms, self.bracket)]:
+        if commuting := [(k, other) for (k, a), (other, b) in pairs if self.commuting(a, b)]:
             lines.append(f"commuting_noises = ({', '.join(map(str, commuting))}{',' * (len(commuting) == 1)})")
         if system.squared_length_first:
             lines.append("squared_length_is_casimir = True")
+        if len(self.bracket.logarithmic) == self.bracket.dimension:
+            lines.append("populations = True")
         if self.bracket.is_cross_product:
             lines.append("structure_is_cross_product = True")
         return lines
+
+    def commuting(self, first: Flow, second: Flow) -> bool:
+        """Whether two flows are known to commute."""
+        if commute(first.terms, second.terms, self.bracket):
+            return True
+        return not self.bracket.is_lie and self.world.constant_bracket(first.expression, second.expression)
 
     def description(self) -> str:
         names = self.world.name
         noises = ", ".join(names(flow.expression) for flow in self.system.noises)
         text = f"H = {names(self.system.hamiltonian)}" + (f"; noises {noises}" if noises else "")
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
-
-    def derivatives(self, inexact: Iterable[int]) -> list[str]:
-        """B v, and what follows from H and the noises by differentiation."""
-        system, variables = self.system, self.world.variables
-        v = [sympy.Symbol(f"ν{n + 1}", real=True) for n in range(len(variables))]
-        applied = structure_code(self.bracket, self.names, range(self.bracket.dimension))
-        lines = ["", "def structure(model, y, v):", f"    return {applied}"]
-        lines += ["", "def lie_bracket(model, v, w):", f"    return {lie_bracket_code(self.bracket, self.names)}"]
-        lines += self.word("hamiltonian(model, y)", [[system.hamiltonian]], scalar=True)
-        lines += self.word("casimirs(model, y)", [[c.expression for c in system.casimirs]])
-        gradient = [sympy.diff(system.hamiltonian, y) for y in variables]
-        lines += self.word("drift_gradient(model, y)", [gradient])
-        lines += self.word("drift_hessian(model, y, v)", [self.hessian(gradient, v)], v)
-        gradients = [[sympy.diff(flow.expression, y) for y in variables] for flow in system.noises]
-        lines += self.word("noise_gradient(model, k, y)", gradients)
-        lines += self.word("noise_hessian(model, k, y, v)", [self.hessian(g, v) for g in gradients], v)
-        if pieces := {k: [sympy.diff(system.flows[k].expression, y) for y in variables] for k in inexact}:
-            lines += self.word("piece_gradient(model, k, y)", pieces)
-            lines += self.word("piece_hessian(model, k, y, v)", {k: self.hessian(g, v) for k, g in pieces.items()}, v)
-        if self.bracket.dimension > 6 and gradients:  # most columns of B meet a 0 in such a gradient
-            supports = [[j for j, g in enumerate(gradient) if g != 0] for gradient in gradients]
-            for word, at in (
-                ("noise_structure(model, k, y, v)", "y"),
-                ("noise_structure_derivative(model, k, y, u, v)", "u"),
-            ):
-                lines += ["", f"def {word}:"]
-                for k, support in enumerate(supports):
-                    code = structure_code(self.bracket, self.names, support, at)
-                    lines += case(k, len(supports), [f"return {code}"])
-        return lines
-
-    def hessian(self, gradient: Sequence[Any], v: Sequence[Any]) -> list[Any]:
-        found = []
-        for g in gradient:
-            used = [n for n, y in enumerate(self.world.variables) if y in g.free_symbols]
-            found.append(sympy.Add(*(sympy.diff(g, self.world.variables[n]) * v[n] for n in used)))
-        return found
-
-    def word(
-        self,
-        head: str,
-        cases: Sequence[Sequence[Any]] | Mapping[int, Sequence[Any]],
-        v: Sequence[Any] = (),
-        scalar: bool = False,
-    ) -> list[str]:
-        """A method whose value is a tuple of expressions, one for each k if there are several `cases`."""
-        lines = ["", f"def {head}:"]
-        numbered = cases if isinstance(cases, Mapping) else dict(enumerate(cases))
-        for k, expressions in numbered.items():
-            names = self.names | {symbol: f"v[{n}]" for n, symbol in enumerate(v)}
-            inner, codes = Formula(names, [*self.world.variables, *v]).lines(self.frozen(expressions))
-            value = codes[0] if scalar else as_tuple(codes)
-            lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
-        return lines if cases else [*lines, f"    return {'v' if v else 'y'}"]
 
 
 def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:

@@ -14,8 +14,10 @@ import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .driving import by_factor, split_in_time
+from .forms import degree_of
 from .functionals import Functional, NoExactFlow, NowhereFinite, form_text, functionals_of, reduced
 from .kept import Quadratic, commuting, unmoved
+from .series import ends
 from .symbolics import Symbolics
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
@@ -87,8 +89,10 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
     functionals, pivots = functionals_of(expression, world, kept)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
-            names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
+            names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
+    if world.bracket.higher and not ends(world.bracket, functionals):
+        raise NoExactFlow(f"'{world.name(expression)}' moves by a Lie series that does not end")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying, kept)
 
@@ -159,12 +163,17 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     flows: list[list[Term]] = []
     for term in terms:
         for flow in flows:
-            if commute([term], flow, bracket):
+            if commute([term], flow, bracket) and _is_curved(term, bracket) == _is_curved(flow[0], bracket):
                 flow.append(term)
                 break
         else:
             flows.append([term])
     return [Flow(tuple(flow)) for flow in flows]
+
+
+def _is_curved(term: Term, bracket: Bracket) -> bool:
+    """Whether its fields are not affine, so that its flow is a series."""
+    return any(map(bracket.curved, term.functionals))
 
 
 def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
@@ -185,7 +194,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], 
         if len(expanded) > 1:
             more, cross = _of_parts(addend, expanded, world, otherwise)
             terms, crossing = terms + more, crossing + cross
-        elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
+        elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
