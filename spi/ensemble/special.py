@@ -4,13 +4,13 @@ from ..compiler.dispatch import method, trait
 
 
 @method(default=True)
-def frozen(model, s, h):
-    """The model as a step from the time s to s + h takes it, where time stands still: itself if nothing depends on it.
+def frozen(model, begin, h):
+    """The model as a step from the time `begin` on takes it, where time stands still: itself if nothing depends on it.
 
     What is linear in a coefficient c(t) of H or of a noise has its mean over the step, which is its value for h = 0; a
-    strength sigma_k(t) its root mean square; where t stands otherwise it is s + h/2.  A step of a scheme for the model
-    that does not change is then one of the same order, up to 2, for the one that does: see docs/driving.md.  (In flows
-    t is how long they act.)
+    strength sigma_k(t) its root mean square; where t stands otherwise it is the middle of the step.  A step of a scheme
+    for the model that does not change is then one of the same order, up to 2, for the one that does, see
+    docs/driving.md.  (In flows t is how long they act.)
     """
     return model
 

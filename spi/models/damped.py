@@ -37,8 +37,8 @@ class Damped(NamedTuple):
     def decay_rates(model):
         return tuple(k * model.damping for k in casimir_degrees(model))
 
-    def frozen(model, s, h):
-        inner = frozen(model.model, s, h)
+    def frozen(model, begin, h):
+        inner = frozen(model.model, begin, h)
         return Damped(inner, model.damping, inner.sigma)
 
     def drift_flow(model, k, t, y, angles):

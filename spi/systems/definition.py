@@ -20,7 +20,7 @@ from .casimirs import counted, named, squares_first
 from .coordinates import Given, simplified
 from .data import Data
 from .driving import TIME, driving_of, split_in_time
-from .forms import check_finite, check_name, degree_of, polynomial, shortened
+from .forms import check_finite, check_name, degree_of, merged_powers, polynomial, shortened
 from .functionals import NoExactFlow, NowhereFinite
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
@@ -95,6 +95,8 @@ class _Reader(Data):
         functions, searched = self.casimirs(world, formulas)
         casimirs, has_squares = squares_first(functions, world)
         given_h = self.hamiltonian(world, driven)
+        if any(flow.lacking for flow in flows):
+            given_h = merged_powers(given_h)
         system = System(
             world=world,
             hamiltonian=given_h,

@@ -135,7 +135,7 @@ class Coefficients:
 
     def method(self, name: str, fields: Sequence[str], noises: int) -> list[str]:
         """The method ``frozen`` of a class of this name and with these fields before `time`."""
-        lines = ["", "def frozen(model, s, h):", "    start = model.time + s"]
+        lines = ["", "def frozen(model, begin, h):", "    start = model.time + begin"]
         at = "abcde"
         lines += [f"    {v} = _driving(model, start + {node!r} * h)" for v, node in zip(at, NODES, strict=True)]
         driving = []
