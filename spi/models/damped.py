@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from ..compiler.generated import function_of
 from ..compiler.records import field
-from ..ensemble import inexact, protocol
+from ..ensemble import inexact, joint, protocol
 from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
 from ..ensemble.special import frozen
@@ -60,7 +60,7 @@ class Damped(NamedTuple):
 #: Where a damped model answers as any model does that does not answer: it lacks what these say, or has no such need.
 _NOT_FORWARDED = (
     *("squared_length_is_casimir", "axis_inertias", "rotation_shear_rates"),
-    *("lie_bracket", "noise_bracket_gradient"),
+    *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault"),
 )
 
@@ -74,7 +74,7 @@ def _forwarded(asked):
     return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
 
 
-for _name, _asked in (vars(protocol) | vars(inexact)).items():
+for _name, _asked in (vars(protocol) | vars(inexact) | vars(joint)).items():
     if hasattr(_asked, "declared") and _name not in (*vars(Damped), *_NOT_FORWARDED):
         setattr(Damped, _name, _forwarded(_asked))
 
