@@ -18,6 +18,7 @@ from typing import Annotated, NamedTuple
 from ..compiler.dispatch import device, unrolled
 from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian, structure
 from ..numerics.angles import adding_to_zero, sin_versine
+from .maxwell_bloch import MaxwellBloch
 
 Strength = NonNegative | None
 
@@ -146,6 +147,7 @@ class SineEuler(NamedTuple):
     casimir_degrees = (2, 3)
     squared_length_is_casimir = True
     flow_ns = 1.7
+    joint_noises = ((0,), (1,), (2,), (3,))
 
     def drift_angle(model, k, t, y):
         """A bound of the three angles, 2 |c t| (|Re omega_k| + |Im omega_k|)."""
@@ -176,6 +178,7 @@ class SineEuler(NamedTuple):
         return _unline(k, w, new0, new1, new2)
 
     noise_angle, noise_flow = drift_angle, drift_flow  # since Ĥ_k = H_k
+    joint_angle, joint_flow = MaxwellBloch.joint_angle, MaxwellBloch.joint_flow
 
     def structure(model, y, v):
         """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""

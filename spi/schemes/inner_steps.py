@@ -15,19 +15,19 @@ from ..ensemble.inexact import INNER_METHODS, flows_lacking, inner, structure_is
 from ..ensemble.protocol import component_indices, dimension
 from ..ensemble.scheme_protocol import advance, work_size
 from ..numerics.rng import LANES
+from .inner_midpoint import InnerMidpoint
 from .isospectral import IsospectralMidpoint
-from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasMidpoint
-from .stages import gradient, hessian, structure_along, structure_derivative_along
+from .parts import gradient, hessian, structure_along, structure_derivative_along
 
-_SCHEMES = dict(zip(INNER_METHODS, (Midpoint(), MuntheKaasMidpoint()), strict=True))
+_SCHEMES = dict(zip(INNER_METHODS, (InnerMidpoint(), MuntheKaasMidpoint()), strict=True))
 
 
 class Alone(NamedTuple):
     """One piece or noise of a model as a model: the only noise of one without a drift, with sigma = 1."""
 
     model: Any
-    part: Any  #: of :data:`~.stages.PARTS`
+    part: Any  #: of :data:`~.parts.PARTS`
     index: Any  #: its number, as one of ``dispatch.INDICES``
     sigma: tuple = (1.0,)
 

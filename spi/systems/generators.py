@@ -34,25 +34,30 @@ class Generator(NamedTuple):
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
     """Those of the linear functions that a flow depends on, by their pivots, then those of quadratic ones."""
-    bracket, variables = world.bracket, world.variables
+    bracket = world.bracket
     found = []
     key: tuple[Any, ...]
     for f, pivot in zip(*flow.reduced(), strict=True):
         if bracket.moves(f):
             key = (pivot, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items()))
-            rate = world.by_coordinate(flow.slope(variables[pivot]), pivot)
             curved = bracket.polynomial_field(f) if bracket.curved(f) else {}
             text = form_text(f, bracket.coordinates)
-            found.append(Generator(bracket.field(f), rate, key, tuple(f), text, "linear", curved))
+            slope = rate(flow, pivot, world)
+            found.append(Generator(bracket.field(f), slope, key, tuple(f), text, "linear", curved))
     for term in flow.terms:
         for symbol, u in term.inner.items():
             slope, text = (term.slope(symbol), world.name(u.function)) if u.fields else (None, "")
             for c, entries in u.fields:
                 key = (c, tuple((place, mpmath.nstr(value, 40)) for place, value in sorted(entries.items())))
-                rate = sympy.Mul(world.coordinate(c), slope)
+                turned = sympy.Mul(world.coordinate(c), slope)
                 used = world.used(u.function)
-                found.append(Generator(entries, rate, ("quadratic", *key), used, text, "quadratic"))
+                found.append(Generator(entries, turned, ("quadratic", *key), used, text, "quadratic"))
     return _added(found)
+
+
+def rate(flow: Flow, pivot: int, world: Symbolics) -> Any:
+    """The number of the linear function with this pivot, of those that a flow depends on."""
+    return world.by_coordinate(flow.slope(world.variables[pivot]), pivot)
 
 
 def _added(found: Sequence[Generator]) -> list[Generator]:

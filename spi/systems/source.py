@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import mpmath
 
 from .brackets import DIGITS
-from .code import Formula, Numbers, as_tuple, case, words_in
+from .code import Numbers, as_tuple, words_in
 from .derivative_code import Derivatives
 from .eigenspaces import Inseparable
-from .generators import Generator, generators, motions
+from .flow_code import Call, Writer, families
+from .generators import Generator, generators, motions, rate
 from .motion_code import Motion, motion
 from .splitting import Flow, commute
 from .system import System
@@ -73,6 +74,7 @@ class _Generator:
         self.names |= {p: f"model.{self.fields[str(p)]}" for p in self.world.parameters}
         self.names |= {k: self.numbers.constant(value) for k, value in system.constants.items()}
         self.motions: dict[Any, tuple[str, Motion, list[Generator], bool]] = {}
+        self.writer = Writer(self.names, self.world, self.motions)
 
     def generate(self) -> Generated:
         drift = [self.moved(flow) for flow in self.system.flows]
@@ -80,6 +82,7 @@ class _Generator:
         lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
         body = [*self.facts(lacking), *self.flow_words("drift", self.system.flows, drift)]
         body += self.flow_words("noise", self.system.noises, noise)
+        body += self.joint_words()
         body += Derivatives(self.system, self.names).lines(lacking["pieces"])
         functions = [self.function(*found) for found in self.motions.values()]
         variables = textwrap.fill(", ".join(self.bracket.variables), 110)
@@ -156,38 +159,25 @@ class _Generator:
 
     def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
-        flow_lines = [f"def {part}_flow(model, k, t, y, angles):"]
-        angle_lines = [f"def {part}_angle(model, k, t, y):"]
-        for k, (flow, (key, rates)) in enumerate(zip(flows, moved, strict=True)):
-            if isinstance(key, str):
-                nothing = as_tuple(["np.nan"] * self.bracket.dimension)
-                flow_lines += case(k, len(flows), [f"return {nothing}  # there is no exact flow"])
-                angle_lines += case(k, len(flows), ["return 0.0"])
-                continue
-            name, made, _, uses = self.motions[key]
-            formula = Formula(self.names, self.world.variables, angles=True)
-            lines, codes = formula.lines(rates)
-            arguments = [f"t * {code}" for code in codes]
-            inner = [f"# {self.world.name(flow.expression)}", *lines]
-            call = "".join(f"{argument}, " for argument in arguments)
-            inner.append(f"return {name}({'model, ' if uses else ''}angles, {call}y)")
-            flow_lines += case(k, len(flows), inner)
-            angle_lines += case(k, len(flows), self.angle(made, rates))
-        if not flows:
-            flow_lines.append("    return y")
-        return ["", *flow_lines, "", *angle_lines] if flows else ["", *flow_lines]
+        heads = f"def {part}_flow(model, k, t, y, angles):", f"def {part}_angle(model, k, t, y):"
+        each = enumerate(zip(flows, moved, strict=True))
+        calls = [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
+        return self.writer.words(heads, calls) if flows else ["", heads[0], "    return y"]
 
-    def angle(self, made: Motion, rates: Sequence[Any]) -> list[str]:
-        """Lines that return a bound of all angles of which a flow takes sines."""
-        formula = Formula(self.names, self.world.variables)
-        inside = formula.sines(rates)
-        needed = [n for n in range(len(rates)) if f"a{n + 1}" in words_in(made.angle)]
-        lines, codes = formula.lines([*(rates[n] for n in needed), *inside])
-        lines += [f"a{n + 1} = t * {code}" for n, code in zip(needed, codes, strict=False)]
-        result = made.angle or "0.0"
-        for code in codes[len(needed) :]:
-            result = f"larger({result}, abs({code}))" if result != "0.0" else f"abs({code})"
-        return [*lines, f"return {result}"]
+    def joint_words(self) -> list[str]:
+        """The trait ``joint_noises`` and the words ``joint_flow`` and ``joint_angle``, where there are joint flows."""
+        flows, noises = self.system.flows, self.system.noises
+        found, calls = families(*([(f, isinstance(self.moved(f)[0], str)) for f in of] for of in (flows, noises))), []
+        for k, family in enumerate(found):
+            if family.noises:
+                together, key = [flows[k], *(noises[n] for n in family.noises)], self.moved(family.leader)[0]
+                times = ["t", *(f"s[{n}]" for n in range(len(family.noises)))]
+                pivots = [one.key[0] for one in self.motions[key][2]]
+                rates = ([rate(f, pivot, self.world) for pivot in pivots] for f in together)
+                calls.append(Call(k, key, list(zip(times, rates, strict=True)), together))
+        groups = "".join(f"{family.noises!r}, " for family in found)
+        heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
+        return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 

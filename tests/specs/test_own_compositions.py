@@ -14,7 +14,7 @@ from spi.running import workers
 from spi.running.load import Source, plans, plans_of
 from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
-from spi.schemes.splitting import LIE_TROTTER
+from spi.schemes.splitting import JOINT_AREAS, LIE_TROTTER
 from spi.schemes.stages import flows
 from spi.specs import SpecError
 
@@ -58,6 +58,18 @@ MIXED = [
         (MINE, [flows("noise", fraction=0.5), flows("drift"), flows("noise", "backwards", 0.5)]),
         ("[noise 1 symmetric, drift 1 backwards]", [flows("noise", "symmetric"), flows("drift", "backwards")]),
         ("[noise  1 coin backwards, drift 1 forwards]", [flows("noise", "backwards", coin=True), flows("drift")]),
+        (
+            "[noise 1/2 shared, drift 1, noise 1/2 backwards shared]",
+            [
+                flows("noise", fraction=0.5, shared=True),
+                flows("drift"),
+                flows("noise", "backwards", 0.5, shared=True),
+            ],
+        ),
+        (
+            "[joint 1/2 coin, joint 1/2 backwards]",
+            [flows("joint", fraction=0.5, coin=True), flows("joint", "backwards", 0.5)],
+        ),
         ("[drift 1.5, noise 3/8 backwards coin, drift -(1/2) coin, noise 1 - 3/8]", MIXED),
     ],
 )
@@ -121,6 +133,13 @@ profiles:
 )
 
 
+def test_words_are_written_as_they_are_read(spec):
+    text = "[joint 1/2 shared, loops, joint 0.5 shared backwards]"
+    written = spec(TEXT, MINE, text).effective["cases"]["main"]["compositions"]["mine"]
+    assert written == ["joint 0.5 forwards shared", "loops", "joint 0.5 backwards shared"]
+    assert same(stages_of(spec(TEXT, MINE, f"[{', '.join(written)}]")), JOINT_AREAS.stages)
+
+
 def test_compositions_in_cases_profiles_and_overrides(spec):
     a, b = spec(LAYERS).cases
     assert (a.schemes, list(a.compositions)) == (("other",), ["other"])
@@ -166,6 +185,13 @@ RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
             "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
         ),
         ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
+        ("[noise 1/3 shared, drift 1, noise 2/3 shared]", "entry 1 is '.*'; .* 1/8, at most 1\n.* entry 3 is .*"),
+        (
+            "[noise 1/2 shared, drift 1, noise 1/2]",
+            "is not a whole step; some of the noise is shared and some is not; .*",
+        ),
+        ("[noise 1, drift 1 shared]", "entry 2 is 'drift 1 shared'; the drift has no increments .*"),
+        ("[joint 1, drift 1]", "is not a whole step; the fractions of the drift add up to 2 and not to 1"),
         ("[drift 0, drift 1, noise 1]", "entry 1 is 'drift 0', which does nothing; leave it out"),
         ("[drift 1, noise 1, drift 1 - 1 backwards]", "entry 3 is '.*', which does nothing; leave it out"),
         ("[noise 1/2, drift 1]", "is not a whole step; the fractions of the noise add up to 0.5 and not to 1"),
