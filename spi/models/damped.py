@@ -7,9 +7,9 @@ a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on
 import inspect
 from typing import Any, NamedTuple
 
-from ..checks.registration import vocabulary
 from ..compiler.generated import function_of
 from ..compiler.records import field
+from ..ensemble import inexact, protocol
 from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
 from ..numerics.elementary import expm1
@@ -69,8 +69,8 @@ def _forwarded(asked):
     return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
 
 
-for _name, _asked in vocabulary("model").items():
-    if _name not in (*vars(Damped), *_NOT_FORWARDED):
+for _name, _asked in (vars(protocol) | vars(inexact)).items():
+    if hasattr(_asked, "declared") and _name not in (*vars(Damped), *_NOT_FORWARDED):
         setattr(Damped, _name, _forwarded(_asked))
 
 

@@ -37,6 +37,7 @@ from .keys import (
 )
 from .mistakes import every
 from .models import Model, check_words, name_of
+from .own_schemes import check_steps
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -79,8 +80,8 @@ class BaseCase(Keys):
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
         """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        rows = self.compositions.get(scheme)
-        row = composed(scheme, rows, weak_order(rows, self.model)) if rows else with_eps(SCHEMES[scheme], eps)
+        found = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
+        row = found if isinstance(found, Scheme) else composed(scheme, found, weak_order(found, self.model))
         return of_model(row, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
@@ -155,9 +156,10 @@ class BaseCase(Keys):
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
-    @condition("initial", "model")
+    @condition("initial", "model", "compositions")
     def _check_words(self) -> Self:
         check_words(self.model, self.initial)
+        check_steps(self.compositions, self.model, self.initial)
         return self
 
     @condition("schemes", "reference_scheme", "model")
@@ -178,10 +180,9 @@ class BaseCase(Keys):
         """What cannot be done with a model whose states are arrays."""
         for name in self.schemes_used:
             if not self.row(name).for_large_models:
-                listed = name in self.schemes
-                what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
-                right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
-                raise wrong(what, right, "schemes" if listed else "reference_scheme")
+                key = "schemes" if name in self.schemes else "reference_scheme"
+                what = f"{'has' if key == 'schemes' else 'is'} '{name}', which is not for {self.model_name}"
+                raise wrong(what, "use euler_maruyama or a splitting without joint flows and Lévy areas", key)
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:

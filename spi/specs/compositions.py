@@ -19,18 +19,21 @@ import math
 import re
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, PlainSerializer
+import pydantic
+from pydantic import AfterValidator, Field, PlainSerializer, ValidationError
+from pydantic_core import PydanticCustomError
 
 from ..ensemble.protocol import joined_noises, large, noise_indices, noises, piece_indices
 from ..exact.kolmogorov import backward
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
-from ..schemes import SCHEMES
+from ..schemes import SCHEMES, Scheme
 from ..schemes.parts import ORDERS, PARTS
 from ..schemes.splitting import splitting
 from ..schemes.stages import Flows, compositions, flows, has_loops, repeats_increments
 from .keys import NAME, entries_in, shown, suggestion, wrong
-from .mistakes import every
+from .mistakes import every, under
+from .own_schemes import plain_scheme, read_scheme
 
 Stages = tuple[Flows, ...]
 
@@ -77,16 +80,31 @@ def _fraction(text: str) -> float:
     return float(fraction)
 
 
-def _read(value: dict[str, Any]) -> dict[str, Stages]:
-    """The mapping {name: texts of stages} as {name: stages}."""
-    return dict(zip(value, every(_stages, value.items()), strict=True))
+def _read(value: dict[str, Any], info: pydantic.ValidationInfo) -> dict[str, Any]:
+    """The mapping {name: texts of stages} as {name: stages}, or of a scheme in a Python file its entry."""
+    return dict(zip(value, every(_entry, ((name, one, info.context) for name, one in value.items())), strict=True))
 
 
-def _stages(name: str, texts: Any) -> Stages:
+def _entry(name: str, value: Any, files: Any) -> Any:
+    _check_name(name)
+    if isinstance(value, dict) and "python" in value:
+        if files is None:  # the keys of the file alone are looked at
+            return value
+        try:
+            return read_scheme(name, value, files)
+        except (PydanticCustomError, ValidationError) as error:
+            raise ValidationError.from_exception_data("spec", under(name, error)) from None
+    return _stages(name, value)
+
+
+def _check_name(name: str) -> None:
     if not re.match(NAME, name):
         raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
         raise wrong("is the name of a scheme", "give the composition another name", name)
+
+
+def _stages(name: str, texts: Any) -> Stages:
     if not isinstance(texts, list):
         raise wrong(f"is {shown(texts)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]", name)
     if len(texts) > _MOST_STAGES:
@@ -145,9 +163,14 @@ def _texts(stages: Stages) -> list[str]:
     ]
 
 
+def _plain(found: Stages | Scheme) -> Any:
+    return plain_scheme(found) if isinstance(found, Scheme) else _texts(found)
+
+
+_LISTED: Any = {"type": "array", "items": {"type": "string"}}
 Compositions = Annotated[
     dict[str, Any],
     AfterValidator(_read),
-    PlainSerializer(lambda compositions: {name: _texts(stages) for name, stages in compositions.items()}),
-    Field(json_schema_extra={"additionalProperties": {"type": "array", "items": {"type": "string"}}}),
+    PlainSerializer(lambda found: {name: _plain(one) for name, one in found.items()}),
+    Field(json_schema_extra={"additionalProperties": {"anyOf": [_LISTED, {"type": "object"}]}}),
 ]
