@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 
 from ..compiler.generated import function_of
 from ..compiler.records import field
-from ..ensemble import inexact, protocol
+from ..ensemble import inexact, joint, protocol
 from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
+from ..ensemble.special import frozen
 from ..numerics.elementary import expm1
 
 
@@ -36,6 +37,10 @@ class Damped(NamedTuple):
     def decay_rates(model):
         return tuple(k * model.damping for k in casimir_degrees(model))
 
+    def frozen(model, begin, h):
+        inner = frozen(model.model, begin, h)
+        return Damped(inner, model.damping, inner.sigma)
+
     def drift_flow(model, k, t, y, angles):
         """The factor exp(-gamma t) minus 1, and not itself, because its rounding is the same in every step.
 
@@ -55,7 +60,7 @@ class Damped(NamedTuple):
 #: Where a damped model answers as any model does that does not answer: it lacks what these say, or has no such need.
 _NOT_FORWARDED = (
     *("squared_length_is_casimir", "axis_inertias", "rotation_shear_rates"),
-    *("lie_bracket", "noise_bracket_gradient"),
+    *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault"),
 )
 
@@ -69,7 +74,7 @@ def _forwarded(asked):
     return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
 
 
-for _name, _asked in (vars(protocol) | vars(inexact)).items():
+for _name, _asked in (vars(protocol) | vars(inexact) | vars(joint)).items():
     if hasattr(_asked, "declared") and _name not in (*vars(Damped), *_NOT_FORWARDED):
         setattr(Damped, _name, _forwarded(_asked))
 

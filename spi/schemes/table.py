@@ -79,8 +79,8 @@ register_scheme(
     "splitting_joint_areas",
     record=JOINT_AREAS,
     label="joint splitting with Lévy areas",
-    formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L a loop of each pair of noises with "
-    "a b = sigma_k sigma_l A_kl",
+    formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L the flows of sigma_k sigma_l A_kl {Ĥ_l, Ĥ_k}, "
+    "or loops in their place",
     reference="docs/joint.md; areas as in doi:10.1214/aoap/1015345301",
     look=("H", "#0072B2"),
     strong_order=1.0,

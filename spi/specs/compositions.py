@@ -10,8 +10,8 @@
 A stage is the part that acts, ``joint`` for pieces of H together with the noises of their families, its share of the
 step and, where that is not forwards, the order of its flows; the word ``coin`` has the order reversed for the paths
 whose coin is -1, and with the word ``shared`` noise flows have their shares of the increment of the whole step, in
-place of increments of their own.  The stage ``loops`` supplies the Lévy areas of noises that do not commute.  The first
-stage acts first.
+place of increments of their own.  The stage ``loops`` supplies the Lévy areas of noises that do not commute, and so
+does ``areas``, by fewer flows where these are known.  The first stage acts first.
 """
 
 import functools
@@ -23,7 +23,8 @@ import pydantic
 from pydantic import AfterValidator, Field, PlainSerializer, ValidationError
 from pydantic_core import PydanticCustomError
 
-from ..ensemble.protocol import joined_noises, large, noise_indices, noises, piece_indices
+from ..ensemble.joint import joined_noises
+from ..ensemble.protocol import large, noise_indices, noises, piece_indices
 from ..exact.kolmogorov import backward
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
@@ -41,7 +42,7 @@ _MOST_STAGES = 16  # each becomes compiled code of its own
 _OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
 _COIN, _SHARED = "coin", "shared"
 _WORDS = (*ORDERS, _COIN, _SHARED)
-_LOOPS = "loops"
+_SUPPLYING = ("loops", "areas")
 _RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
 
@@ -49,9 +50,9 @@ _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items(
 def _stage(text: Any, *keys: str | int) -> Flows:
     """The stage that a text stands for; `keys` lead to it."""
     part, *words = (text.split() if isinstance(text, str) else []) or [""]
-    if part == _LOOPS and not words:
-        return flows(_LOOPS)
-    if part not in PARTS or part == _LOOPS or not words:
+    if part in _SUPPLYING and not words:
+        return flows(part)
+    if part not in PARTS or part in _SUPPLYING or not words:
         raise wrong(f"is {shown(text)}", _RIGHT, *keys)
     last = len(words)
     while last > 1 and words[last - 1].isalpha():
@@ -148,8 +149,8 @@ def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
 def _texts(stages: Stages) -> list[str]:
     """The stages in one text each, whatever the texts that they were read from."""
     return [
-        _LOOPS
-        if _NAMES[type(stage.part)] == _LOOPS
+        _NAMES[type(stage.part)]
+        if _NAMES[type(stage.part)] in _SUPPLYING
         else " ".join(
             [
                 _NAMES[type(stage.part)],
