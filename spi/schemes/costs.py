@@ -10,7 +10,7 @@ from .sweeps import sweeps
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
-_TYPICAL_TERMS = 8  # of the Fourier series of areas
+_TYPICAL_TERMS = 1  # of the Fourier series of areas
 _INNER_FLOWS = 8  # an inner step of three components
 
 

@@ -2,20 +2,29 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
 
-from ..ensemble.protocol import NonNegative, Positive, dimension, large
+from ..ensemble.areas import HOW
+from ..ensemble.protocol import NonNegative, Positive, dimension
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..models import MODELS
 from ..models.damped import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import variables
+from ..systems import hidden, variables
 from ..systems.keys import MOST
-from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
+from .checks import (
+    ROUNDING,
+    check_count,
+    check_multiple,
+    check_names,
+    check_needs,
+    check_once,
+    check_schemes,
+    check_word_of_areas,
+)
 from .compositions import Compositions, weak_order
 from .damping import damped_model
 from .expect import Expect, claims
@@ -66,12 +75,14 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
+    areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
 
@@ -122,9 +133,9 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """Those of the model by name, and the damping where there is one."""
-        return {key: _told(value) for key, value in undamped(self.model)._asdict().items()} | (
-            {"damping": self.damping} if self.damping else {}
-        )
+        model = undamped(self.model)
+        own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
+        return own | ({"damping": self.damping} if self.damping else {})
 
     @property
     def last_time(self) -> float:
@@ -140,6 +151,7 @@ class BaseCase(Keys):
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
         said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
+        said["areas"] = lambda word: word != "exact"
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")
@@ -164,25 +176,13 @@ class BaseCase(Keys):
 
     @condition("schemes", "reference_scheme", "model")
     def _check_needs(self) -> Self:
-        if large(self.model):
-            self._check_large()
-        for name in self.schemes_used:
-            needs = self.row(name).needs
-            if needs and not needs(self.model):
-                able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
-                listed = name in self.schemes
-                able += " without damping" if self.damping else ""
-                what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
-                raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
+        check_needs(self)
         return self
 
-    def _check_large(self) -> None:
-        """What cannot be done with a model whose states are arrays."""
-        for name in self.schemes_used:
-            if not self.row(name).for_large_models:
-                key = "schemes" if name in self.schemes else "reference_scheme"
-                what = f"{'has' if key == 'schemes' else 'is'} '{name}', which is not for {self.model_name}"
-                raise wrong(what, "use euler_maruyama or a splitting without joint flows and Lévy areas", key)
+    @condition("areas", "schemes", "reference_scheme")
+    def _check_areas(self) -> Self:
+        check_word_of_areas(self)
+        return self
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:

@@ -45,7 +45,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "TrajectoryPlan":
     """The plan for one scheme of a case."""
-    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], case.step)
+    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], case.step, areas=case.areas)
     times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise, area_terms=terms)
     return TrajectoryPlan(case=case, part=part, grid=times, samples=1)
 
@@ -155,8 +155,8 @@ class TrajectoryPlan(PathsPlan):
         """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
         n = len(path.y)
-        energy, conserved = invariants_of(self.model, path.y)
         t = np.arange(n) * case.every * case.step
+        energy, conserved = invariants_of(self.model, path.y, t)
         lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
