@@ -38,10 +38,13 @@ def poisson_bracket(f: Any, g: Any, world: Symbolics) -> Any:
     """{f, g} = sum_ij df/dy_i {y_i, y_j} dg/dy_j, expanded."""
     bracket, y = world.bracket, world.variables
     factor = [y[i] if i in bracket.logarithmic else sympy.Integer(1) for i in range(bracket.dimension)]
+    slopes_f, slopes_g = ({i: sympy.diff(h, y[i]) for i in world.used(h)} for h in (f, g))
     terms = []
     for i, j, polynomial in bracket.entries(symbolic=True):
+        if not {i, j} & {*slopes_f} or not {i, j} & {*slopes_g}:
+            continue
         entry = sympy.Add(*(c * sympy.Mul(*(y[k] for k in monomial)) for monomial, c in polynomial.items()))
-        turned = sympy.diff(f, y[i]) * sympy.diff(g, y[j]) - sympy.diff(f, y[j]) * sympy.diff(g, y[i])
+        turned = slopes_f.get(i, 0) * slopes_g.get(j, 0) - slopes_f.get(j, 0) * slopes_g.get(i, 0)
         terms.append(factor[i] * factor[j] * entry * turned)
     return sympy.expand(sympy.Add(*terms))
 

@@ -17,7 +17,7 @@ from .flow_code import Call, Writer, families
 from .generators import Generator, generators, motions, rate
 from .head import head
 from .motion_code import Motion, motion
-from .noise_brackets import brackets_of, factors_of, flows_of
+from .noise_brackets import brackets_of, factors_of, flows_of, poisson_bracket
 from .splitting import Flow, commute
 from .system import System
 
@@ -220,7 +220,9 @@ class _Generator:
         """Whether two flows are known to commute."""
         if commute(first.terms, second.terms, self.bracket):
             return True
-        return not self.bracket.is_lie and self.world.constant_bracket(first.expression, second.expression)
+        if self.bracket.is_lie:
+            return False
+        return not self.world.used(poisson_bracket(first.expression, second.expression, self.world))
 
     def description(self) -> str:
         names = self.world.name

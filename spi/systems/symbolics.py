@@ -53,18 +53,6 @@ class Symbolics(NamedTuple):
         derivative = self.by_coordinate(sympy.diff(function, self.variables[i]), i)
         return derivative.xreplace(dict(self.parameters))
 
-    def constant_bracket(self, f: Any, g: Any) -> bool:
-        """Whether {f, g} is the same everywhere, so that the flows of f and g commute."""
-        first, second = ({i: self.slope(h, i) for i in self.used(h)} for h in (f, g))
-        terms = [
-            sign * c * sympy.Mul(*map(self.coordinate, monomial)) * first[i] * second[j]
-            for m, n, polynomial in self.bracket.entries()
-            for i, j, sign in ((m, n, 1), (n, m, -1))
-            if i in first and j in second
-            for monomial, c in polynomial.items()
-        ]
-        return not self.used(sympy.expand(sympy.Add(*terms)))
-
     def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
         """The gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
         found = {}
