@@ -12,6 +12,7 @@ import sympy
 from .brackets import DIGITS, precise
 from .code import Formula, Numbers, as_tuple, case, signed, words_in, written_sum
 from .eigenspaces import Inseparable
+from .function_code import motion_function
 from .generators import Generator, generators, motions
 from .motion_code import Motion, motion
 from .splitting import Flow, commute
@@ -81,7 +82,7 @@ class _Generator:
         body = [*self.facts(lacking), *self.flow_words("drift", self.system.flows, drift)]
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.derivatives(lacking["pieces"])
-        functions = [self.function(*found) for found in self.motions.values()]
+        functions = [motion_function(*found, self.bracket.variables) for found in self.motions.values()]
         variables = textwrap.fill(", ".join(self.bracket.variables), 110)
         names, sizes, inexact = self.bracket.variables, dict(self.sizes), self.inexact(lacking)
         used = words_in("\n".join(line for lines in functions for line in lines))
@@ -128,30 +129,6 @@ class _Generator:
             uses = len(self.numbers.constants) > before
             self.motions[key] = f"_motion{len(self.motions) + 1}", made, found, uses
         return key, [one.rate for one in found]
-
-    def function(self, name: str, made: Motion, found: Sequence[Generator], uses: bool) -> list[str]:
-        """A motion as a function of the angles a1, a2, ..."""
-        parameters = "".join(f"a{n + 1}, " for n in range(len(found)))
-        names = self.bracket.variables
-        if uses:  # without numbers, so that others make the same text
-            text = ", ".join(f"a {one.kind} function of {', '.join(names[i] for i in one.components)}" for one in found)
-        else:
-            text = ", ".join(one.text for one in found)
-        d = self.bracket.dimension
-        code = "\n".join(made.lines)
-        kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
-        used = [i for i in range(d) if f"y{i + 1}" in words_in(code) or i not in made.components]
-        result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
-        return [
-            "",
-            "@device",
-            f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
-            f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
-            *([f"    y{i + 1} = y[{i}]" for i in used]),
-            *([f"    y{d + 1} = 1.0"] if d in made.components else []),
-            *("    " + line for line in made.lines),
-            f"    return {result}{',' if d == 1 else ''}",
-        ]
 
     def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
