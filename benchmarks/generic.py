@@ -31,7 +31,7 @@ from spi.schemes.isospectral import IsospectralMidpoint
 from spi.schemes.midpoint import Midpoint
 from spi.schemes.munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, add_ito_hessians
 from spi.schemes.splitting import Splitting
-from spi.schemes.stages import compositions
+from spi.schemes.stages import acting_flows, apart, has_shared, indices_of, needs_coins
 
 # The package's fields find increment k of lane l at [k * LANES + l]; here there is lane 0 alone.
 
@@ -79,11 +79,12 @@ def twin(scheme, model):
 def flows_in_turn(scheme, model):
     """The flows of a composition, written out; of one of its two compositions, where a coin is tossed."""
     lines = ["def step(scheme, model, h, y, dW, z, heads):"]
-    several = compositions(scheme.stages, model)
-    for coin, (_, flows) in zip(("if heads:", "else:"), several, strict=False):
-        lines.append(f" {coin if len(several) > 1 else 'if True:'}")
-        for part, k, share in flows:
+    tossed = needs_coins(scheme.stages)
+    for line, coin in (("if heads:", 1), ("else:", -1)) if tossed else (("if True:", 1),):
+        lines.append(f" {line}")
+        for part, k, share in apart(acting_flows(scheme.stages, indices_of(model), coin), model):
             t = f"{share!r} * h" if part == "drift" else f"model.sigma[{k}] * dW[{k * LANES}]"
+            t = f"{share!r} * {t}" if part == "noise" and has_shared(scheme.stages) else t
             lines.append(f"  y = {part}_flow(model, {k}, {t}, y, ANY_ANGLES)")
     names = {"drift_flow": drift_flow, "noise_flow": noise_flow, "ANY_ANGLES": ANY_ANGLES}
     exec("\n".join([*lines, " return y"]), names)

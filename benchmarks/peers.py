@@ -2,7 +2,8 @@
 
 The peers are diffrax and torchsde, where they are installed; neither is a dependency.  The problem is the rigid body
 with three noises that do not commute.  All programs are fed the same Brownian paths, those of spi's generator, and
-their error is the root mean square distance at the final time from one reference, our splitting at a fine step.
+their error is the root mean square distance at the final time from one reference, our scheme of the smallest error at a
+fine step.
 
 Times count all that a path needs, random numbers included, but not compilation; they are the best of several
 interleaved repetitions, since the machine is noisy, and on one thread time of the processor.  Each peer runs in double
@@ -30,6 +31,7 @@ from peer_problem import BATCH, EXPONENTS, INITIAL, MODEL, PATHS, REFERENCE, Row
 from peer_programs import diffrax_rows, torchsde_rows
 
 from spi.compiler.dispatch import kernel
+from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import RandomStream, grid, integrated, paths_of, use_threads
 from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW, draw_increments
 from spi.schemes import SCHEMES
@@ -65,16 +67,17 @@ def our_increments():
     return increments
 
 
-def our_states(scheme, exponent, paths, doublings=(0,)):
-    """Last states (step sizes, paths, 3) at the steps 2^doublings 2^-exponent."""
+def our_states(scheme, exponent, paths, doublings=(0,), areas_drawn=False):
+    """Last states (step sizes, paths, 3) at the steps 2^doublings 2^-exponent; areas are the path's, or drawn."""
     row, steps = SCHEMES[scheme], 2**exponent
-    times = grid(1.0 / steps, steps, doublings, row.needs_truncation)
+    terms = fourier_terms(MODEL, [row.record], 1.0 / steps) if areas_drawn else 0
+    times = grid(1.0 / steps, steps, doublings, row.needs_truncation, area_terms=terms)
     states, _ = integrated(row.record, MODEL, INITIAL, times, NOISE, 0, paths // LANES, paths)
     return paths_of(states, 3).swapaxes(1, 2)
 
 
 def our_work(scheme, n):
-    our_states(scheme, round(math.log2(n)), BATCH["spi"])
+    our_states(scheme, round(math.log2(n)), BATCH["spi"], areas_drawn=True)
 
 
 def our_rows():
@@ -87,10 +90,12 @@ def our_rows():
         "munthe_kaas_euler",
         "munthe_kaas_midpoint",
         "isospectral_midpoint",
+        "splitting_areas",
+        "munthe_kaas_areas",
     )
     for scheme in schemes:
         first, *others = our_states(scheme, REFERENCE, PATHS, (0, *(REFERENCE - k for k in reversed(EXPONENTS))))
-        reference = first if reference is None else reference
+        reference = first if scheme == "munthe_kaas_areas" else reference
         states = dict(zip(reversed(EXPONENTS), others, strict=True))  # of the same increments, which need not be fed
         final = lambda dW, states=states: states[round(math.log2(len(dW)))]  # noqa: E731
         rows.append(Row("spi", SCHEMES[scheme].label, final, partial(our_work, scheme)))

@@ -10,10 +10,11 @@ from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
 from spi.ensemble.loop import RandomStream, arguments_of, grid, integrate, use_threads
 from spi.ensemble.observer import path_observer
 from spi.expressions import parse_expression
-from spi.kinds.weak.study.sums import values_of_blocks, with_powers
+from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS
+from spi.statistics.powers import with_powers
 
 STEPS = 2048
 NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))

@@ -51,7 +51,7 @@ def __dir__():
 
 #: The rooms whose code kernels contain, and files there that only name and list what is compiled.
 _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
-_LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/table.py", "schemes/costs.py"}
+_LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/entries.py", "schemes/table.py", "schemes/costs.py"}
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
 _SHOWING = {"claims", "comparisons", "figure", "keys", "losses", "results", "table"}

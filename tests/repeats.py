@@ -21,8 +21,8 @@ from pathlib import Path
 from kills import numbers
 
 from spi.ensemble import loop
+from spi.running import clusters, shards, workers
 from spi.running import run as runner
-from spi.running import shards, workers
 from spi.running.checkpoint import Shard
 from spi.running.run import Stopped, Watch, load
 from spi.statistics import tallies
@@ -102,7 +102,7 @@ def by_processes(experiment, out):
 
 
 def by_dask(experiment, out):
-    with workers.dask("local:2") as pool:
+    with clusters.connected("local:2") as pool:
         killer = Killer(lambda: list(pool.client.run(os.getpid).values()))
         return runner.run(experiment, out, watch=Watch(report=killer), workers=pool)
 

@@ -14,6 +14,7 @@ MODELS = {
     "other_parameters": RigidBody((1.3, 0.4, 2.2), (0.7, 2.0, 0.5), (0.5, 2.0, 0.3)),
 }
 SPLITTINGS = tuple(BY_HAND)
+JOINT = ("splitting_joint_lie", "splitting_joint", "splitting_joint_areas")
 RENORMALISED = SCHEMES["euler_maruyama_renormalised"].record
 SOLVES, ITERATIONS, FAILURES, RESIDUAL, ANGLE = range(len(REPORT))
 

@@ -4,6 +4,7 @@ _DRIFT = r"\exp(h Y_{H_p}) \cdots \exp(h Y_{H_1})"
 _NOISE = r"\exp(\sigma_m \mathrm{d}W_m Y_{\widehat H_m}) \cdots \exp(\sigma_1 \mathrm{d}W_1 Y_{\widehat H_1})"
 _CAYLEY = r"h \nabla H + \sum_k \sigma_k\, \mathrm{d}W_k \nabla \widehat H_k"
 _ITO = r"\tfrac12 \sum_k \sigma_k^2"
+_JOINT = r"J_k = \exp\!\left(\tfrac{h}{2} Y_{H_k} + \tfrac12 \sigma_k\, \mathrm{d}W_k Y_{\widehat H_k}\right)"
 _IMPLICIT = r"\xi^n = \xi^{n-1} - \frac{h}{\varepsilon^2} \xi^n + \frac{\mathrm{d}W}{\varepsilon}"
 
 #: By the names of the schemes; lines are separated by two backslashes.
@@ -12,6 +13,11 @@ FORMULAS = {
     "splitting_drift_first": rf"z = {_NOISE}\; {_DRIFT}\, y",
     "splitting_areas": rf"z = {_DRIFT}\, L\, {_NOISE}\, y, \\ L = \prod_{{k < l}} \exp(-b Y_l) "
     r"\exp(-a Y_k) \exp(b Y_l) \exp(a Y_k), \qquad a b = -\sigma_k \sigma_l J_{lk}",
+    "splitting_joint_lie": r"z = J_p \cdots J_1\, y, \qquad "
+    r"J_k = \exp(h Y_{H_k} + \sigma_k\, \mathrm{d}W_k Y_{\widehat H_k})",
+    "splitting_joint": rf"z = J_1 \cdots J_p\; J_p \cdots J_1\, y, \qquad {_JOINT}",
+    "splitting_joint_areas": rf"z = J_1 \cdots J_p\; L\; J_p \cdots J_1\, y, \qquad {_JOINT}, \\ "
+    r"L = \prod_{k < l} \exp(-b Y_l) \exp(-a Y_k) \exp(b Y_l) \exp(a Y_k), \qquad a b = \sigma_k \sigma_l A_{kl}",
     "splitting_order2": r"z = S(h/2)\, N\, S(h/2)\, y, \\ S \text{ the symmetric composition of the drift flows, } "
     r"N \text{ the noise flows in random order}",
     "splitting_symmetric": r"z = D^* N D\, y, \\ D \text{ the drift flows over } h/2, \quad D^* = D \text{ reversed}, "
@@ -25,6 +31,9 @@ FORMULAS = {
     r"f_k \right) + \sum_k \sigma_k\, \mathrm{d}W_k \nabla \widehat H_k \quad \text{at } y",
     "munthe_kaas_midpoint": r"z = \exp(M(v(x)))\, y, \qquad x = \exp(M(v(y)) / 2)\, y, \qquad "
     rf"v = {_CAYLEY}",
+    "munthe_kaas_areas": r"z = \exp(M(v(x)))\, y, \qquad x = (1 + \tfrac12 M + \tfrac18 M^2)\, y, \quad "
+    r"M = M(v(y)), \\ "
+    rf"v = {_CAYLEY} + \sum_{{k < l}} \sigma_k \sigma_l A_{{kl}} \nabla \{{\widehat H_l, \widehat H_k\}}",
     "isospectral_midpoint": r"y = u - \tfrac12 u \times v + \tfrac14 (v \cdot u)\, v, \qquad "
     rf"z = u + \tfrac12 u \times v + \tfrac14 (v \cdot u)\, v, \\ v = {_CAYLEY} \quad \text{{at }} u",
     "ap_splitting": r"\text{splitting with } \frac{h}{\varepsilon} \xi_k^n \text{ for } \mathrm{d}W_k, \qquad "

@@ -9,8 +9,8 @@ import xarray as xr
 
 from ..drawing import as_bytes, style
 from ..report import views
-from ..storage import records
 from ..storage.records import INTERVAL
+from ..storage.stored import by_case
 
 if TYPE_CHECKING:
     from ..drawing import Figure
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":
     """Draw a quantity of every part against the step size or the time; ValueError if a part has none of that name."""
     readings = views.readings(results.stored)
-    looks = style.looks(records.by_case(readings))
+    looks = style.looks(by_case(readings))
     for reading, name in zip(readings, results.parts, strict=True):
         arrays = results[name].dataset
         wanted = quantity or ("error" if "error" in arrays else "y")

@@ -15,12 +15,12 @@ from ..expressions.arithmetic import NumberError
 from ..kinds.blocks import BlocksPlan
 from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan
-from ..kinds.weak.study.sums import mean_over_paths, standard_deviation, with_powers
 from ..numerics.rng import LANES
 from ..running import workers
 from ..running.compiling import compile_missing
 from ..specs import SpecError
 from ..statistics.estimators import GROUPS, group_counts
+from ..statistics.powers import mean_over_paths, standard_deviation, with_powers
 from .paths import plan_of
 from .progress import Line
 from .specs import whole
@@ -67,9 +67,9 @@ def expectations(
     with Line("expectations", progress) as line:
         compile_missing([(scheme, call) for call in state.plan.kernel_calls()], line.watch.report_compiling)
         workers.advance_here([state], lambda number: line.share("paths", state.tally().paths, count))
-    h = [one.case.step for one in each][::-1]
+    h = [one.case.step for one in each]
     about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
-    return _dataset(state.total(), list(phis), h, about)
+    return _dataset(state.total(), list(phis), h, about).isel(h=slice(None, None, -1))  # the largest step first
 
 
 def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[str, Phi], samples: int) -> Any:
@@ -181,7 +181,7 @@ class MeansPlan(BlocksPlan):
 
 
 def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
-    """The result, from the largest step to the smallest."""
+    """The means and their errors at each step size."""
     counts = group_counts(sums.paths)
     mean, _ = mean_over_paths(sums.values[0], counts)
     (apart, square), _ = mean_over_paths(sums.apart, counts)
@@ -189,9 +189,9 @@ def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str,
     axes = ("function", "h")
     return xr.Dataset(
         {
-            "expectation": (axes, mean[::-1].T, {"long_name": "E phi(y_h(T))"}),
-            "expectation_stderr": (axes, stderr[::-1].T, {"long_name": "standard error of the expectation"}),
-            "nonfinite": (("h",), sums.nonfinite[::-1], {"long_name": "diverged paths (NaN or infinity)"}),
+            "expectation": (axes, mean.T, {"long_name": "E phi(y_h(T))"}),
+            "expectation_stderr": (axes, stderr.T, {"long_name": "standard error of the expectation"}),
+            "nonfinite": (("h",), sums.nonfinite, {"long_name": "diverged paths (NaN or infinity)"}),
         },
         {"function": names, "h": ("h", h, {"long_name": "step size"})},
         attributes,

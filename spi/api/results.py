@@ -16,6 +16,7 @@ from ..running import finding
 from ..specs import SpecError
 from ..statistics import claims
 from ..storage import records
+from ..storage.stored import by_case
 from .arrays import dataset_of
 from .page import as_html
 from .specs import as_overrides, check_type, in_python
@@ -127,7 +128,7 @@ class Results:
     def orders(self) -> pd.DataFrame:
         """The fitted orders of convergence with their 95 % intervals, and what theory expects; empty where none is."""
         rows = []
-        for case in records.by_case(views.readings(self.stored)):
+        for case in by_case(views.readings(self.stored)):
             expected = {_key(one.about): getattr(one, "expected_order", None) for one in case}
             for found in KINDS[self.kind].claims.quantities(case):
                 if found.name in _ORDERS:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from .. import scratch_folder
 from ..ensemble.loop import thread_count, use_threads
+from ..running import clusters, workers
 from ..running import run as runs
-from ..running import workers
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load
@@ -95,4 +95,4 @@ def _pool(asked: int | str | None) -> "contextlib.AbstractContextManager[Workers
     """The processes that compute, None for this one alone."""
     if asked is None:
         return contextlib.nullcontext()
-    return workers.dask(asked) if isinstance(asked, str) else workers.processes(asked)
+    return clusters.connected(asked) if isinstance(asked, str) else workers.processes(asked)

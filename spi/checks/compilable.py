@@ -8,12 +8,12 @@ from pathlib import Path
 from ..compiler import modules
 from ..compiler.inlining import is_known_to_the_compiler, type_of_result
 from ..compiler.records import is_float, is_tuple_of_floats
-from ..ensemble.protocol import conserved, dimension
+from ..ensemble.protocol import conserved, dimension, most_joined
 from ..numerics.angles import ANY_ANGLES
 from .registration import vocabulary
 
 #: The methods of a model that return one number; all but ``casimirs`` of the others return a vector.
-_NUMBERS = ("drift_angle", "noise_angle", "hamiltonian")
+_NUMBERS = ("drift_angle", "noise_angle", "joint_angle", "hamiltonian")
 
 
 class CompilationError(Exception):
@@ -40,7 +40,8 @@ def obstacle(record):
 def _wrong_type(record, name, declared):
     """What the compiler finds wrong with a method, or with the type of what it returns."""
     d = dimension(record)
-    known = {"k": 0, "t": 1.0, "angles": ANY_ANGLES, **dict.fromkeys("yuv", (1.0,) * d)}
+    known = {"j": 0, "k": 0, "t": 1.0, "s": (1.0,) * most_joined(record), "angles": ANY_ANGLES}
+    known |= dict.fromkeys("yuvw", (1.0,) * d)
     _, *parameters = inspect.signature(declared).parameters
     if not parameters:  # a trait, or a method that is not called in compiled code
         return None

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..compiler.dispatch import answers
 from ..ensemble.fields import noise_field, noise_field_derivative
 from ..ensemble.inexact import inexact_noises, inexact_pieces, piece_gradient
 from ..ensemble.protocol import (
@@ -16,6 +17,10 @@ from ..ensemble.protocol import (
     drift_flow,
     drift_gradient,
     exact_flows,
+    joint_angle,
+    joint_flow,
+    joint_noises,
+    most_joined,
     noise_angle,
     noise_flow,
     noise_gradient,
@@ -146,6 +151,44 @@ def _fields_commuting(model, y, pair):
     back = noise_field_derivative(model, other, y, noise_field(model, k, y))
     if differ(there, back, EXACT, y):
         yield f"commuting_noises has {pair}, but their fields do not commute"
+
+
+def joint_flows(model, y):
+    """That joint flows are those of the piece and of its noises, one after the other in either order."""
+    groups, listed = joint_noises(model), sum(joint_noises(model), ())
+    if not groups:
+        return
+    if len(groups) > pieces(model) or len(set(listed)) < len(listed) or not set(listed) <= set(range(noises(model))):
+        yield f"joint_noises is {groups}, which must be a tuple of numbers of noises for each piece, no noise twice"
+        return
+    if not (answers(joint_flow, model) and answers(joint_angle, model)):
+        yield "joint_noises needs the methods joint_flow and joint_angle"
+        return
+    drift = list(_flows_of(model, "drift", range(pieces(model)), drift_flow, drift_angle))
+    noise = list(_flows_of(model, "noise", range(noises(model)), noise_flow, noise_angle))
+    for k, group in enumerate(groups):
+        flows = [drift[k], *(noise[j] for j in group)]
+        fields = [drift_gradient(model, y), *(noise_gradient(model, j, y) for j in group)]
+        rates = [flow.rate(y, structure(model, y, field)) for flow, field in zip(flows, fields, strict=True)]
+        if group:
+            yield from _joint(model, k, y, flows, [_TIMES[i % 2] / rate for i, rate in enumerate(rates)])
+
+
+def _joint(model, k, y, flows, times):
+    """What is wrong with one joint flow."""
+    there = back = y
+    for flow, t in zip(flows, times, strict=True):
+        there = flow.act(t, there)
+    for flow, t in zip(reversed(flows), reversed(times), strict=True):
+        back = flow.act(t, back)
+    rest = most_joined(model) - len(times) + 1
+    t, s, noted = times[0], (*times[1:], *[0.0] * rest), np.zeros(1)
+    found = joint_flow(model, k, t, s, y, NotedAngles(noted))
+    if differ(found, there, EXACT, y) or differ(found, back, EXACT, y):
+        yield f"joint_flow, k = {k}, is not the flow of the piece with those of its noises, in either order"
+    if not noted[0] <= (said := joint_angle(model, k, t, s, y)) * (1.0 + 1e-9) and math.isfinite(noted[0]):
+        what = f"is {said:.3g} where joint_flow takes the sine of {noted[0]:.3g}; it must be no less"
+        yield f"joint_angle, k = {k}, {what}"
 
 
 def _others(count, lacking):

@@ -27,6 +27,7 @@ from ..ensemble.protocol import (
     structure,
     structure_derivative,
 )
+from .brackets import check_brackets
 from .compilable import obstacle
 from .differences import (
     DIFFERENCES,
@@ -38,7 +39,7 @@ from .differences import (
     shown,
     unit_vectors,
 )
-from .flow_checks import commuting, flows
+from .flow_checks import commuting, flows, joint_flows
 
 
 def check_model(record, states, written=True, finite_at=()):
@@ -56,7 +57,7 @@ def check_model(record, states, written=True, finite_at=()):
 
 def _complaints(model, y, all_checks=None):
     """All that is wrong at one state; nothing that depends on what is wrong already."""
-    for checks in all_checks or (_shapes, _structure, _gradients, flows, commuting):
+    for checks in all_checks or (_shapes, _structure, _gradients, check_brackets, flows, commuting, joint_flows):
         try:
             found = list(checks(model, y))
         except Exception as error:

@@ -14,6 +14,7 @@ from ..ensemble.protocol import (
 
 _MOVED = 0.4  # by such a part of its size a state is moved on its surface, or by a half, a quarter, ... of that
 _HALVINGS = 6
+_LEAST = 0.25  # of its component such a part remains
 _DIRECTIONS, _STEPS = 3, 6
 
 
@@ -30,17 +31,31 @@ def states_on_surface(y, model, count=2):
     """States near y on the surface on which solutions from y stay, where H and the noises are finite.
 
     They are moved along the fields of linear functions drawn at random.  Where y cannot be moved, as 0 in many
-    systems, they are those of :func:`states_around`.
+    systems, they are those of :func:`states_around`.  Components that never change their sign stay away from 0, near
+    which the derivatives of a logarithm could not be told by differences.
     """
     generator = np.random.default_rng(1)
     with uncompiled(), np.errstate(all="ignore"):
+        least = np.where(_keep_their_sign(y, model), _LEAST * np.abs(y), -np.inf)
         for _ in range(count):
             gradients = generator.standard_normal((_DIRECTIONS, len(y)))
-            yield next(_moved(y, model, gradients), None) or next(iter(states_around(y, model, 1)))
+            yield next(_moved(y, model, gradients, least), None) or next(iter(states_around(y, model, 1)))
 
 
-def _moved(y, model, gradients):
-    """A state on the surface, the first of several that are nearer and nearer to y where all is finite."""
+def _keep_their_sign(y, model):
+    """For each component whether it is other than 0 for ever: where it is 0, nothing moves it."""
+    found = []
+    for e in np.eye(len(y)):
+        without = tuple(np.where(e, 0.0, y).tolist())
+        found.append(np.dot(e, y) != 0.0 and not np.any(structure(model, without, tuple(e.tolist()))))
+    return found
+
+
+def _moved(y, model, gradients, least):
+    """A state on the surface, the first of several that are nearer and nearer to y where all is finite.
+
+    Components are at least so large, with the sign of those of y.
+    """
     start = np.array(y, float)
     if not any(np.any(structure(model, y, tuple(g.tolist()))) for g in gradients):
         return
@@ -49,7 +64,7 @@ def _moved(y, model, gradients):
         for gradient in gradients:
             z = _along(z, model, gradient, _MOVED / 2**halvings)
         moved = tuple(z.tolist())
-        if np.all(np.isfinite(z)) and _is_finite(model, moved):
+        if np.all(np.isfinite(z)) and np.all(z * np.sign(y) >= least) and _is_finite(model, moved):
             yield moved
     yield tuple(y)
 

@@ -72,7 +72,7 @@ def _packages() -> Finding:
     for package in _PACKAGES:
         try:
             found.append(f"{package} {importlib.metadata.version(package)}")
-        except importlib.metadata.PackageNotFoundError:
+        except (ImportError, OSError):
             missing.append(package)
     remedy = f"{', '.join(missing)} should be there too, install spi again" if missing else ""
     return Finding("packages", ", ".join(found), remedy)

@@ -193,7 +193,7 @@ def _shard(text: str | None) -> "Shard | None":
 def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"]:
     """The processes that compute, None for this one alone."""
     from .. import DISTRIBUTION
-    from ..running import workers
+    from ..running import clusters, workers
 
     with ExitStack() as stack:
         pool: Workers | None = None
@@ -201,7 +201,7 @@ def _workers(size: int | None, address: str | None) -> Iterator["Workers | None"
             pool = stack.enter_context(workers.processes(size))
         elif address is not None:
             try:
-                pool = stack.enter_context(workers.dask(address))
+                pool = stack.enter_context(clusters.connected(address))
             except ImportError:
                 end(INVALID, f"--dask: Dask is not installed; run pip install '{DISTRIBUTION}[dask]'")
             except (OSError, ValueError) as error:

@@ -14,7 +14,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ..schemes import SCHEMES
-from ..storage.records import Description, Reading
+from ..storage.records import Description
+from ..storage.stored import Stored
 from . import page
 
 Look = tuple[str, str]  #: marker and colour
@@ -49,7 +50,7 @@ _UNTOLD = ("casimirs_watched",)
 COMPLEX = {"sine_euler": (r"\omega", ("(1,0)", "(1,1)", "(0,1)", "(-1,1)"))}
 
 
-def looks(cases: Iterable[Iterable[Reading]]) -> Looks:
+def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
     """Marker and colour of every variant in the readings of all cases, the same in all panels.
 
     Of a scheme at several eps, or extrapolated in several ways, each variant has its own, in an order; a single variant

@@ -9,8 +9,11 @@ from ..numerics.rng import LANES
 from .protocol import (
     add_dissipation,
     axis_inertias,
+    component_indices,
     drift_gradient,
     drift_hessian,
+    lie_bracket,
+    noise_bracket_gradient,
     noise_gradient,
     noise_hessian,
     noise_indices,
@@ -118,6 +121,42 @@ def add_noise_hessians(index, model, value, dW, lane, y, v):
     """value + sum_k sigma_k dW_k Hess Ĥ_k(y) v."""
     k = number(index)
     return add_scaled(value, strengths(model)[k] * dW[k * LANES + lane], noise_hessian(model, k, y, v))
+
+
+@device(by_type=True)
+def add_lie_bracket(model, value, c, v, w):
+    """value + c [v, w], where [v, w] is the gradient of w . B(y) v and B is linear in y."""
+    if answers(lie_bracket, class_of(model)):
+        return lambda model, value, c, v, w: add_scaled(value, c, lie_bracket(model, v, w))
+    return _add_bracket_components
+
+
+@unrolled(component_indices)
+def add_bracket_component(index, model, value, c, v, w):
+    """value + c [v, w]_i e_i, where [v, w]_i = w . B(e_i) v."""
+    e = unit(component_indices(model), number(index))
+    return add_scaled(value, c * dot(w, structure(model, e, v)), e)
+
+
+def _add_bracket_components(model, value, c, v, w):
+    return add_bracket_component(model, value, c, v, w)
+
+
+@device(by_type=True)
+def add_noise_bracket_gradient(model, value, c, j, k, y):
+    """value + c grad {Ĥ_j, Ĥ_k}(y), where {F, G} = grad F . B grad G and B is linear in y."""
+    return _stated_bracket_gradient if answers(noise_bracket_gradient, class_of(model)) else _bracket_gradient
+
+
+def _stated_bracket_gradient(model, value, c, j, k, y):
+    return add_scaled(value, c, noise_bracket_gradient(model, j, k, y))
+
+
+def _bracket_gradient(model, value, c, j, k, y):
+    """With grad {Ĥ_j, Ĥ_k} = Hess Ĥ_j f_k - Hess Ĥ_k f_j + [grad Ĥ_k, grad Ĥ_j]."""
+    value = add_scaled(value, c, noise_hessian(model, j, y, noise_field(model, k, y)))
+    value = add_scaled(value, -c, noise_hessian(model, k, y, noise_field(model, j, y)))
+    return add_lie_bracket(model, value, c, noise_gradient(model, k, y), noise_gradient(model, j, y))
 
 
 @device

@@ -105,4 +105,5 @@ KINDS = {
     "work_precision": Kind("spi.kinds.work_precision"),
     "stability": Kind("spi.kinds.stability"),
     "long_time": Kind("spi.kinds.long_time"),
+    "statistics": Kind("spi.kinds.statistics"),
 }

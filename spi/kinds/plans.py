@@ -23,6 +23,9 @@ from spi.storage.stored import Stored
 
 from .state import Nothing, State
 
+#: Of what is known at each step size of a grid: results go from the largest to the smallest, without the reference.
+DOWN = slice(None, 0, -1)
+
 
 class Cost(NamedTuple):
     """What a part would cost."""

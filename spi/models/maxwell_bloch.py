@@ -2,7 +2,7 @@
 
 from typing import Annotated, NamedTuple
 
-from ..ensemble.protocol import NonNegative
+from ..ensemble.protocol import NonNegative, drift_angle, drift_flow
 from ..numerics.angles import sin_versine
 
 
@@ -23,6 +23,7 @@ class MaxwellBloch(NamedTuple):
     conserved = 1
     casimir_degrees = (2,)
     flow_ns = 0.5
+    joint_noises = ((0,), (1,))
 
     def drift_angle(model, k, t, y):
         return abs(t * y[0]) if k == 0 else 0.0
@@ -34,10 +35,20 @@ class MaxwellBloch(NamedTuple):
         s, v = sin_versine(angles, t * y1)
         return y1, y2 + (s * y3 - v * y2), y3 - (s * y2 + v * y3)
 
-    noise_angle, noise_flow = drift_angle, drift_flow
+    noise_angle, noise_flow = drift_angle, drift_flow  # since Ĥ_k = H_k
+
+    def joint_angle(model, k, t, s, y):
+        return drift_angle(model, k, t + s[0], y)
+
+    def joint_flow(model, k, t, s, y, angles):
+        return drift_flow(model, k, t + s[0], y, angles)
 
     def structure(model, y, v):
         return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
+
+    def noise_bracket_gradient(model, j, k, y):
+        """Of -y1 y2."""
+        return -y[1], -y[0], 0.0
 
     def casimirs(model, y):
         return (0.5 * (y[1] * y[1] + y[2] * y[2]),)

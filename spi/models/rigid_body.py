@@ -42,6 +42,7 @@ class RigidBody(NamedTuple):
     casimir_degrees = (2,)
     squared_length_is_casimir = True
     flow_ns = 0.5
+    joint_noises = ((0,), (1,), (2,))  # rotations about one axis
 
     def drift_angle(model, k, t, y):
         return abs(t * (1.0 / model.inertia[k]) * y[k])
@@ -54,6 +55,13 @@ class RigidBody(NamedTuple):
 
     def noise_flow(model, k, t, y, angles):
         return rotate(k, t * (1.0 / model.noise_inertia[k]) * y[k], y, angles)
+
+    def joint_angle(model, k, t, s, y):
+        return abs((t * (1.0 / model.inertia[k]) + s[0] * (1.0 / model.noise_inertia[k])) * y[k])
+
+    def joint_flow(model, k, t, s, y, angles):
+        theta = (t * (1.0 / model.inertia[k]) + s[0] * (1.0 / model.noise_inertia[k])) * y[k]
+        return rotate(k, theta, y, angles)
 
     def structure(model, y, v):
         return y[1] * v[2] - y[2] * v[1], y[2] * v[0] - y[0] * v[2], y[0] * v[1] - y[1] * v[0]
@@ -78,6 +86,12 @@ class RigidBody(NamedTuple):
     def noise_hessian(model, k, y, v):
         c = 1.0 / model.noise_inertia[k]
         return (v[0] * c if k == 0 else 0.0, v[1] * c if k == 1 else 0.0, v[2] * c if k == 2 else 0.0)
+
+    def noise_bracket_gradient(model, j, k, y):
+        """Of y1 y2 y3 / (Î_j Î_k) if j = k + 1, and of minus that if j = k + 2."""
+        c = (1.0 / model.noise_inertia[j]) * (1.0 / model.noise_inertia[k])
+        c = c if j == k + 1 else -c
+        return c * (y[1] * y[2]), c * (y[2] * y[0]), c * (y[0] * y[1])
 
     def axis_inertias(model):
         return model.inertia, model.noise_inertia

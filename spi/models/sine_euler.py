@@ -16,8 +16,9 @@ import math
 from typing import Annotated, NamedTuple
 
 from ..compiler.dispatch import device, unrolled
-from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian
+from ..ensemble.protocol import NonNegative, drift_hessian, noise_hessian, structure
 from ..numerics.angles import adding_to_zero, sin_versine
+from .maxwell_bloch import MaxwellBloch
 
 Strength = NonNegative | None
 
@@ -105,6 +106,12 @@ def _column(k, y, v):
 
 
 @device
+def _conjugated(y):
+    """The complex conjugates of all modes."""
+    return y[0], -y[1], y[2], -y[3], y[4], -y[5], y[6], -y[7]
+
+
+@device
 def _squares(y):
     """|omega_k|^2 of the four modes."""
     return (
@@ -140,6 +147,7 @@ class SineEuler(NamedTuple):
     casimir_degrees = (2, 3)
     squared_length_is_casimir = True
     flow_ns = 1.7
+    joint_noises = ((0,), (1,), (2,), (3,))
 
     def drift_angle(model, k, t, y):
         """A bound of the three angles, 2 |c t| (|Re omega_k| + |Im omega_k|)."""
@@ -170,10 +178,15 @@ class SineEuler(NamedTuple):
         return _unline(k, w, new0, new1, new2)
 
     noise_angle, noise_flow = drift_angle, drift_flow  # since Ĥ_k = H_k
+    joint_angle, joint_flow = MaxwellBloch.joint_angle, MaxwellBloch.joint_flow
 
     def structure(model, y, v):
         """B_{m,n} = sin(2 pi (m x n) / 3) omega_{m+n}, applied to the complex gradient (v_Re - i v_Im)/2."""
         return _plus(_plus(_column(0, y, v), _column(1, y, v)), _plus(_column(2, y, v), _column(3, y, v)))
+
+    def lie_bracket(model, v, w):
+        """In conjugated modes the commutator is the coadjoint action: the algebra is su(3)."""
+        return _conjugated(structure(model, _conjugated(v), _conjugated(w)))
 
     def noise_structure(model, k, y, v):
         return _column(k, y, v)

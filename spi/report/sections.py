@@ -18,7 +18,8 @@ from ..running import shipped
 from ..running.load import load_as
 from ..specs import text_of
 from ..statistics.claims import PASSED, VERDICTS, Verdict
-from ..storage.records import Reading, Results, by_case
+from ..storage.records import Results
+from ..storage.stored import Stored, by_case
 from .tables import Recorder, Titled
 
 Facts = list[tuple[str, str]]  #: name and value
@@ -107,7 +108,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     )
 
 
-def _told(kind: str, cases: Sequence[Sequence[Reading]]) -> Facts:
+def _told(kind: str, cases: Sequence[Sequence[Stored]]) -> Facts:
     say = getattr(KINDS[kind].table, "told", lambda readings: "")
     told = zip(views.titles(cases), map(say, cases), strict=True)
     return [(title if len(cases) > 1 else "", text) for title, text in told if text]

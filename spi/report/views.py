@@ -11,14 +11,15 @@ from ..printing import claims as printed_claims
 from ..printing.text import new_console, printable
 from ..statistics import claims
 from ..storage import StorageError, write_all
-from ..storage.records import Group, Reading, Results, by_case
+from ..storage.records import Group, Results
+from ..storage.stored import Stored, by_case
 
 if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.film import Film
 
 
-def readings(results: Results) -> list[Reading]:
+def readings(results: Results) -> list[Stored]:
     """The groups as the records of the kind, see ``kinds/*/results.py``.
 
     StorageError where a group lacks what its kind needs, as one may that another version of spi wrote.
@@ -27,7 +28,7 @@ def readings(results: Results) -> list[Reading]:
     return [_reading(kind, group) for group in results.groups]
 
 
-def _reading(kind: str, group: Group) -> Reading:
+def _reading(kind: str, group: Group) -> Stored:
     try:
         return KINDS[kind].results.Record.of(group)
     except (LookupError, TypeError, ValueError, AttributeError) as error:
@@ -41,7 +42,7 @@ def verdicts(results: Results) -> list[claims.Verdict]:
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
 
 
-def _judged(results: Results, read: list[Reading]) -> list[claims.Verdict]:
+def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
     """The same from readings that have been made already."""
     try:
         stated = claims.of_text(results.attributes.get("expect"))
@@ -68,7 +69,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
     return [record | printed_claims.columns(record, judged) for record in records]
 
 
-def titles(cases: Sequence[Sequence[Reading]]) -> list[str]:
+def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
     """The titles of the cases, with their names where several have one title."""
     abouts = [case[0].about for case in cases]
     counts = Counter(about.case_title for about in abouts)

@@ -230,11 +230,11 @@ class Checkpoint:
                 raise Stopped(f"{why}; progress could not be saved: {error}") from None
             raise Stopped(f"{why}; progress is saved in {self.path}: run the same command again to resume") from None
         except Exception as error:  # whatever it is, what is done is not lost with it
-            if self._work() > self.saved_work:
-                with contextlib.suppress(StorageError):
+            with contextlib.suppress(StorageError):
+                if self._work() > self.saved_work:
                     self.save()
-                    if isinstance(error, WorkersLost):
-                        raise WorkersLost(f"{error}; progress is saved in {self.path}") from None
+                if isinstance(error, WorkersLost) and self._work():
+                    raise WorkersLost(f"{error}; progress is saved in {self.path}") from None
             raise
 
     def _work(self) -> float:

@@ -1,26 +1,23 @@
 """The chunks of all parts, computed in this process or by workers: any executor of ``concurrent.futures``.
 
-Local processes and Dask are there; another executor needs a class like :class:`Processes`.
+Local processes are here and Dask's in ``clusters.py``; another executor needs a class like :class:`Processes`.
 """
 
 import contextlib
-import logging
-import re
 import threading
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from multiprocessing import get_context
 from typing import Any, Protocol
 
-from .. import storage
 from ..ensemble.loop import limited_threads
 from ..kinds.plans import sums_of_chunk
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from .compiling import processors
 from .load import Source, plans_of
-from .orphans import end_with_parent, follow_the_parent
+from .orphans import follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
 MOST_LOSSES, MOST_WORKERS = 5, 1024
@@ -112,38 +109,6 @@ class Processes:
         return ProcessPoolExecutor(self.size, mp_context=get_context("spawn"), initializer=follow_the_parent)
 
 
-class Dask:
-    """The workers of a Dask cluster, one thread each."""
-
-    def __init__(self, client: Any) -> None:
-        from distributed.scheduler import KilledWorker
-
-        self.lost: tuple[type[BaseException], ...] = (KilledWorker,)
-        self.client = client
-        self.executor: Executor = client.get_executor(pure=False)
-
-    @property
-    def size(self) -> int:
-        """How many threads its workers have, at the moment."""
-        return max(1, sum(self.client.nthreads().values()))
-
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
-        """Have a chunk computed by one of them."""
-        return self.executor.submit(compute, source, number, chunk, 1)
-
-    def machines(self) -> set[str]:
-        """Those of its workers, at the moment."""
-        return set(self.client.run(storage.machine, on_error="ignore").values())
-
-    def stuck(self) -> bool:
-        """No: a cluster sees to its own workers."""
-        return False
-
-    def renewed(self, waiting: dict[Future, Any]) -> list[Any]:
-        """Nothing else: a cluster sees to its own workers."""
-        return []
-
-
 @contextlib.contextmanager
 def processes(size: int) -> Iterator[Processes]:
     """So many worker processes on this machine, which end with the block."""
@@ -152,32 +117,6 @@ def processes(size: int) -> Iterator[Processes]:
         yield workers
     finally:
         workers.close()
-
-
-@contextlib.contextmanager
-def dask(address: str) -> Iterator[Dask]:
-    """The workers of the scheduler at an address, or ``local:N`` for N of its own on this machine.
-
-    Raises ImportError if Dask is not installed, ValueError if `address` is none, OSError if nobody answers.
-    """
-    import dask.config
-    from distributed import Client, LocalCluster
-
-    # A worker that is lost makes all its chunks suspect, and four suspicions end one; but chunks are independent.
-    settings: dict[str, Any] = {f"distributed.{one}.http.routes": [] for one in ("scheduler", "worker")}  # no pages
-    settings["distributed.scheduler.allowed-failures"] = MOST_LOSSES
-    with dask.config.set(settings), contextlib.ExitStack() as stack:
-        if address.startswith("local:"):
-            size = int(address[6:]) if re.fullmatch("local:[0-9]{1,9}", address) else 0
-            if not 1 <= size <= MOST_WORKERS:
-                raise ValueError(f"N must be from 1 to {MOST_WORKERS}")
-            quiet: Any = {"scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}, "dashboard_address": None}
-            quiet |= {"silence_logs": logging.ERROR, "threads_per_worker": 1, "processes": True}
-            client = stack.enter_context(Client(stack.enter_context(LocalCluster(n_workers=size, **quiet))))
-            client.register_worker_callbacks(end_with_parent)
-        else:
-            client = stack.enter_context(Client(address))
-        yield Dask(client)
 
 
 Tick = Callable[[int], None]  #: told the number of a part after each batch of it; whatever it raises ends the work

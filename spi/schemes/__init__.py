@@ -5,10 +5,11 @@ import math
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import exact_flows
 from .costs import typical_ns
+from .entries import SCHEMES, Scheme, register_scheme
 from .inner_steps import is_reversible, preserved
 from .splitting import splitting
 from .stages import has_loops, is_own_reverse
-from .table import POISSON, SCHEMES, Scheme, register_scheme
+from .table import POISSON
 
 __all__ = [
     "SCHEMES",

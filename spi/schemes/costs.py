@@ -6,9 +6,9 @@ A simple rule, so that an estimate depends on nothing but the scheme and the mod
 from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.protocol import area_pairs, dimension, flow_ns, noise_indices
 from ..ensemble.scheme_protocol import needs_areas, substeps
+from .entries import SCHEMES
 from .inner_steps import inner_scheme
 from .sweeps import sweeps
-from .table import SCHEMES
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
@@ -19,7 +19,7 @@ def _flows(stages, model):
     """The flows of a composition, an inner step counting as much as a step of its scheme."""
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
     found = sweeps(stages, model)
-    inner_steps = sum(k in inexact[part] for _, part, k, *_ in found)
+    inner_steps = sum(k in inexact.get(part, ()) for _, part, k, *_ in found)
     if not inner_steps:
         return len(found)
     entry = next(entry for entry in SCHEMES.values() if type(entry.record) is type(inner_scheme(model)))

@@ -18,7 +18,7 @@ from ..numerics.rng import LANES
 from .isospectral import IsospectralMidpoint
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasMidpoint
-from .stages import gradient, hessian, structure_along, structure_derivative_along
+from .parts import gradient, hessian, structure_along, structure_derivative_along
 
 _SCHEMES = dict(zip(INNER_METHODS, (Midpoint(), MuntheKaasMidpoint()), strict=True))
 
@@ -27,7 +27,7 @@ class Alone(NamedTuple):
     """One piece or noise of a model as a model: the only noise of one without a drift, with sigma = 1."""
 
     model: Any
-    part: Any  #: of :data:`~.stages.PARTS`
+    part: Any  #: of :data:`~.parts.PARTS`
     index: Any  #: its number, as one of ``dispatch.INDICES``
     sigma: tuple = (1.0,)
 

@@ -23,7 +23,8 @@ from ..ensemble.array_states import (
 from ..ensemble.protocol import dimension, large, noises, pieces, strengths
 from ..ensemble.scheme_protocol import REPORT
 from ..numerics.rng import LANES
-from .stages import FINEST, Backwards, Symmetric, stages_known
+from .parts import Backwards, Symmetric
+from .stages import FINEST, stages_known
 
 _ALONE = 3  #: so many paths at most go one by one, because a vector of eight would take longer
 _LARGEST_ANGLE = REPORT.index("largest_angle")
@@ -83,15 +84,15 @@ def put(y, lanes, width, states):
 
 
 @device(inline=False)
-def take_times(model, dW, lanes, width, first, end, n, times):
-    """sigma_k times the increment of noise k over the sub-steps from `first` to before `end` of n, as for flows."""
+def take_times(model, dW, lanes, width, first, end, n, share, times):
+    """sigma_k times a share of the increment of noise k over the sub-steps from `first` to before `end` of n."""
     last = len(lanes) - 1
     for k in range(noises(model)):
         for j in range(width):
             increment = 0.0
             for part in range(first, end):
                 increment += dW[((n - 1 + part) * noises(model) + k) * LANES + lanes[min(j, last)]]
-            times[k * width + j] = strengths(model)[k] * increment
+            times[k * width + j] = strengths(model)[k] * (share * increment)
 
 
 @device(inline=False)
@@ -162,25 +163,36 @@ def _step(known):
 
 
 def _noise_stage(first, stage, backwards):
-    """Lines for a stage of noise whose increments begin at sub-step `first` of FINEST."""
-    end, half = first + stage.length, first + stage.length // 2
+    """Lines for a stage of noise; increments of its own begin at sub-step `first` of FINEST."""
+    length = stage.length
     if stage.order is Symmetric:
         groups = "noise_groups(model)"
         last = f"max({groups} - 1, 0)"  # there may be none
-        parts = [(first, half, "0", last, "False"), (first, end, last, groups, "False"), (half, end, "0", last, "True")]
+        half = length // 2
+        parts = [
+            (0, half, "0", last, "False"),
+            (0, length, last, groups, "False"),
+            (half, length, "0", last, "True"),
+        ]
     else:
-        parts = [(first, end, "0", "noise_groups(model)", backwards)]
+        parts = [(0, length, "0", "noise_groups(model)", backwards)]
     lines = []
     for begin, stop, low, high, back in parts:
-        n = FINEST
-        while begin % 2 == 0 and stop % 2 == 0 and n > 1:
-            begin, stop, n = begin // 2, stop // 2, n // 2
+        span = f"0, 1, 1, {(stop - begin) / FINEST!r}" if stage.shared else _span(first + begin, first + stop)
         flows = f"noise_groups_stage(model, {low}, {high}, {back}, times, width, states, scratch)"
         lines += [
-            f"    take_times(model, dW, some, width, {begin}, {stop}, {n}, times)",
+            f"    take_times(model, dW, some, width, {span}, times)",
             f"    largest = max(largest, {flows})",
         ]
     return lines
+
+
+def _span(begin, stop):
+    """The sub-steps from `begin` to before `stop` of FINEST as arguments, with as few as will do."""
+    n = FINEST
+    while begin % 2 == 0 and stop % 2 == 0 and n > 1:
+        begin, stop, n = begin // 2, stop // 2, n // 2
+    return f"{begin}, {stop}, {n}, 1.0"
 
 
 @device(inline=False)
@@ -197,7 +209,7 @@ def euler_step_of_large(model, paths, h, dW, y, work):
             new[i] = states[i]
         add_block_drift(model, h, width, states, new, scratch)
         add_block_ito_correction(model, h, width, states, new, scratch)
-        take_times(model, dW, some, width, 0, 1, 1, times)
+        take_times(model, dW, some, width, 0, 1, 1, 1.0, times)
         add_block_noises(model, times, width, states, new, scratch)
         put(y, some, width, new)
         done += count

@@ -11,18 +11,20 @@ import numpy as np
 
 from ..compiler.dispatch import INDICES, device, number
 from ..compiler.generated import function_of
-from ..compiler.records import field, is_array
+from ..compiler.records import class_of, field, is_array, is_none
 from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.lanes import load_lane, store_lane
-from ..ensemble.protocol import noises, strengths
+from ..ensemble.protocol import most_joined, noises, strengths
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits
 from ..numerics.rng import LANES
 from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
+from .long_sweeps import is_long, long_sweep
+from .parts import PARTS, Symmetric, Together, angle, flow
 from .reporting import report_angle
-from .stages import PARTS, Symmetric, angle, flow, flows, has_loops, is_reversed_by_coin, needs_coins, substeps
-from .sweeps import LoopTime, sweeps
+from .stages import flows, has_loops, is_reversed_by_coin, needs_coins, substeps
+from .sweeps import LoopTime, ShareOfWhole, sweeps
 
 # Angles are compared by their bits: as integers, because a maximum of floats that respects NaN is not vectorised.
 # The bits of a NaN exceed those of every number, so it takes the last road.
@@ -56,21 +58,30 @@ class Splitting(NamedTuple):
 def splitting(*stages):
     """The scheme with these stages of :func:`~.stages.flows`.
 
-    ValueError unless drift and noise get the whole step, and for loops where they are not known to supply what the
-    noise lacks.
+    ValueError unless drift and noise get the whole step, for a noise with increments of its own beside shares of the
+    whole one, and for loops where they are not known to supply what the noise lacks.
     """
     of = {part: [stage for stage in stages if type(stage.part) is type(record)] for part, record in PARTS.items()}
+    noise = [*of["noise"], *of["joint"]]
     for part in ("drift", "noise"):
-        total = sum(stage.fraction for stage in of[part])
+        total = sum(stage.fraction for stage in (*of[part], *of["joint"]))
         if abs(total - 1.0) > 1e-12:
             raise ValueError(f"the fractions of the {part} add up to {total:g} and not to 1")
+    if len({stage.shared is None for stage in noise}) > 1:
+        raise ValueError("some of the noise is shared and some is not; write shared in all of its stages, or in none")
     if of["loops"]:
-        if len(of["loops"]) > 1:
-            raise ValueError("the loops stand there twice; they supply all that is lacking at once")
-        noise = of["noise"][0]
-        if len(of["noise"]) > 1 or noise.coin is not None or type(noise.order) is Symmetric:
-            raise ValueError("loops need the noise in one stage, noise 1 or noise 1 backwards, without a coin")
+        _check_loops(of["loops"], noise)
     return Splitting(stages)
+
+
+def _check_loops(loops, noise):
+    """ValueError for loops where they are not known to supply what the noise lacks."""
+    if len(loops) > 1:
+        raise ValueError("the loops stand there twice; they supply all that is lacking at once")
+    whole = len(noise) == 1 and type(noise[0].order) is not Symmetric
+    if any(stage.coin is not None for stage in noise) or not (whole or noise[0].shared is not None):
+        right = "the noise in one stage, noise 1 or noise 1 backwards, or shared in all of them, and without a coin"
+        raise ValueError(f"loops need {right}")
 
 
 #: The paper's eq. slpI.
@@ -79,7 +90,16 @@ LIE_TROTTER = splitting(flows("noise"), flows("drift"))
 LIE_TROTTER_EXCHANGED = splitting(flows("drift"), flows("noise"))
 #: With the Lévy areas: of strong order 1 whether or not the noises commute.
 LIE_TROTTER_AREAS = splitting(flows("noise"), flows("loops"), flows("drift"))
-#: Its eq. order2, of weak order 2.
+#: The pieces of H together with the noises of their families, once, and there and back with halves of one increment.
+JOINT_LIE = splitting(flows("joint"))
+JOINT = splitting(flows("joint", "symmetric", shared=True))
+#: With loops in the middle, where only the areas themselves are lacking: of strong order 1.
+JOINT_AREAS = splitting(
+    flows("joint", fraction=1 / 2, shared=True),
+    flows("loops"),
+    flows("joint", "backwards", 1 / 2, shared=True),
+)
+#: The paper's eq. order2, of weak order 2.
 ORDER_2 = splitting(flows("drift", "symmetric", 1 / 2), flows("noise", coin=True), flows("drift", "symmetric", 1 / 2))
 #: A palindrome: a step is its own reverse in law, since the half increments of a noise are independent.
 SYMMETRIC = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric"), flows("drift", "backwards", 1 / 2))
@@ -103,41 +123,51 @@ def has_antithetic_path(scheme):
 @device(by_type=True)
 def run_stages(stages, model, h, dW, coins, y, work, report):
     """Apply the stages in order to the states `y` of a block, in place; `work` has :func:`stages_work` floats."""
-    return _step(sweeps(stages, model), (("drift", inexact_pieces(model)), ("noise", inexact_noises(model))))
+    inexact = ("drift", inexact_pieces(model)), ("noise", inexact_noises(model))
+    return _step(sweeps(stages, model), inexact, most_joined(model))
 
 
 @device
 def stages_work(model):
-    """How many floats of scratch stages need: the times of a sweep, a and b of a loop, and what inner steps need."""
-    return 3 * LANES + inner_size(model)
+    """How many floats of scratch stages need: the times of a sweep, a and b of a loop, and what inner steps need.
+
+    A sweep of joint flows has a time for each noise that goes with a piece, and perhaps one for the piece.
+    """
+    return max(3, 1 + most_joined(model)) * LANES + inner_size(model)
 
 
-#: The time of a flow in a lane, as source text: of all lanes, of those with the coin 1, of those with the coin -1.
-_TIMES = {
-    "drift": "{share} * (stages[{stage}].fraction * h)",
-    "noise": "strengths(model)[{k}] * {increment}",
-}
+#: The time of a drift flow, as source text.
+_DRIFT_TIME = "{share} * (stages[{stage}].fraction * h)"
+#: What a time is in a lane: of all lanes, of those with the coin 1, of those with the coin -1.
 _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[lane] > 0.0 else {}"}
 
 
 @functools.lru_cache
-def _step(sweeps, inexact):
+def _step(sweeps, inexact, most):
     """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
-    `inexact`: ((part, numbers of those without an exact flow), ...), by which inner steps move.
+    `inexact`: ((part, numbers of those without an exact flow), ...), by which inner steps move; `most` is the largest
+    number of noises that go with one piece of the model.
     The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
-    for stage, part, k, share, coin, span in sweeps:
-        if isinstance(span, LoopTime):
-            lines += _loop_time(span)
+    for stage, part, k, share, coin, time in sweeps:
+        drift = _DRIFT_TIME.format(stage=stage, share=share)
+        if isinstance(time, LoopTime):
+            lines += _loop_time(time)
+            time = "work"
+        elif part == "joint":
+            for place, moved in enumerate(time):
+                lines += _in_lanes(place, coin, _noise_time(*moved) if moved else "0.0")
+            lines += _in_lanes(len(time), coin, drift) if coin else []
+            part = f"Together({None if coin else drift}, index_{len(time)}, index_{most})"
+            time = "work"
+        elif part == "noise" or coin or k in dict(inexact)[part]:
+            lines += _in_lanes(0, coin, _noise_time(k, time) if time else drift)
             time = "work"
         else:
-            time = _TIMES[part].format(stage=stage, k=k, share=share, increment=span and _increment(k, *span))
-            if part == "noise" or coin or k in dict(inexact)[part]:  # one time per lane
-                lines += ["for lane in range(LANES):", "    work[lane] = " + _OF_LANES[coin].format(time)]
-                time = "work"
-        if k in dict(inexact)[part]:
+            time = drift
+        if k in dict(inexact).get(part, ()):
             lines.append(f"inner_sweep({part}, index_{k}, model, coins, y, work, report)")
         else:
             lines.append(f"largest = max(largest, sweep({part}, index_{k}, model, y, {time}))")
@@ -150,29 +180,43 @@ def _step(sweeps, inexact):
         "sweep": sweep,
         "inner_sweep": inner_sweep,
         "report_angle": report_angle,
+        "Together": Together,
     }
     names |= PARTS
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
     return function_of(lines, names)
 
 
-def _increment(k, first, end, n):
-    """The increment of a noise over sub-steps, which stand where ``increments.first_lane`` says, as source text."""
-    if n == 1:
-        return f"dW[{k} * LANES + lane]"
-    terms = [f"dW[({n - 1 + part} * noises(model) + {k}) * LANES + lane]" for part in range(first, end)]
-    return f"({' + '.join(terms)})"
+def _in_lanes(place, coin, time):
+    """Lines that put a time, which may differ from lane to lane, into `work`; 0 in lanes with the other coin."""
+    at = f"{place} * LANES + lane" if place else "lane"
+    return ["for lane in range(LANES):", f"    work[{at}] = " + _OF_LANES[coin].format(time)]
+
+
+def _noise_time(k, time):
+    """sigma_k times the increment of a noise as :func:`.sweeps.sweeps` tells it, as source text.
+
+    Increments over sub-steps stand where ``increments.first_lane`` says.
+    """
+    if isinstance(time, ShareOfWhole):
+        increment = f"({time.share!r} * dW[{k} * LANES + lane])"
+    else:
+        first, end, n = time
+        rows = [f"({n - 1 + part} * noises(model) + {k})" if n > 1 else f"{k}" for part in range(first, end)]
+        increment = " + ".join(f"dW[{row} * LANES + lane]" for row in rows)
+        increment = f"({increment})" if n > 1 else increment
+    return f"strengths(model)[{k}] * {increment}"
 
 
 def _loop_time(of):
     """Lines that put the time of a flow of a loop into `work`, and before the first one a and b behind it."""
     lines = ["for lane in range(LANES):"]
     if of.place == 0:
-        (k, j), (sign, other) = of.noises, ("-", "-") if of.sign == 1 else ("", "+")
-        area = f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
-        half = f"0.5 * dW[{k} * LANES + lane] * dW[{j} * LANES + lane]"
+        (k, j), lacking = of.noises, f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
+        if of.before != 0.5:
+            lacking = f"({0.5 - of.before!r} * dW[{k} * LANES + lane] * dW[{j} * LANES + lane] + {lacking})"
         lines += [
-            f"    product = {sign}strengths(model)[{k}] * strengths(model)[{j}] * ({half} {other} {area})",
+            f"    product = strengths(model)[{k}] * strengths(model)[{j}] * {lacking}",
             "    root = coins[lane] * np.sqrt(abs(product))",
             "    work[LANES + lane], work[2 * LANES + lane] = root, root if product > 0.0 else -root",
         ]
@@ -194,7 +238,18 @@ def sweep(part, index, model, y, t):
     k = number(index)
     largest = 0
     for lane in range(LANES):
-        largest = max(largest, bits(angle(part, model, k, of_lane(t, lane), load_lane(model, y, lane))))
+        largest = max(largest, bits(angle(part, model, k, time_of(part, t, lane), load_lane(model, y, lane))))
+    sweep_up_to(largest, part, index, model, y, t)
+    return largest
+
+
+@device(by_type=True)
+def sweep_up_to(largest, part, index, model, y, t):
+    """The same, given these bits."""
+    return long_sweep if is_long(part, model) else _sweep_up_to
+
+
+def _sweep_up_to(largest, part, index, model, y, t):
     if largest <= _TINY_BITS:
         sweep_within(TINY_ANGLES, part, index, model, y, t)
     elif largest <= _SMALL_BITS:
@@ -203,16 +258,25 @@ def sweep(part, index, model, y, t):
         sweep_within(REDUCED_ANGLES, part, index, model, y, t)
     else:
         sweep_within(ANY_ANGLES, part, index, model, y, t)
-    return largest
 
 
 @device
 def sweep_within(angles, part, index, model, y, t):
     for lane in range(LANES):
-        store_lane(y, lane, flow(part, model, number(index), of_lane(t, lane), load_lane(model, y, lane), angles))
+        store_lane(y, lane, flow(part, model, number(index), time_of(part, t, lane), load_lane(model, y, lane), angles))
 
 
 @device(by_type=True)
-def of_lane(t, lane):
-    """t, or the entry of the lane if there is one for each."""
-    return (lambda t, lane: t[lane]) if is_array(t) else (lambda t, lane: t)
+def time_of(part, t, lane):
+    """t, or the entry of the lane if there is one for each; of a joint flow (time, times of noises)."""
+    if class_of(part) is Together:
+        return _times_together(number(field(part, "count")), number(field(part, "most")), is_none(field(part, "time")))
+    return (lambda part, t, lane: t[lane]) if is_array(t) else (lambda part, t, lane: t)
+
+
+@functools.lru_cache
+def _times_together(count, most, of_lanes):
+    """Those of the noises stand in t one behind the other, and last that of the piece if it is one `of_lanes`."""
+    times = "".join(f"t[{place} * LANES + lane], " for place in range(count)) + "0.0, " * (most - count)
+    time = f"t[{count} * LANES + lane]" if of_lanes else "part.time"
+    return function_of(["def times_together(part, t, lane):", f"return {time}, ({times})"], {"LANES": LANES})

@@ -4,22 +4,32 @@ import math
 from collections import Counter
 from typing import NamedTuple
 
-from .stages import FINEST, Backwards, flows_in_order, indices_of, stages_known
+from .stages import FINEST, flows_in_order, indices_of, noises_moving, stages_known
 
 
-def _with_spans(flows, stages):
-    """Flows as :func:`flows_in_order` gives them, each with the part of the step over which its increments are.
+class ShareOfWhole(NamedTuple):
+    """The time of a noise flow that shares the increment of the whole step."""
 
-    The part is (first, end, n) as in :func:`sweeps`, with the least n that will do; None for drift.
-    """
-    lengths = [stage.length for stage in stages_known(stages)]
+    share: float
+
+
+def _with_times(flows, stages, model):
+    """Flows as :func:`flows_in_order` gives them, each with its time as :func:`sweeps` tells it."""
+    known = stages_known(stages)
     used = Counter()  # sub-steps of each Wiener process
+
+    def time(i, k, share):
+        length = share * known[i].length
+        if known[i].shared:
+            return ShareOfWhole(length / FINEST)
+        used[k] += int(length)
+        return _fewest(used[k] - int(length), used[k])
+
     found = []
     for flow in flows:
         i, part, k, share = flow
-        first = used[part, k]
-        used[part, k] += int(share * lengths[i])
-        found.append((*flow, _fewest(first, used[part, k]) if part == "noise" else None))
+        times = tuple(None if j is None else (j, time(i, j, share)) for j in noises_moving(part, k, model))
+        found.append((*flow, times if part == "joint" else times[0][1] if times else None))
     return found
 
 
@@ -34,7 +44,7 @@ class LoopTime(NamedTuple):
     noises: tuple[int, int]  #: (k, l), k < l
     pair: int  #: the number of the pair among those of which there are areas
     pairs: int  #: how many there are
-    sign: int  #: 1 where the noise flows act in the order k, l, and -1 where they act in the order l, k
+    before: float  #: p, how much of Y_k acts before Y_l, see ``stages.py``
     place: int  #: of the flow in the loop, from 0
 
 
@@ -42,32 +52,46 @@ def sweeps(stages, model):
     """((stage, part, k, share of its fraction, coin, time), ...): flows on the lanes with that coin, or on all (0).
 
     The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
-    before `end` where a step has n of them.  It does not depend on the coin, which moves flows of different processes.
-    The flows of loops are noise flows with a :class:`LoopTime`.
+    before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
+    depend on the coin, which moves flows of different processes.  Of a joint flow it is a tuple, (noise, time) for
+    each of its noises, None for one that is off.  The flows of loops are noise flows with a :class:`LoopTime`.
 
     Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.
     """
-    found, every = [], _with_spans(flows_in_order(stages, indices_of(model)), stages)
+    found, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
     for i, stage in enumerate(stages_known(stages)):
         acting = [flow for flow in every if flow[0] == i]
         if stage.part == "loops":
-            found += _loops(i, stages, [pair for _, _, pair, *_ in acting])
+            found += _loops(i, [pair for _, _, pair, *_ in acting], _shares(every))
             continue
         if stage.coin:
             first, last = acting[:-1], acting[-1:]
             placed = [(f, 1) for f in first] + [(f, 0) for f in last] + [(f, -1) for f in reversed(first)]
         else:
             placed = [(f, 0) for f in acting]
-        found += [(*flow, coin, span) for (*flow, span), coin in placed]
+        found += [(*flow, coin, time) for (*flow, time), coin in placed]
     return tuple(found)
 
 
-def _loops(i, stages, pairs):
-    """The flows of all loops, of stage i."""
-    sign = -1 if Backwards in [stage.order for stage in stages_known(stages) if stage.part == "noise"] else 1
+def _loops(i, pairs, shares):
+    """The flows of all loops, of stage i, given the shares of the noises in the whole step."""
     return [
-        (i, "noise", k, 1.0, 0, LoopTime(pair, p, len(pairs), sign, place))
+        (i, "noise", k, 1.0, 0, LoopTime(pair, p, len(pairs), _before(shares, *pair), place))
         for p, pair in enumerate(pairs)
         for place, k in enumerate(2 * pair)
     ]
+
+
+def _shares(every):
+    """[(noise, its share of the increment of the step), ...] of all flows with their times."""
+    found = []
+    for _, part, k, _, time in every:
+        times = time if part == "joint" else ((k, time),) if time else ()
+        found += [(j, t.share if isinstance(t, ShareOfWhole) else 1.0) for j, t in filter(None, times)]
+    return found
+
+
+def _before(shares, k, j):
+    """The products of the shares of noise k and noise j, added up over all flows of k before one of j."""
+    return sum(a * b for i, (n, a) in enumerate(shares) for m, b in shares[i + 1 :] if (n, m) == (k, j))

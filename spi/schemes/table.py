@@ -1,71 +1,23 @@
 """The table of the schemes: what is known of each of them, one entry each."""
 
-from collections.abc import Callable
-from typing import NamedTuple
-
-from ..checks.registration import check_class
-from ..compiler.dispatch import answers
 from ..ensemble.fields import lie_poisson, noise_field_derivative
 from ..ensemble.protocol import squared_length_is_casimir
-from ..ensemble.scheme_protocol import advance_large
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
+from .entries import register_scheme
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint, turns_alone
 from .midpoint import Midpoint
-from .munthe_kaas import MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
-from .splitting import LIE_TROTTER, LIE_TROTTER_AREAS, LIE_TROTTER_EXCHANGED, ORDER_2, SYMMETRIC
-from .stages import has_loops
-
-
-class Scheme(NamedTuple):
-    """One entry of the table of orders; what theory says where the coefficients are smooth and bounded.
-
-    A composition of the user's own has no look, figures choose one, and its orders are NaN where theory states none.
-    """
-
-    record: NamedTuple
-    label: str
-    formula: str  #: of a step from y to z, one line of plain text
-    reference: str  #: an equation of the paper, or a DOI
-    look: tuple[str, str]  #: marker and colour in figures: the paper's markers, the palette of Okabe and Ito
-    strong_order: float  #: with several noises that do not commute
-    strong_order_commuting: float  #: with one noise, or several that commute
-    weak_order: float
-    preserves: str
-    work: float = 0.0  #: of a step that is no composition, in flows of the model, for estimates of run time
-    solves: bool = False  #: whether this work is that for three components, and grows with their number
-    overhead: float = 1.0  #: by what factor a step takes longer than its flows and increments
-    needs_truncation: bool = False  #: whether its equation is solvable only with bounded increments
-    multiscale: bool = False  #: whether it is for the system with fast processes, and its record has a field ``eps``
-    needs_eps: bool = False  #: whether eps must not be 0
-    needs: Callable | None = None  #: a fact that must hold for the model
-    left_out: Callable | None = None  #: (model, k, y, v): the part of f_k'(y) v that a step has only in the mean
-
-    @property
-    def composition(self):
-        """The stages of which a step consists, None for a scheme that is no composition of flows."""
-        return getattr(self.record, "stages", None)
-
-    @property
-    def solvable_without_sampling(self):
-        """Whether ``spi.exact.kolmogorov`` can do it: a composition, with increments of Wiener processes alone."""
-        return self.composition is not None and not self.multiscale and not has_loops(self.composition)
-
-    @property
-    def for_large_models(self):
-        """Whether it can be used with models whose states are arrays."""
-        return answers(advance_large, self.record) and not (self.composition and has_loops(self.composition))
-
-
-SCHEMES: dict[str, Scheme] = {}
-
-
-def register_scheme(name, **entry):
-    """Make a scheme known, given the fields of :class:`Scheme`; TypeError if it does not fit ``scheme_protocol.py``."""
-    scheme = Scheme(**entry)
-    check_class(type(scheme.record), "scheme", name)
-    SCHEMES[name] = scheme
-
+from .munthe_kaas import MuntheKaasAreas, MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
+from .splitting import (
+    JOINT,
+    JOINT_AREAS,
+    JOINT_LIE,
+    LIE_TROTTER,
+    LIE_TROTTER_AREAS,
+    LIE_TROTTER_EXCHANGED,
+    ORDER_2,
+    SYMMETRIC,
+)
 
 POISSON = {"strong_order": 0.5, "strong_order_commuting": 1.0, "preserves": "Casimirs, Poisson structure"}
 _DRIFT, _NOISE = "exp(h Y_{H_p})...exp(h Y_{H_1})", "exp(sigma_m dW_m Y_{Ĥ_m})...exp(sigma_1 dW_1 Y_{Ĥ_1})"
@@ -98,6 +50,39 @@ register_scheme(
     "a b = -sigma_k sigma_l J_lk",
     reference="ours; areas as in doi:10.1214/aoap/1015345301",
     look=("*", "#000000"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves=POISSON["preserves"],
+)
+register_scheme(
+    "splitting_joint_lie",
+    record=JOINT_LIE,
+    label="joint splitting, once",
+    formula="z = J_p...J_1 y, J_k = exp(h Y_{H_k} + sigma_k dW_k Y_{Ĥ_k}), the noises with their pieces of H",
+    reference="docs/joint.md",
+    look=("P", "#56B4E9"),
+    weak_order=1.0,
+    **POISSON,
+)
+register_scheme(
+    "splitting_joint",
+    record=JOINT,
+    label="joint splitting",
+    formula="z = J_1...J_p J_p...J_1 y, J_k = exp(h/2 Y_{H_k} + sigma_k dW_k/2 Y_{Ĥ_k}), the same dW_k there and back",
+    reference="docs/joint.md",
+    look=("X", "#009E73"),
+    weak_order=1.0,
+    **POISSON,
+)
+register_scheme(
+    "splitting_joint_areas",
+    record=JOINT_AREAS,
+    label="joint splitting with Lévy areas",
+    formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L a loop of each pair of noises with "
+    "a b = sigma_k sigma_l A_kl",
+    reference="docs/joint.md; areas as in doi:10.1214/aoap/1015345301",
+    look=("H", "#0072B2"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
@@ -195,6 +180,22 @@ register_scheme(
     weak_order=1.0,
     preserves="Casimirs",
     work=10.0,
+    solves=True,
+    needs=lie_poisson,
+)
+register_scheme(
+    "munthe_kaas_areas",
+    record=MuntheKaasAreas(),
+    label="Munthe-Kaas with Lévy areas",
+    formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y to second order, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k "
+    "+ sum_{k < l} sigma_k sigma_l A_kl grad {Ĥ_l, Ĥ_k}",
+    reference="doi:10.1137/060666743, its Castell-Gaines type; see docs/literature_schemes.md",
+    look=("H", "#009E73"),
+    strong_order=1.0,
+    strong_order_commuting=1.0,
+    weak_order=1.0,
+    preserves="Casimirs",
+    work=12.0,
     solves=True,
     needs=lie_poisson,
 )

@@ -180,7 +180,7 @@ class BaseCase(Keys):
             if not self.row(name).for_large_models:
                 listed = name in self.schemes
                 what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
-                right = "use euler_maruyama or a splitting without Lévy areas"
+                right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
                 raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
     @condition("eps", "schemes")

@@ -69,7 +69,8 @@ def check_flows(case: Any) -> None:
         if case.row(name).composition is not None:
             listed = name in case.schemes
             what = f"{'has' if listed else 'is'} '{name}', made of exact flows, and none is known of '{formula}': {why}"
-            right = f"add inner: midpoint (or munthe_kaas) to the model, or use {', '.join(able)}"
+            either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
+            right = f"add inner: {either} to the model, or use {', '.join(able)}"
             raise wrong(what, right, "schemes" if listed else "reference_scheme")
 
 

@@ -3,11 +3,15 @@
     compositions:
       strang: [noise 1/2, drift 1, noise 1/2]
       palindrome: [drift 1/2, noise 1 symmetric, drift 1/2 backwards]
+      there_and_back: [noise 1/2 shared, drift 1, noise 1/2 backwards shared]
+      together: [joint 1 symmetric]
       with_areas: [drift 1/2, noise 1, loops, drift 1/2 backwards]
 
-A stage is the part that acts, its share of the step and, where that is not forwards, the order of its flows; the word
-``coin`` has the order reversed for the paths whose coin is -1.  The stage ``loops`` supplies the Lévy areas of noises
-that do not commute.  The first stage acts first.
+A stage is the part that acts, ``joint`` for pieces of H together with the noises of their families, its share of the
+step and, where that is not forwards, the order of its flows; the word ``coin`` has the order reversed for the paths
+whose coin is -1, and with the word ``shared`` noise flows have their shares of the increment of the whole step, in
+place of increments of their own.  The stage ``loops`` supplies the Lévy areas of noises that do not commute.  The first
+stage acts first.
 """
 
 import functools
@@ -17,13 +21,14 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PlainSerializer
 
-from ..ensemble.protocol import large, noise_indices, noises
+from ..ensemble.protocol import joined_noises, large, noise_indices, noises, piece_indices
 from ..exact.kolmogorov import backward
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
 from ..schemes import SCHEMES
+from ..schemes.parts import ORDERS, PARTS
 from ..schemes.splitting import splitting
-from ..schemes.stages import ORDERS, PARTS, Flows, compositions, flows, has_loops
+from ..schemes.stages import Flows, compositions, flows, has_loops, repeats_increments
 from .keys import NAME, entries_in, shown, suggestion, wrong
 from .mistakes import every
 
@@ -31,8 +36,8 @@ Stages = tuple[Flows, ...]
 
 _MOST_STAGES = 16  # each becomes compiled code of its own
 _OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
-_COIN = "coin"
-_WORDS = (*ORDERS, _COIN)
+_COIN, _SHARED = "coin", "shared"
+_WORDS = (*ORDERS, _COIN, _SHARED)
 _LOOPS = "loops"
 _RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
@@ -51,11 +56,11 @@ def _stage(text: Any, *keys: str | int) -> Flows:
     told = words[last:]
     if unknown := next((word for word in told if word not in _WORDS), None):
         raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), *keys)
-    orders = [word for word in told if word != _COIN] or ["forwards"]
-    if len(orders) > 1 or told.count(_COIN) > 1:
+    orders = [word for word in told if word in ORDERS] or ["forwards"]
+    if len(orders) > 1 or told.count(_COIN) > 1 or told.count(_SHARED) > 1:
         raise wrong(f"is {shown(text)} with several orders", _RIGHT, *keys)
     try:
-        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told)
+        stage = flows(part, orders[0], _fraction(" ".join(words[:last])), _COIN in told, _SHARED in told)
     except NumberError as error:
         raise wrong(f"is {shown(text)} ({error})", _RIGHT, *keys) from None
     except ValueError as error:
@@ -99,19 +104,27 @@ def weak_order(stages: Stages, model: Any) -> float:
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
     negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops
-    together is that of the noise of the equation up to terms of order h^2 only.
+    together is that of the noise of the equation up to terms of order h^2 only.  So it is where a noise acts more than
+    once with one increment, see docs/compositions.md.
     """
     if has_loops(stages):
         return 1.0
     if large(model):  # of hundreds of flows four tell the same
         model = MODELS["sine_euler"](sigma=tuple(1.0 if k < noises(model) else None for k in range(4)))
-    return _weak_order(compositions(stages, model)) if noise_indices(model) else math.nan
+    if repeats_increments(stages, model):
+        return 1.0
+    if not noise_indices(model):
+        return math.nan
+    families = tuple(tuple(joined_noises(model, k)) for k in piece_indices(model))
+    return _weak_order(compositions(stages, model), families)
 
 
 @functools.lru_cache(maxsize=64)
-def _weak_order(acting: Any) -> float:
+def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
+    """The order, where a piece and its noises commute."""
     words = backward.words_of(acting, lambda part, k: True)
-    return float(backward.weak_order(words, commute=lambda a, b: False))
+    family = {("noise", j): ("drift", k) for k, noises_of in enumerate(families) for j in noises_of}
+    return float(backward.weak_order(words, commute=lambda a, b: family.get(a, a) == family.get(b, b)))
 
 
 def _texts(stages: Stages) -> list[str]:
@@ -125,6 +138,7 @@ def _texts(stages: Stages) -> list[str]:
                 repr(stage.fraction),
                 _NAMES[type(stage.order)],
                 *[_COIN] * (stage.coin is not None),
+                *[_SHARED] * (stage.shared is not None),
             ]
         )
         for stage in stages

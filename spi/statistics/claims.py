@@ -59,7 +59,8 @@ class Claim(NamedTuple):
     def text(self) -> str:
         """``order 1/2`` or ``Casimir drift at most 1e-12``."""
         sense = "" if self.sense == EQUAL else f"{self.sense} "
-        return f"{self.quantity.replace('_', ' ').replace('casimir', 'Casimir')} {sense}{self.stated}"
+        name = "diverged" if self.quantity == "nonfinite" else self.quantity.replace("_", " ")  # as in tables
+        return f"{name.replace('casimir', 'Casimir')} {sense}{self.stated}"
 
     @property
     def allowed(self) -> tuple[float, float]:

@@ -40,10 +40,9 @@ def machine() -> str:
 
 def _version_of(package: str) -> str:
     """The version of an installed package; results must not be lost because some installation does not tell it."""
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return "unknown"
+    with contextlib.suppress(ImportError, OSError):  # none installed; or one whose description cannot be read
+        return importlib.metadata.version(package) or "unknown"
+    return "unknown"
 
 
 def _processor() -> str:

@@ -1,8 +1,7 @@
 """What a study hands to storage, tables and figures: plain arrays with names."""
 
-from collections.abc import Iterable
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol, TypeVar, get_type_hints
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -171,22 +170,3 @@ class Description(NamedTuple):
 
 
 _MODEL = "model_"  # what the attributes begin with that are parameters of the model
-
-
-class Reading(Protocol):
-    """A record of results, of any kind."""
-
-    @property
-    def about(self) -> Description:
-        """What was integrated."""
-
-
-R = TypeVar("R", bound=Reading)
-
-
-def by_case(readings: Iterable[R]) -> list[list[R]]:
-    """The records of each case, in the order of the file."""
-    cases: dict[str, list[R]] = {}
-    for reading in readings:
-        cases.setdefault(reading.about.case, []).append(reading)
-    return list(cases.values())

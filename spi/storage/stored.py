@@ -17,7 +17,7 @@ A field that is None is not stored.  Axes that no field describes, as "casimir",
 ``order``, ``order_low``, ``order_high`` and ``points_in_fit``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, dataclass
 from dataclasses import fields as dataclass_fields
 from types import UnionType
@@ -27,6 +27,7 @@ from typing import (
     ClassVar,
     NamedTuple,
     Self,
+    TypeVar,
     Union,
     dataclass_transform,
     get_args,
@@ -162,6 +163,17 @@ class Stored(Described):
     def of(cls, group: Group) -> Self:
         """The record in a group; KeyError, with its name, if the group lacks what the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))
+
+
+R = TypeVar("R", bound=Stored)
+
+
+def by_case(readings: Iterable[R]) -> list[list[R]]:
+    """The records of each case, in the order of the file."""
+    cases: dict[str, list[R]] = {}
+    for reading in readings:
+        cases.setdefault(reading.about.case, []).append(reading)
+    return list(cases.values())
 
 
 def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:

@@ -1,8 +1,12 @@
-"""Lie-Poisson brackets {y_i, y_j} = sum_k c_ij^k y_k: what they must fulfil, and the fields of linear functions."""
+"""Brackets that are polynomials, mostly {y_i, y_j} = sum_k c_ij^k y_k: what they must fulfil, and the fields they give.
+
+A bracket is one of coordinates w: w_i = log y_i for some variables, see ``coordinates``, and w_i = y_i for the others.
+"""
 
 import functools
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -13,7 +17,10 @@ import sympy
 DIGITS = 60
 NOTHING = mpmath.mpf(10) ** -40
 
-Linear = dict[int, Any]  #: of a linear function of y, the factor of each component that occurs in it
+Monomial = tuple[int, ...]  #: w1^2*w3 is (0, 0, 2), and 1 is ()
+Polynomial = dict[Monomial, Any]  #: the factor of each monomial
+Linear = dict[int, Any]  #: of an affine function of w, the factor of each coordinate, and the constant at the place d
+Entry = dict[Any, Any]  #: the same with monomials of degree 2 and more
 
 
 class BracketError(ValueError):
@@ -25,38 +32,70 @@ class BracketError(ValueError):
 
 
 class Bracket(NamedTuple):
-    """A Lie-Poisson bracket, checked."""
+    """A bracket, checked."""
 
     variables: tuple[str, ...]
-    constants: Mapping[tuple[int, int], Linear]  #: (i, j) with i < j -> {y_i, y_j}, exact numbers; none that vanishes
-    formulas: Mapping[tuple[int, int], Linear] = {}  #: the same in symbols, for those that depend on parameters
+    constants: Mapping[tuple[int, int], Linear]  #: (i, j) with i < j -> {w_i, w_j}, exact numbers; none that vanishes
+    formulas: Mapping[tuple[int, int], Entry] = {}  #: the same in symbols, for those that depend on parameters
+    higher: Mapping[tuple[int, int], Polynomial] = {}  #: what {w_i, w_j} has of degree 2 and more
+    logarithmic: frozenset[int] = frozenset()  #: the variables whose logarithms are coordinates; no bracket has these
 
     @property
     def dimension(self) -> int:
         return len(self.variables)
 
     @property
+    def coordinates(self) -> tuple[str, ...]:
+        """The names of the coordinates."""
+        return tuple(f"log({name})" if i in self.logarithmic else name for i, name in enumerate(self.variables))
+
+    @property
+    def is_lie(self) -> bool:
+        """Whether it is a Lie-Poisson bracket: linear, without constants."""
+        constant = any(self.dimension in linear for linear in self.constants.values())
+        return not (self.higher or self.logarithmic or constant)
+
+    @property
     def is_cross_product(self) -> bool:
         """Whether B(y) v = y x v, whatever the parameters."""
-        return not self.formulas and dict(self.constants) == {(0, 1): {2: -1}, (0, 2): {1: 1}, (1, 2): {0: -1}}
+        right = {(0, 1): {2: -1}, (0, 2): {1: 1}, (1, 2): {0: -1}}
+        return self.is_lie and not self.formulas and dict(self.constants) == right
 
     @property
     def is_kept(self) -> bool:
         """Whether every flow keeps all entries of B, which are then Casimir functions."""
-        return not any(self.field(linear) for linear in self.constants.values())
+        moving = any(self.field(linear) for linear in self.constants.values())
+        return not (moving or self.higher or self.logarithmic)
 
     def of(self, i: int, j: int) -> Linear:
-        """{y_i, y_j}."""
+        """{w_i, w_j}, but for what is of higher degree."""
         if i <= j:
             return self.constants.get((i, j), {})
         return {k: -c for k, c in self.constants.get((j, i), {}).items()}
 
+    def entries(self, symbolic: bool = False) -> Iterator[tuple[int, int, Polynomial]]:
+        """(i, j, {w_i, w_j}) with i < j, in numbers or with the parameters as symbols."""
+        for pair in dict.fromkeys((*self.constants, *self.higher)):
+            entry: Entry = {**self.constants.get(pair, {}), **self.higher.get(pair, {})}
+            if symbolic:
+                entry = self.formulas.get(pair, entry)
+            yield *pair, {self.monomial(k): c for k, c in entry.items()}
+
+    def monomial(self, k: Any) -> Monomial:
+        """The monomial that a factor of an entry belongs to."""
+        return k if isinstance(k, tuple) else () if k == self.dimension else (k,)
+
     def commute(self, i: int, j: int) -> bool:
-        """Whether {y_i, y_j} = 0."""
-        return (min(i, j), max(i, j)) not in self.constants
+        """Whether {w_i, w_j} = 0."""
+        pair = (min(i, j), max(i, j))
+        return pair not in self.constants and pair not in self.higher
+
+    def is_affine(self, i: int) -> bool:
+        """Whether y_i is a coordinate whose brackets are affine."""
+        return i not in self.logarithmic and not any(i in pair for pair in self.higher)
 
     def field(self, functional: Mapping[int, Any]) -> dict[tuple[int, int], mpmath.mpf]:
-        """M, (row, column) -> number, of the field y' = B(y) grad l = M y of l = sum_j functional[j] y_j."""
+        """M, (row, column) -> number, of the field w' = M (w, 1) of l = sum_j functional[j] w_j, if it is affine."""
         entries: dict[tuple[int, int], mpmath.mpf] = {}
         with mpmath.workdps(DIGITS):
             for (i, j), linear in self.constants.items():
@@ -67,17 +106,51 @@ class Bracket(NamedTuple):
                             entries[row, k] = entries.get((row, k), mpmath.mpf(0)) + value
         return {place: value for place, value in entries.items() if abs(value) > NOTHING}
 
+    def curved(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+        """What the field of a linear function has of degree 2 and more, (row, monomial) -> number."""
+        entries: dict[tuple[int, Monomial], mpmath.mpf] = {}
+        with mpmath.workdps(DIGITS):
+            for (i, j), polynomial in self.higher.items():
+                for row, column, sign in ((i, j, 1), (j, i, -1)):
+                    if column in functional:
+                        for monomial, c in polynomial.items():
+                            value = sign * precise(c) * functional[column]
+                            entries[row, monomial] = entries.get((row, monomial), mpmath.mpf(0)) + value
+        return {place: value for place, value in entries.items() if abs(value) > NOTHING}
+
+    def polynomial_field(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+        """The whole field of a linear function."""
+        return {**self.as_field(self.field(functional)), **self.curved(functional)}
+
+    def as_field(self, entries: Mapping[tuple[int, int], mpmath.mpf]) -> dict[tuple[int, Monomial], mpmath.mpf]:
+        """M (w, 1) by row and monomial."""
+        return {(row, self.monomial(k)): c for (row, k), c in entries.items()}
+
+    def moves(self, functional: Mapping[int, Any]) -> bool:
+        """Whether a linear function of w has a field other than 0."""
+        return bool(self.field(functional) or self.curved(functional))
+
     def commuting(self, first: Mapping[int, Any], second: Mapping[int, Any]) -> bool:
-        """Whether two linear functions commute."""
+        """Whether two linear functions of w commute."""
         if len(first) == len(second) == 1:
             (i,), (j,) = first, second
             return self.commute(i, j)
-        total: dict[int, mpmath.mpf] = {}
+        total: dict[Any, mpmath.mpf] = {}
         with mpmath.workdps(DIGITS):
             for (i, a), (j, b) in itertools.product(first.items(), second.items()):
                 for k, c in self.of(i, j).items():
                     total[k] = total.get(k, mpmath.mpf(0)) + a * b * precise(c)
+            for (row, monomial), c in self.curved(second).items() if self.higher else ():
+                total[monomial] = total.get(monomial, mpmath.mpf(0)) + first.get(row, 0) * c
         return all(abs(value) < NOTHING for value in total.values())
+
+    def at(self, point: Sequence[Any]) -> dict[tuple[int, int], Any]:
+        """{w_i, w_j}, i < j, where w has these values; of logarithms they may be anything."""
+        found = {}
+        for i, j, polynomial in self.entries():
+            terms = (math.prod((point[k] for k in monomial), start=precise(c)) for monomial, c in polynomial.items())
+            found[i, j] = mpmath.fsum(terms)
+        return found
 
 
 def precise(number: Any) -> mpmath.mpf:
@@ -99,48 +172,62 @@ def _evaluated(number: Any) -> mpmath.mpf:
 
 def checked(
     variables: Sequence[str],
-    given: Iterable[tuple[str, int, int, Linear]],
+    given: Iterable[tuple[str, int, int, Entry]],
     values: Mapping[Any, Any] = MappingProxyType({}),
+    logarithmic: frozenset[int] = frozenset(),
 ) -> Bracket:
-    """The bracket of which (key, i, j, {y_i, y_j}) are given, each pair once or twice, those not given being 0.
+    """The bracket of which (key, i, j, {w_i, w_j}) are given, each pair once or twice, those not given being 0.
 
     `values` are those of the parameters that occur in it.
 
-    BracketError if {y_i, y_j} is given twice with values that are not opposite, if {y_i, y_i} is not 0, or if Jacobi's
+    BracketError if {w_i, w_j} is given twice with values that are not opposite, if {w_i, w_i} is not 0, or if Jacobi's
     identity does not hold.  Exact; where a number is irrational, to 40 digits.
     """
-    constants: dict[tuple[int, int], Linear] = {}
-    formulas: dict[tuple[int, int], Linear] = {}
+    found: dict[tuple[int, int], Entry] = {}
+    formulas: dict[tuple[int, int], Entry] = {}
     for key, i, j, symbolic in given:
-        linear = {k: c.xreplace(dict(values)) for k, c in symbolic.items()}
-        linear = {k: c for k, c in linear.items() if not _is_zero(c)}
+        entry = at_values(symbolic, values)
         if any(c.free_symbols for c in symbolic.values()):
-            formulas[min(i, j), max(i, j)] = {k: (c if i < j else -c) for k, c in symbolic.items() if k in linear}
+            formulas[min(i, j), max(i, j)] = {k: (c if i < j else -c) for k, c in symbolic.items() if k in entry}
         name = "{" + f"{variables[i]}, {variables[j]}" + "}"
         if i == j:
-            if linear:
+            if entry:
                 raise BracketError(
                     f"makes {name} other than 0; a bracket is antisymmetric, leave it out", "bracket", key
                 )
             continue
         pair = (min(i, j), max(i, j))
-        linear = linear if i < j else {k: -c for k, c in linear.items()}
-        if pair in constants and not _equal(constants[pair], linear):
+        entry = entry if i < j else {k: -c for k, c in entry.items()}
+        if pair in found and not _equal(found[pair], entry):
             opposite = "{" + f"{variables[j]}, {variables[i]}" + "}"
             what = f"{name} is not the opposite of {opposite}"
             raise BracketError(f"is not antisymmetric: {what}; give one of them only", "bracket", key)
-        constants[pair] = linear
-    bracket = Bracket(tuple(variables), {pair: linear for pair, linear in constants.items() if linear}, formulas)
-    if violation := _violation(bracket):
+        found[pair] = entry
+    constants = {pair: {k: c for k, c in entry.items() if isinstance(k, int)} for pair, entry in found.items()}
+    higher = {pair: {k: c for k, c in entry.items() if not isinstance(k, int)} for pair, entry in found.items()}
+    bracket = Bracket(
+        tuple(variables),
+        {pair: linear for pair, linear in constants.items() if linear},
+        formulas,
+        {pair: polynomial for pair, polynomial in higher.items() if polynomial},
+        logarithmic,
+    )
+    if violation := _violation(bracket) if not bracket.higher else _violation_of_polynomials(bracket):
         a, b, c = (variables[n] for n in violation)
         what = f"violates Jacobi's identity for {a}, {b}, {c}"
         raise BracketError(f"{what}; {{{a}, {{{b}, {c}}}}} + cyclic permutations must be 0", "bracket")
     return bracket
 
 
+def at_values(symbolic: Mapping[Any, Any], values: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Factors at some values of the parameters, without those that are 0."""
+    numbers = {k: c.xreplace(dict(values)) for k, c in symbolic.items()}
+    return {k: c for k, c in numbers.items() if not _is_zero(c)}
+
+
 def _violation(bracket: Bracket) -> tuple[int, int, int] | None:
     """Three components for which Jacobi's identity does not hold; None if there are none."""
-    partners: dict[int, set[int]] = {i: set() for i in range(bracket.dimension)}
+    partners: dict[int, set[int]] = {i: set() for i in range(bracket.dimension + 1)}
     for i, j in bracket.constants:
         partners[i].add(j)
         partners[j].add(i)
@@ -160,9 +247,28 @@ def _violation(bracket: Bracket) -> tuple[int, int, int] | None:
     return None
 
 
+def _violation_of_polynomials(bracket: Bracket) -> tuple[int, int, int] | None:
+    """The same where brackets have terms of degree 2 and more."""
+    entries: dict[tuple[int, int], Polynomial] = {}
+    for i, j, polynomial in bracket.entries():
+        entries[i, j], entries[j, i] = polynomial, {monomial: -c for monomial, c in polynomial.items()}
+    for i, j, k in itertools.combinations(range(bracket.dimension), 3):
+        total: Polynomial = {}
+        for a, b, c in ((i, j, k), (j, k, i), (k, i, j)):
+            for monomial, factor in entries.get((b, c), {}).items():
+                for place, m in enumerate(monomial):  # {w_a, w_m} times the derivative by w_m, power by power
+                    rest = monomial[:place] + monomial[place + 1 :]
+                    for other, number in entries.get((a, m), {}).items():
+                        product = tuple(sorted(rest + other))
+                        total[product] = total.get(product, 0) + factor * number
+        if any(not _is_zero(value) for value in total.values()):
+            return i, j, k
+    return None
+
+
 def _is_zero(number: Any) -> bool:
     return bool(number == 0) or (not number.is_Rational and abs(precise(number)) < NOTHING)
 
 
-def _equal(first: Linear, second: Linear) -> bool:
+def _equal(first: Entry, second: Entry) -> bool:
     return all(_is_zero(sympy.sympify(first.get(k, 0)) - second.get(k, 0)) for k in {*first, *second})

@@ -11,11 +11,13 @@ import numpy as np
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
+from .forms import degree_of
 from .splitting import connected
 from .symbolics import Symbolics
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients
+_LARGEST_POWER = 12
 _MOST_UNKNOWNS = 1000  # monomials of a degree; the null space of so many takes seconds
 
 
@@ -23,23 +25,24 @@ class Search(NamedTuple):
     """What was found."""
 
     functions: tuple[Any, ...]  #: independent of each other's sums and products, of degree 1, 2, ...
-    degrees: tuple[int, ...]
+    degrees: tuple[int | None, ...]  #: None of what is not homogeneous
     searched: int  #: up to this degree all are found whose coefficients are such fractions
 
 
 def search(world: Symbolics) -> Search:
     """The polynomial Casimir functions up to degree 4 that are no sums of products of others."""
     bracket = world.bracket
-    parts = connected([*({i, j, *linear} for (i, j), linear in bracket.constants.items())])
+    parts = connected([*({i, j}.union(*polynomial) for i, j, polynomial in bracket.entries())])
     linked = set().union(*parts)
     found = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
     searched = MOST_DEGREE
     for part in parts:
-        functions, reached = _search_within(sorted(part), world)
+        unit = [] if bracket.is_lie else [bracket.dimension]
+        functions, reached = _search_within([*sorted(part), *unit], world)
         found += functions
         searched = min(searched, reached)
     found.sort(key=lambda pair: pair[0])
-    return Search(tuple(f for _, f in found), tuple(degree for degree, _ in found), searched)
+    return Search(tuple(f for _, f in found), tuple(degree_of(f, world) for _, f in found), searched)
 
 
 def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
@@ -52,8 +55,7 @@ def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
     with mpmath.workdps(DIGITS + 20):
         point = [mpmath.frac(mpmath.exp(mpmath.mpf(n + 3) / 2) * 7) + mpmath.mpf(1) / 8 for n in range(d)]
         rows: list[dict[int, Any]] = [{} for _ in range(d)]
-        for (i, j), linear in world.bracket.constants.items():
-            entry = mpmath.fsum(precise(c) * point[k] for k, c in linear.items())
+        for (i, j), entry in world.bracket.at(point).items():
             rows[i][j], rows[j][i] = entry, -entry
         gradients = [world.gradient_at(function, point) for function in functions]
         return _rank(gradients), d - _rank(rows)
@@ -102,8 +104,8 @@ def _null_space(
     d, count = len(part), len(monomials)
     place = {component: n for n, component in enumerate(part)}
     entries = [
-        (place[i], place[j], [(place[k], float(precise(c))) for k, c in linear.items()])
-        for (i, j), linear in bracket.constants.items()
+        (place[i], place[j], [([place[k] for k in monomial], float(precise(c))) for monomial, c in polynomial.items()])
+        for i, j, polynomial in bracket.entries()
         if i in place
     ]
     powers = np.zeros((count, d), int)
@@ -115,9 +117,11 @@ def _null_space(
     while True:  # equations at different points need not be independent, so more are added until nothing changes
         while wanted > 0:
             y = generator.standard_normal(d)
+            if part[-1] == bracket.dimension:
+                y[-1] = 1.0
             structure = np.zeros((d, d))
-            for i, j, linear in entries:
-                structure[i, j] = sum(c * y[k] for k, c in linear)
+            for i, j, polynomial in entries:
+                structure[i, j] = sum(c * np.prod(y[powers_of]) for powers_of, c in polynomial)
                 structure[j, i] = -structure[i, j]
             gradient = np.prod(y**powers, axis=1) * powers.T / y[:, None]  # (component, monomial)
             rows = structure @ gradient
@@ -185,13 +189,25 @@ def _products(
 
 
 def _expressions(found: Sequence[tuple[int, Any]], part: Sequence[int], world: Symbolics) -> list[tuple[int, Any]]:
-    return [(degree, _expression(polynomial, part, world)) for degree, polynomial in found]
+    functions = [(degree, _expression(polynomial, part, world)) for degree, polynomial in found]
+    return [(degree, _without_logarithms(f, world)) for degree, f in functions if world.used(f)]
 
 
 def _expression(polynomial: dict[tuple[int, ...], Fraction], part: Sequence[int], world: Symbolics) -> Any:
     return sympy.Add(
         *(
-            sympy.Rational(c.numerator, c.denominator) * sympy.Mul(*(world.variables[part[i]] for i in monomial))
+            sympy.Rational(c.numerator, c.denominator) * sympy.Mul(*(world.coordinate(part[i]) for i in monomial))
             for monomial, c in polynomial.items()
         )
     )
+
+
+def _without_logarithms(function: Any, world: Symbolics) -> Any:
+    """The product of powers x_i^c_i whose logarithm a function is, if it is one; whole powers if they can be small."""
+    terms = function.as_coefficients_dict()
+    if not all(term in map(world.coordinate, world.bracket.logarithmic) for term in terms):
+        return function
+    scale = math.lcm(*(int(c.q) for c in terms.values()))
+    if max(abs(c) * scale for c in terms.values()) > _LARGEST_POWER:
+        scale = 1
+    return sympy.Mul(*(term.args[0] ** (scale * c) for term, c in terms.items()))

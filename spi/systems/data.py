@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
+from ..ensemble.inexact import INNER_METHODS
 from .forms import shortened
 from .keys import KEYS, DefinitionError
 from .text import NumberError, Symbols, entries, expression
@@ -53,6 +54,13 @@ class Data:
         for text, keys in self.texts(key):
             for one, inner in self.at(keys, entries, text, formulas):
                 yield keys, one.strip(), self.at(keys, expression, one, inner)
+
+    def inner(self) -> str:
+        """How compositions move by terms that have no exact flow."""
+        given = self.data.get("inner", "")
+        if given not in ("", *INNER_METHODS):
+            raise DefinitionError(f"is '{given}'; must be {' or '.join(INNER_METHODS)}", "inner")
+        return str(given)
 
 
 def _refuse_truth_values(found: Iterable[tuple[Any, Any]], key: str) -> None:

@@ -14,16 +14,17 @@ from typing import Any, NamedTuple
 
 import sympy
 
-from ..ensemble.inexact import INNER_METHODS
 from .algebras import algebra
 from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
+from .coordinates import Given, simplified
 from .data import Data
-from .forms import check_finite, check_name, degree_of, linear, shortened
+from .forms import check_finite, check_name, degree_of, polynomial, shortened
+from .functionals import NoExactFlow, NowhereFinite
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
 from .quadratics import by_quadratics
-from .splitting import Constants, Flow, NoExactFlow, NowhereFinite, Term, merged, single, split, without_flow
+from .splitting import Constants, Flow, Term, merged, single, split, without_flow
 from .symbolics import Symbolics
 from .system import Function, System
 from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
@@ -174,12 +175,13 @@ class _Reader(Data):
             for key in self.mapping("bracket")
             for one in self.at(("bracket", key), self.brackets_of, key, variables, formulas)
         ]
+        entries, logarithmic = simplified(found, values, len(variables))
         try:
-            return checked(variables, found, values)
+            return checked(variables, entries, values, logarithmic)
         except BracketError as error:
             raise DefinitionError(str(error), *error.keys) from None
 
-    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[tuple[str, int, int, Linear]]:
+    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[Given]:
         """The brackets that an entry ``x(i) y(i) for i = 1..n: z(i)`` gives."""
         found = []
         for body, inner in repeated(key, formulas):
@@ -191,7 +193,7 @@ class _Reader(Data):
                     raise NumberError(f"'{name}' is not a variable")
             value = expression(self.data["bracket"][key], inner)
             i, j = (variables.index(name) for name in pair)
-            found.append((key, i, j, linear(value, formulas)))
+            found.append((key, i, j, polynomial(value, formulas)))
         return found
 
     # ---- Hamiltonians --------------------------------------------------------------------------------------------
@@ -240,13 +242,6 @@ class _Reader(Data):
         if len(found) > MOST:
             raise DefinitionError(f"has {len(found)} noises; there may be {MOST}", "noises")
         return found
-
-    def inner(self) -> str:
-        """How compositions move by terms that have no exact flow."""
-        given = self.data.get("inner", "")
-        if given not in ("", *INNER_METHODS):
-            raise DefinitionError(f"is '{given}'; must be {' or '.join(INNER_METHODS)}", "inner")
-        return str(given)
 
     def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of Casimir functions and of linear ones, if it is one."""

@@ -1,11 +1,11 @@
-"""What formulas of a system are: linear in the variables, of which degree, and what may be a name in them."""
+"""What formulas of a system are: polynomials in the variables, of which degree, and what may be a name in them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sympy
 
-from .brackets import Linear
+from .brackets import Polynomial
 from .keys import DefinitionError
 from .symbolics import Symbolics
 from .text import FUNCTIONS, NumberError, Symbols
@@ -27,25 +27,16 @@ def check_name(name: str, key: str) -> None:
         )
 
 
-def linear(value: Any, formulas: Symbols) -> Linear:
-    """A linear form of the variables, as factors by component; NumberError if it is none."""
+def polynomial(value: Any, formulas: Symbols) -> Polynomial:
+    """A polynomial in the variables, as factors by monomial; NumberError if it is none."""
     symbols = list(formulas.variables.values())
     expanded = sympy.expand(value)
     if not expanded.is_polynomial(*symbols):
-        raise NumberError("a bracket must be linear in the variables")
-    poly = sympy.Poly(expanded, *symbols)
-    found: Linear = {}
-    for monomial, c in poly.terms():
-        if c == 0:
-            continue
-        if sum(monomial) != 1:
-            right = (
-                "for a constant add a variable that commutes with all others"
-                if not sum(monomial)
-                else "only Lie-Poisson brackets are known"
-            )
-            raise NumberError(f"a bracket must be linear in the variables; {right}")
-        found[monomial.index(1)] = c
+        raise NumberError("a bracket must be a polynomial in the variables")
+    found: Polynomial = {}
+    for powers, c in sympy.Poly(expanded, *symbols).terms():
+        if c != 0:
+            found[tuple(n for n, power in enumerate(powers) for _ in range(power))] = c
     return found
 
 

@@ -1,12 +1,57 @@
 """Linear functions of the state, by the factors of the components that occur in them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import mpmath
+import sympy
 
 from .brackets import DIGITS, NOTHING
+from .symbolics import Symbolics
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
+
+
+class NoExactFlow(ValueError):
+    """A term whose flow is not known in closed form; the message names it."""
+
+
+class NowhereFinite(NoExactFlow):
+    """A term that has no finite value."""
+
+
+def functionals_of(
+    expression: Any, world: Symbolics, kept: Iterable[Any] = ()
+) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
+    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
+    used = world.used(expression)
+    coordinates = tuple({i: mpmath.mpf(1)} for i in used)
+    if len(used) == 1:
+        return coordinates, used
+    if (
+        expression.is_Mul
+        and not world.bracket.logarithmic.intersection(used)
+        and all(f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args)
+    ):
+        return coordinates, used  # a monomial
+    numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
+    gradient = [world.slope(expression, i).xreplace(numbers) for i in used]
+    value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
+    rows = []
+    with mpmath.workdps(DIGITS + 20):
+        for n in range(len(used) + 2):
+            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
+            try:
+                row = [mpmath.mpmathify(g) for g in value(*point)]
+            except (TypeError, ZeroDivisionError, ValueError):
+                continue  # not defined there
+            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
+            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in row) else (mpmath.mpf,)
+            rows += [{i: part(g) for i, g in zip(used, row, strict=True)} for part in parts]
+        if not rows:
+            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
+    found, pivots = reduced(rows)
+    return (coordinates, used) if len(found) == len(used) else (found, pivots)
 
 
 def reduced(rows: Sequence[Mapping[int, mpmath.mpf]]) -> tuple[tuple[Functional, ...], tuple[int, ...]]:

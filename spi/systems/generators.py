@@ -1,14 +1,20 @@
-"""What a flow moves by: y(t) = exp(t sum_j a_j M_j) y with constant matrices M_j and numbers a_j that it keeps."""
+"""What a flow moves by: y(t) = exp(t sum_j a_j M_j) y with constant matrices M_j and numbers a_j that it keeps.
+
+Where logarithms are coordinates, y stands for these; where fields are not affine, for a matrix stands a field.
+"""
 
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import mpmath
 import sympy
 
 from .axes import Axis, axes, clusters
+from .brackets import Bracket
 from .functionals import form_text
 from .kept import Entries
+from .series import Field, Series, constant_rates, series
 from .spectrum import Block, blocks
 from .splitting import Flow, connected
 from .symbolics import Symbolics
@@ -23,26 +29,35 @@ class Generator(NamedTuple):
     components: tuple[int, ...]  #: of the linear or quadratic function whose field it is
     text: str  #: that function in words
     kind: str  #: linear or quadratic
+    curved: Field = MappingProxyType({})  #: the whole field where it is not affine
 
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
     """Those of the linear functions that a flow depends on, by their pivots, then those of quadratic ones."""
-    names, variables = world.bracket.variables, world.variables
+    bracket = world.bracket
     found = []
     key: tuple[Any, ...]
     for f, pivot in zip(*flow.reduced(), strict=True):
-        if field := world.bracket.field(f):
+        if bracket.moves(f):
             key = (pivot, tuple((i, mpmath.nstr(c, 40)) for i, c in f.items()))
-            found.append(Generator(field, flow.slope(variables[pivot]), key, tuple(f), form_text(f, names), "linear"))
+            curved = bracket.polynomial_field(f) if bracket.curved(f) else {}
+            text = form_text(f, bracket.coordinates)
+            slope = rate(flow, pivot, world)
+            found.append(Generator(bracket.field(f), slope, key, tuple(f), text, "linear", curved))
     for term in flow.terms:
         for symbol, u in term.inner.items():
             slope, text = (term.slope(symbol), world.name(u.function)) if u.fields else (None, "")
             for c, entries in u.fields:
                 key = (c, tuple((place, mpmath.nstr(value, 40)) for place, value in sorted(entries.items())))
-                rate = sympy.Mul(variables[c], slope)
+                turned = sympy.Mul(world.coordinate(c), slope)
                 used = world.used(u.function)
-                found.append(Generator(entries, rate, ("quadratic", *key), used, text, "quadratic"))
+                found.append(Generator(entries, turned, ("quadratic", *key), used, text, "quadratic"))
     return _added(found)
+
+
+def rate(flow: Flow, pivot: int, world: Symbolics) -> Any:
+    """The number of the linear function with this pivot, of those that a flow depends on."""
+    return world.by_coordinate(flow.slope(world.variables[pivot]), pivot)
 
 
 def _added(found: Sequence[Generator]) -> list[Generator]:
@@ -54,14 +69,19 @@ def _added(found: Sequence[Generator]) -> list[Generator]:
     return list(merged.values())
 
 
-def motions(matrices: Sequence[Entries]) -> list[Block | Axis]:
-    """What moves under some matrices, block by block: first those that commute, then those that turn about an axis."""
+def motions(
+    found: Sequence[Generator], bracket: Bracket
+) -> tuple[list[Block | Axis], dict[int, Series], frozenset[int]]:
+    """(what moves block by block: by matrices that commute, then about axes; what moves by series; the logarithms)."""
+    if any(one.curved for one in found):
+        return [], series([one.curved or bracket.as_field(one.entries) for one in found]), bracket.logarithmic
+    steady, matrices = constant_rates([one.entries for one in found], bracket.dimension)
     apart = clusters(matrices)
     turning = {n for cluster in apart for n in cluster}
-    found: list[Block | Axis] = [*blocks([{} if n in turning else entries for n, entries in enumerate(matrices)])]
+    moving: list[Block | Axis] = [*blocks([{} if n in turning else entries for n, entries in enumerate(matrices)])]
     for cluster in apart:
         parts = connected([place for n in cluster for place in matrices[n]])
         turned = axes(matrices, cluster, parts)
         assert turned is not None  # or the term was none
-        found += turned
-    return found
+        moving += turned
+    return moving, steady, bracket.logarithmic

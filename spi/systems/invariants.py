@@ -11,7 +11,8 @@ from typing import Any
 
 import sympy
 
-from .splitting import NoExactFlow, Term, single
+from .functionals import NoExactFlow
+from .splitting import Term, single
 from .symbolics import Symbolics
 
 _MOST = 12  # variables that are tried in the place of v, over all Casimir functions

@@ -14,7 +14,7 @@ class Quadratic(NamedTuple):
     """A quadratic function u, in one of two ways.
 
     Either u = Q(s) + C with a quadratic form in linear functions that u keeps and a Casimir function C; or its field is
-    sum_c y_c M_c y with components y_c that commute with everything.
+    sum_c y_c M_c y with components y_c that commute with everything, or y_d = 1.
     """
 
     function: Any  #: u in the variables
@@ -40,10 +40,11 @@ def commuting(u: Quadratic, other: Quadratic, dimension: int) -> bool:
     with mpmath.workdps(DIGITS):
         for n in range(3):
             point = [mpmath.frac(mpmath.sqrt(5 + 3 * n + 7 * j) * 19) + mpmath.mpf(1) / 8 for j in range(dimension)]
-            slopes = _times(u.slopes, [*point, mpmath.mpf(1)])
+            point.append(mpmath.mpf(1))
+            slopes = _times(u.slopes, point)
             total = size = mpmath.mpf(0)
             for c, entries in other.fields:
-                for row, value in _times(entries, [*point, mpmath.mpf(1)]).items():
+                for row, value in _times(entries, point).items():
                     term = point[c] * value * slopes.get(row, 0)
                     total, size = total + term, max(size, abs(term))
             if abs(total) > NOTHING * (1 + size):

@@ -8,6 +8,7 @@ import sympy
 from ..checks.registration import vocabulary
 from .casimirs import LARGEST_DENOMINATOR
 from .definition import Defined, define
+from .forms import shortened
 from .source import Generated, generate
 from .splitting import Flow
 
@@ -25,6 +26,10 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
     """What was found, for people."""
     system = defined.system
     lines = [f"{system.world.bracket.dimension} variables; the bracket is antisymmetric and fulfils Jacobi's identity"]
+    if positive := [system.world.bracket.variables[i] for i in sorted(system.world.bracket.logarithmic)]:
+        lines.append(
+            f"flows multiply {shortened(', '.join(positive))} by exponentials: what is positive stays positive"
+        )
     moving = zip((*system.flows, *system.noises), generated.motions, strict=True)
     for n, (flow, motion) in enumerate(moving):
         number = n - len(system.flows)

@@ -10,6 +10,7 @@ from .axes import Axis
 from .brackets import NOTHING
 from .code import Numbers, total, written_sum
 from .eigenspaces import Space
+from .series import Series
 from .shear_code import Shears
 from .spectrum import Block
 
@@ -24,12 +25,34 @@ class Motion(NamedTuple):
     lost: int  #: digits that it loses, where eigenvalues are nearly equal
 
 
-def motion(blocks: Sequence[Block | Axis], count: int, numbers: Numbers, depends: bool) -> Motion:
-    """The motion of some blocks with `count` parameters a; `depends`: whether the matrices depend on parameters."""
+def motion(
+    blocks: Sequence[Block | Axis],
+    series: Mapping[int, Series],
+    logarithmic: frozenset[int],
+    count: int,
+    numbers: Numbers,
+    depends: bool,
+) -> Motion:
+    """The motion of some blocks, and of coordinates by series, with `count` parameters a.
+
+    `logarithmic`: the variables whose logarithms are coordinates, which begin at 0; `depends`: whether the matrices or
+    series depend on parameters.
+    """
     writer = _Writer(count, numbers, depends)
     for block in blocks:
         writer.block(block)
-    moved = tuple(sorted(i for block in blocks for i in block.components))
+    of_blocks = [i for block in blocks for i in block.components]
+    changes = {i: f"z{i + 1}" for i in of_blocks if i in logarithmic}
+    for i, change in series.items():
+        code = writer.polynomial(change)
+        if i in logarithmic:
+            changes[i] = code
+        else:
+            more = f"+ ({code})" if " " in code else f"- {code[1:]}" if code.startswith("-") else f"+ {code}"
+            writer.lines.append(f"z{i + 1} = y{i + 1} {more}")
+            writer.kinds.append("shear")
+    writer.exponentials(changes)
+    moved = tuple(sorted([*of_blocks, *series]))
     lost = max((block.lost for block in blocks), default=0)
     return Motion(tuple(writer.lines), moved, writer.angle(), tuple(writer.kinds), lost)
 

@@ -4,7 +4,7 @@ Where {u, f} = 0 for all the u and linear l that f = F(u_1, ..., l_1, ...) is a 
 and its field is the sum of theirs with the numbers dF/du, dF/dl.  Two kinds of quadratic u move y by constant matrices:
 
 * {y_i, u} = sum_c y_c (M_c y)_i with components y_c that commute with everything.  On heisenberg(n), where there is
-  one such component, these are all quadratic functions.
+  one such component, these are all quadratic functions, and so they are where all brackets are constants.
 * u = Q(s) + C with a quadratic form in linear functions s_1, s_2, ... that u keeps and a Casimir function C: the field
   is that of the s_j with the numbers dQ/ds_j.  On so(3)^2, x.y = (|x + y|^2 - |x|^2 - |y|^2)/2 turns both about x + y.
 """
@@ -20,8 +20,9 @@ from sympy.polys.matrices import DomainMatrix
 
 from .axes import axes, clusters
 from .brackets import NOTHING, precise
+from .functionals import NoExactFlow, functionals_of
 from .kept import Entries, Quadratic, commuting, unmoved
-from .splitting import NoExactFlow, Term, connected, functionals_of
+from .splitting import Term, connected
 from .symbolics import Symbolics
 
 _MOST_TERMS = 200  # of a polynomial that is factored
@@ -30,6 +31,8 @@ _MOST_KEPT = 20  # linear functions s
 
 def by_quadratics(expression: Any, world: Symbolics, casimirs: Sequence[Any]) -> Term | None:
     """The term that a function of such quadratic functions and linear ones is; None if it is none."""
+    if not all(map(world.bracket.is_affine, world.used(expression))):
+        return None
     search = _Search(world, casimirs)
     outer = search.replaced(expression)
     if not search.found:
@@ -74,6 +77,8 @@ class _Search:
         self.world, self.found, self.depends = world, dict[Any, Quadratic](), False
         linked = {i for pair in world.bracket.constants for i in pair}
         self.central = set(range(len(world.variables))) - linked
+        if not world.bracket.is_lie:
+            self.central.add(len(world.variables))  # the place of 1
         self.casimirs = [c for c in casimirs if self._degree(c) == 2 and not c.free_symbols & set(world.parameters)]
 
     def _degree(self, expression: Any) -> int | None:
@@ -185,7 +190,8 @@ class _Search:
 
     def by_kept(self, u: Any) -> Quadratic | None:
         """The function as Q(s) + C; exact, so that all factors must be fractions."""
-        linked = connected([{*pair, *linear} for pair, linear in self.world.bracket.constants.items()])
+        unit = {len(self.world.variables)}
+        linked = connected([{*pair, *linear} - unit for pair, linear in self.world.bracket.constants.items()])
         within = sorted(set().union(*(group for group in linked if group & set(self.world.used(u)))))
         try:
             kept = list(self._kept(u, within))
@@ -218,7 +224,7 @@ class _Search:
         for j in world.used(u):
             linear = world.bracket.of(i, j)
             slope = sympy.diff(u, world.variables[j])
-            total.append(sympy.Add(*(c * world.variables[k] for k, c in linear.items())) * slope)
+            total.append(sympy.Add(*(c * world.coordinate(k) for k, c in linear.items())) * slope)
         return sympy.expand(sympy.Add(*total))
 
 

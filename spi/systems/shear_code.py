@@ -1,6 +1,6 @@
-"""Source of what moves within a joint eigenspace besides e^z: shears, and pairs of nearly equal eigenvalues."""
+"""Source of what moves within a joint eigenspace besides e^z, as shears, and of what moves by series that end."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mpmath
@@ -8,6 +8,7 @@ import mpmath
 from .brackets import NOTHING
 from .code import Numbers, forms, written_sum
 from .eigenspaces import Near, Space
+from .series import Series
 
 
 class Shears:
@@ -76,6 +77,36 @@ class Shears:
                 size = float(abs(c))
                 terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
         return written_sum(terms)
+
+    def polynomial(self, change: Series) -> str:
+        """Code of a polynomial in the a, with polynomials in the y as factors."""
+        terms = []
+        for times in dict.fromkeys(times for times, _ in change):
+            product = _product("a", times)
+            factors = [
+                self.numbers.times(c, _product("y", monomial) or "1.0", self.depends)
+                for (others, monomial), c in change.items()
+                if others == times
+            ]
+            if len(factors) == 1:
+                (sign, code) = factors[0]
+                terms.append((sign, product if code == "1.0" else f"{code} * {product}"))
+            else:
+                terms.append(("+", f"{product} * ({written_sum(factors)})"))
+        return written_sum(terms)
+
+    def exponentials(self, changes: Mapping[int, str]) -> None:
+        """Multiply variables by exponentials of the changes of their logarithms, each of which is taken once."""
+        names: dict[str, str] = {}
+        for i, code in changes.items():
+            is_negative = code.startswith("-") and " + " not in code and " - " not in code
+            inner = code[1:] if is_negative else code
+            if inner not in names:
+                names[inner] = self.let("e", f"exp({inner})")
+            if is_negative and code not in names:
+                names[code] = self.let("e", f"1.0 / {names[inner]}")
+            self.lines.append(f"z{i + 1} = y[{i}] * {names[code]}")
+            self.kinds.append("scaling")
 
     def sheared(self, space: Space, u: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
@@ -146,3 +177,7 @@ class Shears:
             real, imaginary = (self.let("q", code) if code else "0.0" for code in codes)
             found.append((real, imaginary))
         return found
+
+
+def _product(name: str, monomial: Sequence[int]) -> str:
+    return " * ".join(f"{name}{k + 1}" for k in monomial)

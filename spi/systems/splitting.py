@@ -13,20 +13,14 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
-from .functionals import Functional, form_text, reduced
+from .forms import degree_of
+from .functionals import Functional, NoExactFlow, NowhereFinite, form_text, functionals_of, reduced
 from .kept import Quadratic, commuting, unmoved
+from .series import ends
 from .symbolics import Symbolics
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
 Lacking = list[tuple[Any, str]]  #: what has no exact flow, and why
-
-
-class NoExactFlow(ValueError):
-    """A term whose flow is not known in closed form; the message names it."""
-
-
-class NowhereFinite(NoExactFlow):
-    """A term that has no finite value."""
 
 
 class Term(NamedTuple):
@@ -94,8 +88,10 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
     functionals, pivots = functionals_of(expression, world, kept)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
-            names = " and ".join(form_text(f, world.bracket.variables) for f in (first, second))
+            names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
             raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
+    if world.bracket.higher and not ends(world.bracket, functionals):
+        raise NoExactFlow(f"'{world.name(expression)}' moves by a Lie series that does not end")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying, kept)
 
@@ -165,12 +161,17 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     flows: list[list[Term]] = []
     for term in terms:
         for flow in flows:
-            if commute([term], flow, bracket):
+            if commute([term], flow, bracket) and _is_curved(term, bracket) == _is_curved(flow[0], bracket):
                 flow.append(term)
                 break
         else:
             flows.append([term])
     return [Flow(tuple(flow)) for flow in flows]
+
+
+def _is_curved(term: Term, bracket: Bracket) -> bool:
+    """Whether its fields are not affine, so that its flow is a series."""
+    return any(map(bracket.curved, term.functionals))
 
 
 def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], Term | None]) -> Parts:
@@ -191,7 +192,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, otherwise: Callable[[Any], 
         if len(expanded) > 1:
             more, cross = _of_parts(addend, expanded, world, otherwise)
             terms, crossing = terms + more, crossing + cross
-        elif addend.is_polynomial(*world.variables) and sympy.Poly(addend, *world.variables).total_degree() == 2:
+        elif all(map(world.bracket.is_affine, world.used(addend))) and degree_of(addend, world) == 2:
             crossing.append(addend)
         elif (found := otherwise(addend)) is not None:
             terms.append(found)
@@ -266,35 +267,3 @@ def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: 
             weight = constants.symbol(weights[n] * scale**2)
             terms.append(Term(weight * line**2, (functional,), (pivot,), True))
     return terms
-
-
-def functionals_of(
-    expression: Any, world: Symbolics, kept: Iterable[Any] = ()
-) -> tuple[tuple[Functional, ...], tuple[int, ...]]:
-    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
-    used = world.used(expression)
-    coordinates = tuple({i: mpmath.mpf(1)} for i in used)
-    if len(used) == 1:
-        return coordinates, used
-    if expression.is_Mul and all(
-        f.is_Symbol or (f.is_Pow and f.base.is_Symbol) or f.is_number for f in expression.args
-    ):
-        return coordinates, used  # a monomial
-    numbers = dict(world.parameters) | {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
-    gradient = [sympy.diff(expression, world.variables[i]).xreplace(numbers) for i in used]
-    value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
-    rows = []
-    with mpmath.workdps(DIGITS + 20):
-        for n in range(len(used) + 2):
-            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
-            try:
-                slopes = [mpmath.mpmathify(g) for g in value(*point)]
-            except (TypeError, ZeroDivisionError, ValueError):
-                continue  # not defined there
-            # where a root or a logarithm is complex, its gradient depends on the same functions as where it is real
-            parts = (mpmath.re, mpmath.im) if any(isinstance(g, mpmath.mpc) for g in slopes) else (mpmath.mpf,)
-            rows += [{i: part(g) for i, g in zip(used, slopes, strict=True)} for part in parts]
-        if not rows:
-            raise NowhereFinite(f"'{world.name(expression)}' has no finite value at these parameters")
-    found, pivots = reduced(rows)
-    return (coordinates, used) if len(found) == len(used) else (found, pivots)

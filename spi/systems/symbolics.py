@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import DIGITS, NOTHING, Bracket, precise
+from .brackets import DIGITS, NOTHING, Bracket
 
 
 class Symbolics(NamedTuple):
@@ -26,25 +26,50 @@ class Symbolics(NamedTuple):
         """Whether a parameter occurs in it."""
         return any(symbol in self.parameters for symbol in expression.free_symbols)
 
+    def coordinate(self, i: int) -> Any:
+        """w_i as a formula; 1 for i = d."""
+        if i == len(self.variables):
+            return sympy.Integer(1)
+        return sympy.log(self.variables[i]) if i in self.bracket.logarithmic else self.variables[i]
+
     def name(self, expression: Any) -> str:
         """An expression in the words of the user."""
         words = dict(zip(self.variables, map(sympy.Symbol, self.bracket.variables), strict=True))
         return str(expression.xreplace(words)).replace("**", "^")
 
+    def by_coordinate(self, derivative: Any, i: int) -> Any:
+        """The derivative of a function by the coordinate w_i, made of that by y_i; see ``coordinates``."""
+        if i not in self.bracket.logarithmic:
+            return derivative
+        return sympy.Add(*(self.variables[i] * term for term in sympy.Add.make_args(derivative)))
+
+    def slope(self, function: Any, i: int) -> Any:
+        """The derivative of a function by the coordinate w_i, at the values of the parameters."""
+        derivative = self.by_coordinate(sympy.diff(function, self.variables[i]), i)
+        return derivative.xreplace(dict(self.parameters))
+
+    def constant_bracket(self, f: Any, g: Any) -> bool:
+        """Whether {f, g} is the same everywhere, so that the flows of f and g commute."""
+        terms = [
+            c * sympy.Mul(*map(self.coordinate, monomial)) * (self.slope(f, i) * self.slope(g, j) * sign)
+            for m, n, polynomial in self.bracket.entries()
+            for i, j, sign in ((m, n, 1), (n, m, -1))
+            for monomial, c in polynomial.items()
+        ]
+        return not self.used(sympy.expand(sympy.Add(*terms)))
+
     def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
-        """The gradient of a function by component, to the digits at hand; without those where it is not defined."""
+        """The gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
         found = {}
         for i in self.used(function):
-            slope = sympy.diff(function, self.variables[i]).xreplace(dict(self.parameters))
             with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
-                found[i] = mpmath.mpmathify(sympy.lambdify(self.variables, slope, "mpmath")(*point))
+                found[i] = mpmath.mpmathify(sympy.lambdify(self.variables, self.slope(function, i), "mpmath")(*point))
         return found
 
     def is_casimir(self, function: Any) -> bool:
         """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
         used = self.used(function)
-        gradient = [sympy.diff(function, self.variables[i]).xreplace(dict(self.parameters)) for i in used]
-        value = sympy.lambdify(self.variables, gradient, "mpmath")
+        value = sympy.lambdify(self.variables, [self.slope(function, i) for i in used], "mpmath")
         tried, d = 0, len(self.variables)
         with mpmath.workdps(DIGITS):
             for n in range(12):
@@ -69,7 +94,7 @@ class Symbolics(NamedTuple):
                 gradient = self.gradient_at(function, point)
                 if len(gradient) < len(self.used(function)):
                     continue  # not defined there
-                terms = [gradient[i] * c * point[k] for (i, k), c in field.items() if i in gradient]
+                terms = [gradient[i] * c * [*point, 1][k] for (i, k), c in field.items() if i in gradient]
                 if abs(mpmath.fsum(terms)) > NOTHING * (1 + max(map(abs, terms), default=0)):
                     return False
                 tried += 1
@@ -77,11 +102,10 @@ class Symbolics(NamedTuple):
 
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
-    """B(y) v by component, and the size of the largest of the terms that are added up there."""
+    """B v by coordinate, and the size of the largest of the terms that are added up there."""
     moved: dict[int, Any] = {}
     size = mpmath.mpf(0)
-    for (i, j), linear in bracket.constants.items():
-        entry = mpmath.fsum(precise(c) * point[k] for k, c in linear.items())
+    for (i, j), entry in bracket.at(point).items():
         for row, column, sign in ((i, j, 1), (j, i, -1)):
             if column in gradient:
                 term = sign * entry * gradient[column]

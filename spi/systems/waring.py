@@ -27,7 +27,8 @@ def powers(lacking: Lacking, world: Symbolics, casimirs: Callable[[], Sequence[A
 
     A power of a quadratic Casimir function, which moves nothing, is added where that leaves fewer terms.
     """
-    polynomials = [addend for addend, _ in lacking if addend.is_polynomial(*world.variables)]
+    affine = [addend for addend, _ in lacking if all(map(world.bracket.is_affine, world.used(addend)))]
+    polynomials = [addend for addend in affine if addend.is_polynomial(*world.variables)]
     if not polynomials:
         return ([], []), lacking
     still = [(addend, reason) for addend, reason in lacking if addend not in polynomials]

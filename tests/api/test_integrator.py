@@ -124,7 +124,7 @@ def test_numba_code_of_others_can_call_it():
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_a_particle_filter_is_near_the_exact_one():
     """Of an angle on the circle: a density convolved with the wrapped normal one and multiplied by the likelihood."""
-    axis = {"name": "rigid_body", "inertia": [1, 1, 1], "noise_inertia": [1, 1, 1], "sigma": [0, 0, 1]}
+    axis = {"name": "rigid_body", "inertia": [1e12, 1e12, 1e12], "noise_inertia": [1, 1, 1], "sigma": [0, 0, 1]}
     filtering = spi.Integrator(axis, "splitting", H, initial=[1, 0, 1])
     observed, error, particles, steps = [0.9, 0.5, -0.2, -0.4], 0.3, 40_000, 2
     angles = 2 * np.pi * np.arange(512) / 512

@@ -13,6 +13,7 @@ import test_models
 from extending import Oscillator
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, composed, final_states, random_states, take_step
 
+from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import hamiltonian
 from spi.exact import kolmogorov
 from spi.models import MODELS
@@ -81,7 +82,6 @@ def test_the_composition_is_what_its_row_says():
     assert typical_ns(SCHEMES[NAME], RIGID_BODY) > typical_ns(SCHEMES["splitting"], RIGID_BODY)
 
 
-@pytest.mark.skipif(not COMPILED, reason="too many paths without the compiler")
 def test_its_expectations_without_sampling_are_those_of_its_paths():
     def phi(y):
         return np.sin(2.0 * y[0]) + y[1] * y[2]
@@ -93,7 +93,12 @@ def test_its_expectations_without_sampling_are_those_of_its_paths():
         )
         for name in (NAME, "splitting")
     )
-    values = phi(final_states(SCHEMES[NAME].record, h=h, steps=2, blocks=2048)[0])
+    generator, y = np.random.default_rng(7), np.repeat(np.reshape(INITIAL, (3, 1)), 2**17, axis=1)
+    ((_, acting),) = compositions(SCHEMES[NAME].composition, RIGID_BODY)
+    for dW in np.sqrt(h) * generator.standard_normal((2, *y.shape)):
+        with uncompiled():
+            y = composed(RIGID_BODY, acting, h, tuple(y), dW)
+    values = phi(y)
     stderr = values.std() / np.sqrt(values.size)
     assert abs(values.mean() - exact.value[0, 0]) < 4.5 * stderr + exact.value_bound[0, 0]
     for wrong in (exact.limit[0], other.value[0, 0]):  # neither the equation itself nor another order would pass

@@ -532,7 +532,7 @@ def test_a_failed_claim_is_exit_code_4_and_is_shown(spi):
     before = RESULTS.read_bytes()
     code, out, err = spi("run", SPEC, *TINY, *claiming("nonfinite: at least 1, casimir_drift: 1e-12"))  # no --fresh
     assert code == 4 and out.count(" passed") == 1 and out.count(" failed") == 1 and RESULTS.read_bytes() != before
-    assert "claims: 1 passed, 1 failed" in err and "splitting: nonfinite at least 1; result: 0" in err
+    assert "claims: 1 passed, 1 failed" in err and "splitting: diverged at least 1; result: 0" in err
     code, shown, _ = spi("show", RESULTS)
     assert code == 0 and " failed" in shown  # without the spec at hand
     code, shown, _ = spi("show", RESULTS, "--format", "csv")

@@ -5,7 +5,7 @@ import math
 import long_time_cases
 import numpy as np
 import pytest
-from helpers import INITIAL, RIGID_BODY, compiled_only, without_the_compiler
+from helpers import INITIAL, RIGID_BODY, compiled_only
 from long_time_cases import initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
@@ -20,8 +20,10 @@ from spi.storage.records import Part
 load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
 
 
-def check_pieces(name, eps=None):
-    scheme, model = scheme_entry(name, eps).record, RIGID_BODY._replace(sigma=(1.0, 0.7, None))
+@pytest.mark.parametrize(("name", "eps"), [("splitting_order2", None), ("ap_splitting", 0.3)])
+def test_pieces_with_coins_and_with_memory_give_the_same_bits(name, eps):
+    """With kernels that other tests need as well."""
+    scheme, model = scheme_entry(name, eps).record, RIGID_BODY
     start, n, more = initial_rows(scheme, model, INITIAL, 1), STEPS_PER_TOSS, 2 * STEPS_PER_DRAW
     whole = rows_after(scheme, model, start, 0.1, 0, n + more)
     first = rows_after(scheme, model, start, 0.1, 0, n)
@@ -33,12 +35,6 @@ def check_pieces(name, eps=None):
         forgotten = first.copy()
         forgotten[:, len(INITIAL) * LANES :] = 0.0
         assert not np.array_equal(rows_after(scheme, model, forgotten, 0.1, n, more), whole)
-
-
-def test_pieces_with_coins_and_with_memory_give_the_same_bits():
-    """Without the compiler, which would take longer than the few steps."""
-    program = "from test_long_time import *; check_pieces('splitting_order2'); check_pieces('ap_splitting', 0.5)"
-    assert without_the_compiler(f"{program}; print(1)")
 
 
 @compiled_only

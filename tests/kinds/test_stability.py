@@ -1,18 +1,16 @@
 """The stability study against a plain NumPy computation from the same increments; all seeds are fixed."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 import stability_cases
-from helpers import COMPILED, INITIAL, compiled_only, without_the_compiler
+from helpers import COMPILED, INITIAL, compiled_only
 from stability_cases import EPS, PHI, RIGID, paths_by_hand, study, summary_by_hand
 from states import check_going_on, taken
 
 from spi.kinds.stability import study as stability
 from spi.numerics.rng import LANES
-from spi.running.run import load
 from spi.storage.records import Part
 
 # fixtures
@@ -70,27 +68,19 @@ def test_whole_study_is_what_plain_numpy_finds(case_of, scheme):
     assert facts["model_inertia"] == (2.0, 1.0, 2 / 3)
 
 
-def check_eps(folder):
+@pytest.mark.parametrize("overrides", [[], pytest.param(["reference_scheme=ap_splitting"], marks=pytest.mark.slow)])
+def test_swept_eps_is_what_plain_numpy_finds(case_of, overrides):
     """The multiscale scheme and its reference have the eps of each value; the truth is that of the limit eps = 0."""
-    path = Path(folder) / "eps.yaml"
-    path.write_text(EPS, encoding="utf-8")
-    case = load(path).cases[0]
-    cases = [case, load(path, overrides=["reference_scheme=ap_splitting"]).cases[0]]
-    for case in cases:
-        found, group = study(case, "ap_splitting")
-        for i, (point, eps) in enumerate(zip(case.sweep.cases, case.sweep.values, strict=True)):
-            assert point.eps == (eps,)
-            expected = summary_by_hand(point, paths_by_hand(point, "splitting", eps), PHI)
-            for name in ("error", "error_stderr", "expectation", "largest_angle"):
-                np.testing.assert_allclose(found[name][i], expected[name], rtol=1e-9, atol=1e-14, err_msg=name)
-        assert np.abs(found["error"][1] / found["error"][0] - 1).max() > 0.1  # eps matters
-        assert np.isfinite(found["truth"]).all() and np.array_equal(found["truth"][0], found["truth"][1])
-        assert group.attributes["scheme_label"] == "AP splitting"
-
-
-def test_swept_eps_is_what_plain_numpy_finds(tmp_path):
-    """Without the compiler, which would take longer than the few steps."""
-    assert without_the_compiler(f"import test_stability; test_stability.check_eps({str(tmp_path)!r}); print(1)")
+    case = case_of(EPS, *overrides)
+    found, group = study(case, "ap_splitting")
+    for i, (point, eps) in enumerate(zip(case.sweep.cases, case.sweep.values, strict=True)):
+        assert point.eps == (eps,)
+        expected = summary_by_hand(point, paths_by_hand(point, "splitting", eps), PHI)
+        for name in ("error", "error_stderr", "expectation", "largest_angle"):
+            np.testing.assert_allclose(found[name][i], expected[name], rtol=1e-9, atol=1e-14, err_msg=name)
+    assert np.abs(found["error"][1] / found["error"][0] - 1).max() > 0.1  # eps matters
+    assert np.isfinite(found["truth"]).all() and np.array_equal(found["truth"][0], found["truth"][1])
+    assert group.attributes["scheme_label"] == "AP splitting"
 
 
 def test_one_path_has_no_standard_errors(case_of):

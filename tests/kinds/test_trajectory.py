@@ -86,6 +86,7 @@ def test_a_reading_says_what_its_scheme_preserves():
     }
     assert {scheme for scheme, (_, kept) in told.items() if kept} == {
         *("splitting", "splitting_drift_first", "splitting_areas", "splitting_order2", "splitting_symmetric"),
+        *("splitting_joint_lie", "splitting_joint", "splitting_joint_areas"),
         *("isospectral_midpoint", "ap_splitting", "ap_splitting_midpoint"),
     }
 

@@ -123,7 +123,8 @@ def test_standard_errors_of_multilevel_leave_out_groups():
 
 
 @compiled_only
-@pytest.mark.parametrize("scheme", ["splitting", "splitting_order2"])
+@pytest.mark.share(1)
+@pytest.mark.parametrize("scheme", ["splitting_order2", "splitting"])
 def test_multilevel_goes_on_from_every_state(scheme):
     """Also from one just after an allocation, or before."""
     p = plan_of(case_of("seconds=0.01"), scheme, "multilevel")

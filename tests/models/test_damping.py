@@ -233,10 +233,6 @@ WEAK = HEAD + (
     "kind: weak\nfinal_time: 1\nsteps: [2^-2, 2^-3]\nreference_step: 2^-4\nfunctions: y1^2\n"
     "estimators: [plain]\nsamples: 1000\n"
 )
-#: The Casimir changes by the damping alone, whatever the noises; with one of them kernels take less to compile.
-ONE_NOISE = "model.sigma=[1, 0, 0]"
-
-
 load_text = long_time_cases.load_text
 
 
@@ -252,7 +248,7 @@ load_text = long_time_cases.load_text
     ids=["strong", "trajectory", "long_time"],
 )
 def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text, name, asked):
-    (plan,) = plans(load_text(text, "schemes=[splitting]", ONE_NOISE))
+    (plan,) = plans(load_text(text, "schemes=[splitting]"))
 
     def group_and_worst():
         group = plan.results(finished(plan)).group()

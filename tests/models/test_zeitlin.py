@@ -24,6 +24,7 @@ from zeitlin_cases import (
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import drift_flow, noise_flow
+from spi.ensemble.scheme_protocol import REPORT, advance_large, work_size
 from spi.models import SineEuler
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
@@ -31,7 +32,8 @@ from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import lattice
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
-from spi.schemes.stages import compositions
+from spi.schemes.splitting import splitting
+from spi.schemes.stages import compositions, flows
 
 pytestmark = pytest.mark.xdist_group("zeitlin")
 
@@ -216,3 +218,21 @@ def test_steps_without_the_compiler(name):
         plain = take(name, model, h, dW, y, coins, in_python=True)
     assert apart(plain.states, compiled.states) < 1e-14 < apart(plain.states, y)
     assert np.array_equal(plain.report, compiled.report)
+
+
+def test_noise_that_shares_the_increments_of_a_step():
+    """Without the compiler: the palindrome with one increment in both halves."""
+    model, h, y = ITS_TWIN, 0.3, states(3, 2)
+    halves = increments(model, h, 1, 2)[0]
+    shared = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric", shared=True),
+                       flows("drift", "backwards", 1 / 2))  # fmt: skip
+    of, block, report = tables(model), np.zeros((8, LANES)), np.zeros(len(REPORT))
+    block[:, :2], dW = y.T, np.zeros((of.m, LANES))
+    dW[:, :2] = halves.sum(axis=0)
+    block = block.ravel()
+    with uncompiled():
+        advance_large(shared, of, 2, h, dW.ravel(), np.ones(LANES), block, np.empty(work_size(shared, of)), report)
+    for path, found in enumerate(block.reshape(8, LANES)[:, :2].T):
+        even = [halves[:, :, path].mean(axis=0)] * 2
+        assert apart(found, fluids.symmetric(model, h, even, y[path])) < 1e-13
+        assert apart(found, fluids.symmetric(model, h, halves[:, :, path], y[path])) > 1e-3

@@ -74,7 +74,6 @@ def test_a_scheme_without_latex_has_its_formula_as_text():
 
 def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
     """Its formulas are MathML and its code is in colours, both made while it is built."""
-    pytest.importorskip("latex2mathml", reason="an environment from before the site had formulas")
     done = built(ROOT / "mkdocs.yml", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "WARNING" not in done.stderr
@@ -93,7 +92,6 @@ def test_site_builds_without_a_warning_and_needs_no_network(tmp_path):
 
 
 def test_a_broken_link_is_noticed(tmp_path):
-    pytest.importorskip("latex2mathml", reason="an environment from before the site had formulas")
     docs = tmp_path / "docs"
     docs.mkdir()
     docs.joinpath("index.md").write_text("[nowhere](no_such_page.md)\n")

@@ -154,7 +154,7 @@ def test_every_experiment_has_all_of_its_parts(stored, tmp_path, undrawn):
 def test_failed_claims_are_shown(stored, tmp_path, undrawn):
     text = page_of(stored[:1], tmp_path / "report.html")
     assert '<span class="passed">1 passed</span>, <span class="bad">1 failed</span>' in text
-    assert "three: splitting, noise first (slpI): nonfinite at least 1; result: 0" in text
+    assert "three: splitting, noise first (slpI): diverged at least 1; result: 0" in text
     storage.write(stored[0], strong_results(expect=claims.as_text([claim("casimir_drift", 1e-12)])))
     text = page_of(stored[:1], tmp_path / "report.html")
     assert '<span class="passed">1 passed</span>.' in text and "failed" not in text.partition("</head>")[2]

@@ -10,7 +10,8 @@ from work_results import work_group, work_results
 
 from spi.kinds import KINDS
 from spi.report import views
-from spi.storage.records import Order, by_case
+from spi.storage.records import Order
+from spi.storage.stored import by_case
 
 NAN = float("nan")
 

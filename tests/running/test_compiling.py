@@ -41,8 +41,8 @@ from spi.running import compiling
 from spi.kinds.plans import KernelCall
 
 compiling.processors = lambda: 3
-TYPES = [float, int, complex, np.float32, np.int32, np.uint8]
-CALLS = [KernelCall(total, (a(2), b(3))) for a, b in itertools.product(TYPES[:3], TYPES)]
+TYPES = [float, int, np.float32, np.int32, np.uint8]
+CALLS = [KernelCall(total, (a(2), b(3))) for a, b in itertools.product(TYPES[:2], TYPES)]
 started, told = [], []
 Popen = compiling.subprocess.Popen
 
@@ -90,22 +90,23 @@ def program(tmp_path):
 
 def test_workers_fill_the_cache_and_none_is_started_for_what_is_there(program):
     """Many kernels at once in one index: without turns one would be lost, or found in the place of another."""
-    assert program("only_workers(); compile_missing()") == [True, 18, 0, 2, []]
-    assert program("compile_missing()") == [True, 18, 0, 0, []]
+    assert program("only_workers(); compile_missing()") == [True, 10, 0, 2, []]
+    assert program("compile_missing()") == [True, 10, 0, 0, []]
 
 
 def test_this_process_compiles_as_well_and_says_what(program):
     right, hits, misses, started, told = program("compile_missing('ab')")
     assert (right, started) == (True, 1)
-    assert misses == len(told) and hits == 18 - misses
-    assert all(total == 18 and label == "ab"[(number - 1) % 2] for number, total, label in told)
+    assert misses == len(told) and hits == 10 - misses
+    assert all(total == 10 and label == "ab"[(number - 1) % 2] for number, total, label in told)
 
 
 def test_one_label_is_not_worth_a_process(program):
     assert program("compile_missing('a', CALLS[:4])", SOME)[:4] == [True, 0, 4, 0]
 
 
-@pytest.mark.parametrize("worker", ["raise SystemExit(1)", "import os; os.abort()", "no Python"])
+@pytest.mark.share(1)
+@pytest.mark.parametrize("worker", ["import os; os.abort()", "raise SystemExit(1)", "no Python"])
 def test_a_crashed_worker_does_no_harm(program, worker):
     crash = f"compiling._WORKER = {worker!r}; only_workers(); compile_missing(calls=CALLS[:4])"
     assert program(crash, SOME) == [True, 0, 4, 2, []]

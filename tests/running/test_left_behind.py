@@ -1,12 +1,15 @@
 """What a run leaves that ends in an unusual way: no processes, no folders, and nothing computed is lost."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
 import time
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Future
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from helpers import COMPILED
@@ -15,8 +18,8 @@ import spi
 from spi import storage
 from spi.cli import main
 from spi.numerics.rng import LANES
+from spi.running import clusters, shards, workers
 from spi.running import run as runner
-from spi.running import shards, workers
 from spi.running.checkpoint import Shard
 from spi.running.run import Limits, Watch, load
 from spi.running.verify import verify
@@ -129,6 +132,66 @@ class Losing:
 
     def renewed(self, waiting):
         return []
+
+
+@pytest.mark.parametrize("error", [OSError("Timed out"), RuntimeError("Client is closed")])
+def test_a_scheduler_of_dask_that_is_gone_is_one_error(error):
+    """Whatever the library raises of which of its calls."""
+    client = Mock(status="closed", **{"get_executor.return_value.submit.side_effect": error})
+    client.nthreads.side_effect = client.run.side_effect = error
+    dask = clusters.Dask(client)
+    assert issubclass(CancelledError, dask.lost) and dask.stuck()
+    for ask in (lambda: dask.size, dask.machines, lambda: dask.submit(None, 0, None), lambda: dask.renewed({})):
+        with pytest.raises(workers.WorkersLost, match="the scheduler of the Dask cluster does not answer"):
+            ask()
+    client.status = "connecting"
+    assert not dask.stuck() and dask.renewed({}) == []
+
+
+@pytest.fixture
+def beside(tmp_path):
+    """Start a Python program, with its messages in a file, that ends with the test at the latest."""
+    path = os.pathsep.join([str(Path(spi.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "3s"}
+    started = []
+
+    def start(*program):
+        with open(tmp_path / f"{len(started)}.err", "w") as err:
+            started.append(subprocess.Popen([sys.executable, *program], cwd=tmp_path, env=environment, stderr=err))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+def test_a_scheduler_of_dask_that_is_killed(tmp_path, beside):
+    def wait_for(pattern, ready):
+        for _ in range(1200):
+            if found := [path for path in tmp_path.glob(pattern) if path.stat().st_size and ready(path)]:
+                return found[0]
+            time.sleep(0.1)
+        return pytest.fail(f"there is no {pattern}")
+
+    def some_chunks(path):
+        _, parts = storage.read_sums(path)
+        return any(kept["digests"] for part in parts.values() for kept in part["path_sets"])
+
+    place = ["--no-dashboard", "--scheduler-file", "place.json"]
+    scheduler = beside("-m", "distributed.cli.dask_scheduler", "--port", "0", *place)
+    address = json.loads(wait_for("place.json", Path.exists).read_text())["address"]
+    beside("-m", "distributed.cli.dask_worker", "--nthreads", "1", *place)
+    options = ["--samples", "500000", "--checkpoint", "0.1s", "--dask", address]
+    run = beside("-c", "from spi.cli import main; main()", "run", str(EXPERIMENTS / "rigid_body_strong.yaml"), *options)
+    wait_for("results/sums/*.npz", some_chunks)
+    scheduler.kill()
+    assert run.wait(120) == 1
+    err = (tmp_path / "2.err").read_text()
+    assert "Traceback" not in err
+    assert re.search(r"\nspi: the scheduler of the Dask cluster .*; progress is saved in results/.*npz\n", err)
 
 
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")

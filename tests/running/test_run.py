@@ -440,14 +440,14 @@ def peak(samples):
     runner.run(wanted, sys.argv[2], fresh=True)
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
-print(json.dumps([peak(8192), peak(40 * 8192)]))
+print(json.dumps([peak(8192), peak(12 * 8192)]))
 """
 
 
 @compiled_only
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ru_maxrss has other units elsewhere")
 def test_memory_does_not_grow_with_samples(tmp_path):
-    """One number per path and grid point would be 600 MB, one number per path alone 2.5 MB."""
+    """One number per path and grid point would be 180 MB."""
     arguments = [sys.executable, "-c", MEMORY, str(EXPERIMENT), str(tmp_path)]
     done = subprocess.run(arguments, capture_output=True, text=True, env=dict(os.environ), timeout=300)
     assert done.returncode == 0, done.stderr

@@ -84,7 +84,7 @@ def test_many_noises(spec):
         spec(TEXT, MODEL, f"{{name: zeitlin, n: 255, noise: {noise}}}")
 
 
-FOR_OTHERS = "which is not for zeitlin; use euler_maruyama or a splitting without Lévy areas"
+FOR_OTHERS = "which is not for zeitlin; use euler_maruyama or a splitting without joint flows and Lévy areas"
 
 
 @pytest.mark.parametrize(

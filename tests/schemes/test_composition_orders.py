@@ -15,6 +15,7 @@ from spi.kinds.strong.study.errors import expected_order
 from spi.schemes.splitting import has_antithetic_path, splitting
 from spi.schemes.stages import compositions, flows
 
+HALVES = "compositions={halves: [noise 1/2, drift 1, noise 1/2 backwards]}"  # whose kernel other tests need as well
 PALINDROME = "[drift 1/2, noise 1 symmetric, drift 1/2 backwards]"
 CROOKED = "[drift 1/2, noise 1 symmetric, drift 1/2]"  # negative control: its drift is not symmetric
 
@@ -26,7 +27,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
 
     Strengths 0 rather than None, so that one compiled kernel serves both; theory is asked with None.
     """
-    own = ["compositions={halves: [noise 1/2, drift 1, noise 1/2]}", "schemes=[halves]", f"model.sigma={list(sigma)}"]
+    own = [HALVES, "schemes=[halves]", f"model.sigma={list(sigma)}"]
     case = strong_case(*own, "steps=2^-4 .. 2^-9", "reference_step=2^-13", "truncate_noise=false", "samples=512")
     assert expected_order(case.row("halves"), case) == order
     case = case.model_copy(update={"model": case.model._replace(sigma=sigma)})
@@ -41,7 +42,7 @@ def test_strong_orders_of_noise_in_halves(sigma, order, other):
 @compiled_only
 def test_all_schemes_are_on_one_path():
     """With the splitting scheme as the reference errors still tend to 0, which they do not on another path."""
-    own = ["compositions={halves: [noise 1/2, drift 1, noise 1/2]}", "schemes=[halves]", "model.sigma=[1, 0, 0]"]
+    own = [HALVES, "schemes=[halves]", "model.sigma=[1, 0, 0]"]
     steps = ["steps=2^-4 .. 2^-9", "reference_step=2^-13", "truncate_noise=false", "samples=256"]
     found, _ = study(strong_case(*own, *steps, "reference_scheme=splitting"), "halves")
     low, high = found["order_low"], found["order_high"]

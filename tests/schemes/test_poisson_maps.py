@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scheme_cases
 from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, SCHEMES, simulate, take_step, take_steps
-from scheme_cases import FAILURES, RENORMALISED, SPLITTINGS, increments, on_the_sphere, relative, tosses
+from scheme_cases import FAILURES, JOINT, RENORMALISED, SPLITTINGS, increments, on_the_sphere, relative, tosses
 
 from spi.ensemble.protocol import area_pairs
 from spi.ensemble.scheme_protocol import needs_areas, substeps
@@ -63,7 +63,7 @@ def poisson_defect(scheme, model, h, generator):
 @pytest.mark.parametrize("h", [0.01, 0.1, 0.5])
 @pytest.mark.parametrize("name", [name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves])
 def test_poisson_maps(name, model, h, generator):
-    if name == "splitting_areas":
+    if name in ("splitting_areas", "splitting_joint_areas"):
         h /= 20  # its loops turn by angles of the size of h^(1/2), and derivatives of 18 flows are large
     for _ in range(5 if COMPILED else 1):
         assert poisson_defect(SCHEMES[name].record, model, h, generator) < 1e-8
@@ -71,11 +71,13 @@ def test_poisson_maps(name, model, h, generator):
 
 def test_splittings_and_one_more_claim_to_be_poisson_maps_and_no_others():
     poisson = {name for name, row in SCHEMES.items() if "Poisson structure" in row.preserves}
-    assert poisson == {*SPLITTINGS, "splitting_areas", "splitting_symmetric", "isospectral_midpoint"}
+    assert poisson == {*SPLITTINGS, *JOINT, "splitting_areas", "splitting_symmetric", "isospectral_midpoint"}
 
 
 @pytest.mark.share
-@pytest.mark.parametrize("name", ["euler_maruyama", "midpoint", "munthe_kaas_euler", "munthe_kaas_midpoint"])
+@pytest.mark.parametrize(
+    "name", ["euler_maruyama", "midpoint", "munthe_kaas_euler", "munthe_kaas_midpoint", "munthe_kaas_areas"]
+)
 def test_comparators_are_no_poisson_maps(name, model, generator):
     """Negative control.  The midpoint rule keeps quadratic Casimirs but, for a B that is not constant, not B.
 

@@ -9,7 +9,7 @@ import scheme_cases
 from helpers import LANES, ONE_NOISE, RIGID_BODY, SCHEMES, random_states, take_step, take_steps
 from matplotlib.colors import is_color_like
 from matplotlib.markers import MarkerStyle
-from scheme_cases import FAILURES, ITERATIONS, RENORMALISED, SPLITTINGS, field, increments, relative, tosses
+from scheme_cases import FAILURES, ITERATIONS, JOINT, RENORMALISED, SPLITTINGS, field, increments, relative, tosses
 
 from spi.ensemble.protocol import strengths
 from spi.ensemble.scheme_protocol import substeps
@@ -52,9 +52,10 @@ def test_rows_say_where_schemes_come_from_and_how_they_look():
 
 def test_questions_to_rows_follow_from_their_records():
     compositions_of_flows = {name for name, row in ALL_SCHEMES.items() if row.composition is not None}
-    others = {SYMMETRIC, "splitting_areas", "ap_splitting", "ap_splitting_midpoint"}
+    others = {SYMMETRIC, *JOINT, "splitting_areas", "ap_splitting", "ap_splitting_midpoint"}
     assert compositions_of_flows == {*SPLITTINGS, *others}
-    assert {name for name, row in ALL_SCHEMES.items() if row.solvable_without_sampling} == {*SPLITTINGS, SYMMETRIC}
+    solvable = {name for name, row in ALL_SCHEMES.items() if row.solvable_without_sampling}
+    assert solvable == {*SPLITTINGS, SYMMETRIC, "splitting_joint_lie"}
     shared = RigidBodySharedNoise((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0))
     assert {name for name, row in ALL_SCHEMES.items() if not has_theory(row, shared)} == compositions_of_flows
     assert all(has_theory(row, RIGID_BODY) for row in ALL_SCHEMES.values())

@@ -99,6 +99,7 @@ def test_sweeps_of_a_coin_apply_each_flow_once_to_each_lane():
 def test_antithetic_paths():
     """Only what equals itself reversed with the coin turned has one."""
     assert [name for name, entry in SCHEMES.items() if has_antithetic_path(entry.record)] == [
+        "splitting_joint",
         "splitting_order2",
         "splitting_symmetric",
     ]

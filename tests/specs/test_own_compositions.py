@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from spi import storage
+from spi.kinds.strong.study.errors import expected_order
 from spi.printing.catalogue import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
 from spi.running.load import Source, plans, plans_of
 from spi.running.run import cost, headings, run
 from spi.schemes import SCHEMES
-from spi.schemes.splitting import LIE_TROTTER
+from spi.schemes.splitting import JOINT_AREAS, LIE_TROTTER
 from spi.schemes.stages import flows
 from spi.specs import SpecError
 
@@ -25,11 +26,11 @@ final_time: 1
 steps: 2^-1 .. 2^-3
 reference_step: 2^-4
 compositions:
-  mine: [noise 1/2, drift 1, noise 1/2]
+  mine: [noise 1/2, drift 1, noise 1/2 backwards]
 schemes: [mine, splitting]
 samples: 64
 """
-MINE = "[noise 1/2, drift 1, noise 1/2]"
+MINE = "[noise 1/2, drift 1, noise 1/2 backwards]"  # whose kernel other tests need as well
 SCHEMES_LINE = "schemes: [mine, splitting]"
 
 
@@ -54,9 +55,21 @@ MIXED = [
 @pytest.mark.parametrize(
     ("text", "stages"),
     [
-        (MINE, [flows("noise", fraction=0.5), flows("drift"), flows("noise", fraction=0.5)]),
+        (MINE, [flows("noise", fraction=0.5), flows("drift"), flows("noise", "backwards", 0.5)]),
         ("[noise 1 symmetric, drift 1 backwards]", [flows("noise", "symmetric"), flows("drift", "backwards")]),
         ("[noise  1 coin backwards, drift 1 forwards]", [flows("noise", "backwards", coin=True), flows("drift")]),
+        (
+            "[noise 1/2 shared, drift 1, noise 1/2 backwards shared]",
+            [
+                flows("noise", fraction=0.5, shared=True),
+                flows("drift"),
+                flows("noise", "backwards", 0.5, shared=True),
+            ],
+        ),
+        (
+            "[joint 1/2 coin, joint 1/2 backwards]",
+            [flows("joint", fraction=0.5, coin=True), flows("joint", "backwards", 0.5)],
+        ),
         ("[drift 1.5, noise 3/8 backwards coin, drift -(1/2) coin, noise 1 - 3/8]", MIXED),
     ],
 )
@@ -98,10 +111,10 @@ def test_experiments_do_not_share_compositions(spec):
 
 def test_what_is_computed_depends_on_the_rows_and_not_on_their_text(spec):
     one = spec(TEXT)
-    assert spec(TEXT, MINE, "[noise 0.5 forwards, drift 2/2, noise 4/8]").hash == one.hash
-    assert spec(TEXT, MINE, "[noise 1/2, drift 1 backwards, noise 1/2]").hash != one.hash
+    assert spec(TEXT, MINE, "[noise 0.5 forwards, drift 2/2, noise 4/8 backwards]").hash == one.hash
+    assert spec(TEXT, MINE, "[noise 1/2, drift 1 backwards, noise 1/2 backwards]").hash != one.hash
     assert one.effective["cases"]["main"]["compositions"] == {
-        "mine": ["noise 0.5 forwards", "drift 1.0 forwards", "noise 0.5 forwards"]
+        "mine": ["noise 0.5 forwards", "drift 1.0 forwards", "noise 0.5 backwards"]
     }
     without = spec(TEXT, f"compositions:\n  mine: {MINE}\n", "", SCHEMES_LINE, "schemes: [splitting]")
     assert "compositions" not in without.effective["cases"]["main"]
@@ -118,6 +131,13 @@ profiles:
   quick: {{cases: {{a: {{compositions: {{last: [noise 1, drift 1 symmetric]}}, schemes: [last]}}}}}}
 """,
 )
+
+
+def test_words_are_written_as_they_are_read(spec):
+    text = "[joint 1/2 shared, loops, joint 0.5 shared backwards]"
+    written = spec(TEXT, MINE, text).effective["cases"]["main"]["compositions"]["mine"]
+    assert written == ["joint 0.5 forwards shared", "loops", "joint 0.5 backwards shared"]
+    assert same(stages_of(spec(TEXT, MINE, f"[{', '.join(written)}]")), JOINT_AREAS.stages)
 
 
 def test_compositions_in_cases_profiles_and_overrides(spec):
@@ -165,6 +185,13 @@ RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
             "entry 1 is '.*'; .* is -0.5 and must be a positive multiple of 1/8, .*\n.* entry 3 is .*",
         ),
         ("[noise 1/8 symmetric, drift 1]", "entry 1 is '.*'; .* multiple of 1/4, at most 1, as it is halved: .*"),
+        ("[noise 1/3 shared, drift 1, noise 2/3 shared]", "entry 1 is '.*'; .* 1/8, at most 1\n.* entry 3 is .*"),
+        (
+            "[noise 1/2 shared, drift 1, noise 1/2]",
+            "is not a whole step; some of the noise is shared and some is not; .*",
+        ),
+        ("[noise 1, drift 1 shared]", "entry 2 is 'drift 1 shared'; the drift has no increments .*"),
+        ("[joint 1, drift 1]", "is not a whole step; the fractions of the drift add up to 2 and not to 1"),
         ("[drift 0, drift 1, noise 1]", "entry 1 is 'drift 0', which does nothing; leave it out"),
         ("[drift 1, noise 1, drift 1 - 1 backwards]", "entry 3 is '.*', which does nothing; leave it out"),
         ("[noise 1/2, drift 1]", "is not a whole step; the fractions of the noise add up to 0.5 and not to 1"),
@@ -236,12 +263,14 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path):
 
 def test_an_order_that_no_theory_states_is_measured(spec, tmp_path):
     """Without noise compositions may have any order."""
-    results = storage.read(run(spec(TEXT, "sigma: [1, 1, 1]", "sigma: [0, 0, 0]"), tmp_path))
+    experiment = spec(TEXT, "sigma: [1, 1, 1]", "sigma: [0, 0, 0]", SCHEMES_LINE, "schemes: [mine]")
+    results = storage.read(run(experiment, tmp_path))
     text = io.StringIO()
     views.print_tables(results, text)
     assert re.search(r"^mine: order .*\(measured; theory states none\)", text.getvalue(), re.MULTILINE)
-    mine, splitting = (group.attributes for group in results.groups)
-    assert "expected_order" not in mine and splitting["expected_order"] == 1.0
+    assert "expected_order" not in results.groups[0].attributes
+    (case,) = experiment.cases
+    assert expected_order(case.row("mine"), case) is None and expected_order(case.row("splitting"), case) == 1.0
 
 
 def test_other_processes_make_the_same_plans(spec, tmp_path):

@@ -26,7 +26,8 @@ from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
 from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
-from spi.storage.records import Description, Order, by_case
+from spi.storage.records import Description, Order
+from spi.storage.stored import by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
 

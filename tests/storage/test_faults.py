@@ -4,6 +4,7 @@ import importlib.metadata
 import os
 import subprocess
 import sys
+from unittest.mock import Mock
 
 import h5py
 import pytest
@@ -109,9 +110,10 @@ def test_a_name_that_is_too_long_is_told_before_the_run(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_package_that_does_not_tell_its_version_costs_no_results(monkeypatch):
-    def unknown(name):
-        raise importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(importlib.metadata, "version", unknown)
+@pytest.mark.parametrize("answer", [importlib.metadata.PackageNotFoundError("h5py"), FileNotFoundError("h5py"), None])
+def test_a_package_that_does_not_tell_its_version_costs_no_results(monkeypatch, answer):
+    """Python's own reader tells None, or raises, where a description is missing; that of importlib_metadata, which
+    answers for it once something has imported it, as Dask does, raises FileNotFoundError.
+    """
+    monkeypatch.setattr(importlib.metadata, "version", Mock(side_effect=[answer] * 9))
     assert storage.provenance()["machine_h5py"] == "unknown"

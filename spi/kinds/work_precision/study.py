@@ -16,7 +16,6 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import arguments_of, brownian, grid, integrate, limited_threads
 from spi.ensemble.observer import path_observer
-from spi.ensemble.protocol import large
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
@@ -164,8 +163,8 @@ class WorkPlan(PartPlan):
 
     @property
     def path_steps(self) -> int:
-        """How many steps of paths are timed at once: fewer of a large model, of which they take about 0.1 s."""
-        return min(_PATH_STEPS, int(1e8 / typical_ns(self.row, self.model))) if large(self.model) else _PATH_STEPS
+        """How many steps of paths are timed at once: fewer where they would take more than about 0.1 s."""
+        return min(_PATH_STEPS, int(1e8 / typical_ns(self.row, self.model)))
 
     def job(self, h: float) -> _Job:
         """Whole paths at step size h, with nothing else to be done than to keep, or to look at, their ends."""

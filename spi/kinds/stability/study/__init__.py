@@ -19,7 +19,7 @@ from spi.ensemble.protocol import casimirs, populations
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import can_solve_equation
 from spi.expressions import canonical
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.plans import DOWN, Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.solver import reported
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
@@ -164,9 +164,8 @@ class StabilityPlan(PartPlan):
         """All arrays by the names of their fields."""
         totals = [state.total(i) for i in range(len(self.points))]
         each = [point.summary(total) for point, total in zip(self.points, totals, strict=True)]
-        # levels go from small steps to large ones, results from large to small
-        of = {name: np.array([summary[name][::-1] for summary in each]) for name in each[0]}
-        report = np.array([total.report[:0:-1] for total in totals])
+        of = {name: np.array([summary[name] for summary in each]) for name in each[0]}
+        report = np.array([total.report[DOWN] for total in totals])
         arrays: dict[str, Any] = {name: of[name] for name in _PER_POINT} | reported(report)
         if populations(self.model):
             arrays["positive"] = of["positive"]

@@ -11,6 +11,7 @@ from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.expressions import as_numpy
 from spi.kinds.blocks import BlocksPlan
+from spi.kinds.plans import DOWN
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import stderr_of_mean
 
@@ -99,15 +100,15 @@ class ValuePlan(BlocksPlan):
         return sums._replace(report=add_reports(sums.report, rows.report[at]), **_joined(sums, later))
 
     def summary(self, paths: Paths) -> dict[str, np.ndarray]:
-        """What all paths tell: by the name of a quantity its values (levels - 1, ...)."""
+        """What all paths tell: by the name of a quantity its values at each step (S, ...)."""
         n, size = self.samples, math.hypot(*self.initial)
         first = np.abs(casimirs(self.model, self.initial))
         scale = np.where(first > 0, first, 1.0).reshape(1, -1, 1) if len(first) else 1.0
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            worse = np.nan_to_num(paths.casimir[1:] / scale, nan=np.inf, posinf=np.inf)
+            worse = np.nan_to_num(paths.casimir[DOWN] / scale, nan=np.inf, posinf=np.inf)
             median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)
-            norm = np.nan_to_num(np.sqrt(paths.square[1:]), nan=np.inf, posinf=np.inf)
-            y, reference = paths.y[1:], paths.y[:1]
+            norm = np.nan_to_num(np.sqrt(paths.square[DOWN]), nan=np.inf, posinf=np.inf)
+            y, reference = paths.y[DOWN], paths.y[:1]
             squares = np.nan_to_num((((y - reference) / size) ** 2).sum(axis=1), nan=np.inf, posinf=np.inf)
             error = np.sqrt(squares.mean(axis=1))
             stderr = stderr_of_mean(squares) / (2 * error)
@@ -117,7 +118,7 @@ class ValuePlan(BlocksPlan):
             "casimir_worst": worse.max(axis=2, initial=0.0),
             "casimir_median": median,
             "largest_norm": norm.max(axis=1),
-            "positive": (paths.smallest[1:] > 0.0).mean(axis=1),
+            "positive": (paths.smallest[DOWN] > 0.0).mean(axis=1),
             "error": error,
             "error_stderr": np.where((error == 0.0) & (n > 1), 0.0, stderr),
             "expectation": expectation,

@@ -15,10 +15,10 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, arguments_of, grid, integrate, integrated, limited_threads, nested_grid
 from spi.ensemble.observer import path_observer
-from spi.ensemble.protocol import casimirs, large
+from spi.ensemble.protocol import casimirs
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import DOWN, Cost, Done, State
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
@@ -136,9 +136,8 @@ class StrongPlan(BlocksPlan):
 
     def nanoseconds_per_step(self, h: float) -> float:
         """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
-        steps = _TIMED_STEPS
-        if large(self.model):  # about 0.2 s
-            steps = min(steps, max(1, int(2e8 / (LANES * typical_ns(self.row, self.model)))))
+        most = 2e8 / (LANES * typical_ns(self.row, self.model))  # about 0.2 s
+        steps = max(1, min(_TIMED_STEPS, int(most)))
         times = grid(
             h,
             steps,
@@ -181,7 +180,6 @@ class StrongPlan(BlocksPlan):
         case, totals, times = self.case, state.total(), state.extra.ns_per_step
         h, counts = np.array(case.steps), group_counts(totals.paths)
         error = errors(totals.squares, counts, self.steps[1:])
-        down = slice(None, 0, -1)  # levels from the largest step to the smallest, without the reference
         stderr = jackknife_stderr(error.sup, error.sup_without, counts)
         resolved = is_resolved(error.sup, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
@@ -195,12 +193,12 @@ class StrongPlan(BlocksPlan):
             error_time=(error.at + 1) * h,
             error_final=error.final,
             error_final_stderr=jackknife_stderr(error.final, error.final_without, counts),
-            casimir_drift=totals.drift[down],
-            nonfinite=totals.nonfinite[down],
+            casimir_drift=totals.drift[DOWN],
+            nonfinite=totals.nonfinite[DOWN],
             resolved=resolved,
-            seconds=times * 1e-9 * self.steps[down] * self.samples if self.timed_steps else None,
+            seconds=times * 1e-9 * self.steps[DOWN] * self.samples if self.timed_steps else None,
             ns_per_step=times if self.timed_steps else None,
-            **reported(totals.report[down]),
+            **reported(totals.report[DOWN]),
             order=fit_order(h, error.sup, error.sup_without, counts, resolved & together, own_reference),
             expected_order=expected_order(self.row, case),
             samples=case.samples,

@@ -31,16 +31,16 @@ def errors(squares: np.ndarray, counts: np.ndarray, steps: np.ndarray) -> Errors
     Step size after step size, from small to large, has as many points as `steps` (S,).
     """
     value, without = root_mean_square(squares, counts)
-    ends = np.cumsum(steps)
-    # a diverged path makes the mean square infinite
-    curves = [np.nan_to_num(curve, nan=np.inf, posinf=np.inf) for curve in np.split(value, ends[:-1])]
-    at = np.array([np.argmax(curve) for curve in curves], dtype=int)
+    value = np.nan_to_num(value, nan=np.inf, posinf=np.inf)  # a diverged path makes the mean square infinite
+    ends, steps = np.cumsum(steps)[::-1], steps[::-1]
+    at = np.array([np.argmax(value[end - n : end]) for end, n in zip(ends, steps, strict=True)], dtype=int)
+    first = ends - steps
     return Errors(
-        sup=np.array([curve[i] for curve, i in zip(curves, at, strict=True)])[::-1],
-        sup_without=without[:, ends - steps + at][:, ::-1],
-        at=at[::-1],
-        final=np.array([curve[-1] for curve in curves])[::-1],
-        final_without=without[:, ends - 1][:, ::-1],
+        sup=value[first + at],
+        sup_without=without[:, first + at],
+        at=at,
+        final=value[ends - 1],
+        final_without=without[:, ends - 1],
     )
 
 

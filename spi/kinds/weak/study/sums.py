@@ -1,4 +1,4 @@
-"""What the estimators that sample share: values of the test functions, their sums over groups of paths, and means."""
+"""Values of the test functions at the end of paths, which all estimators that sample share."""
 
 from collections.abc import Callable, Sequence
 
@@ -8,7 +8,6 @@ from spi.ensemble.loop import Grid, RandomStream, integrated
 from spi.expressions import as_numpy
 from spi.kinds.plans import PartPlan
 from spi.numerics.rng import LANES
-from spi.statistics.estimators import PARTS, ROUND
 
 
 def values_of_blocks(
@@ -27,42 +26,3 @@ def function_values(functions: Sequence[Callable], states: np.ndarray, d: int) -
         for f, phi in enumerate(functions):
             values[:, :, f] = phi(np.moveaxis(y, 2, 0))
     return values
-
-
-def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples: int) -> np.ndarray:
-    """The sums (powers, ..., GROUPS) with the values (blocks, ..., LANES) and their powers added.
-
-    One after the other, so that the bits do not depend on how blocks are divided into calls; paths from number
-    `samples` on do not count.
-    """
-    blocks, before = len(values), first_block % ROUND
-    rounds = -(-(before + blocks) // ROUND)
-    counted = np.clip(samples - (first_block + np.arange(blocks)) * LANES, 0, LANES)
-    values = np.where(np.arange(LANES) < counted.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
-    # (rounds, lanes of a part, ...): what is added to the sums of all groups at once
-    ordered = np.zeros((rounds, LANES // PARTS, values[0, ..., 0].size, ROUND, PARTS))
-    by_part = values.reshape(blocks, -1, LANES // PARTS, PARTS)
-    for block, one in enumerate(by_part, before):
-        ordered[block // ROUND, :, :, block % ROUND] = one.swapaxes(0, 1)
-    added, power = np.empty_like(sums), np.ones_like(ordered)
-    for k, sum_of_power in enumerate(sums):
-        with np.errstate(all="ignore"):
-            power = power * ordered
-            rows = power.reshape(rounds * LANES // PARTS, -1)
-            added[k] = np.add.reduce(np.vstack([sum_of_power.reshape(1, -1), rows])).reshape(sum_of_power.shape)
-    return added
-
-
-def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means over all paths of sums (..., GROUPS), and the same without each group in turn, (groups with paths, ...)."""
-    used = counts > 0
-    sums, counts = sums[..., used], counts[used]
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        total = sums.sum(axis=-1)
-        without = (total[..., np.newaxis] - sums) / (counts.sum() - counts)
-        return total / counts.sum(), np.moveaxis(without, -1, 0)
-
-
-def standard_deviation(mean: np.ndarray, mean_square: np.ndarray) -> np.ndarray:
-    """The standard deviation of a quantity, from the means of it and of its square."""
-    return np.sqrt(np.maximum(mean_square - mean**2, 0.0))

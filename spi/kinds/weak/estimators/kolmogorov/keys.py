@@ -8,7 +8,7 @@ from spi.ensemble.protocol import Positive, dimension
 from spi.exact.kolmogorov import Demands, can_solve, demands
 from spi.expressions import functions_of
 from spi.models import MODELS
-from spi.schemes.stages import compositions, has_loops
+from spi.schemes.stages import compositions, has_loops, has_shared
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of, wrong
 
@@ -27,7 +27,7 @@ class Keys(BaseKeys):
 
 
 def can_do(case: Any, scheme: str) -> bool:
-    """Splitting schemes without loops."""
+    """Splitting schemes whose noise flows have increments of their own."""
     return bool(case.row(scheme).solvable_without_sampling)
 
 
@@ -40,7 +40,7 @@ def check(case: Any) -> None:
         what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
     elif not any(case.row(s).solvable_without_sampling for s in case.schemes):
         rows = case.row(case.schemes[0]).composition
-        without = " without loops" if rows and has_loops(rows) else ""
+        without = " without loops and shared increments" if rows and (has_loops(rows) or has_shared(rows)) else ""
         what = f"is for splitting schemes{without}, which '{case.schemes[0]}' is not"
     elif case.truncate_noise:
         what = "has no truncate_noise"
@@ -73,7 +73,7 @@ def _demands_of(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
     for name in case.schemes:
         row = case.row(name)
         rows = row.composition
-        if rows is not None and row.multiscale == multiscale and not has_loops(rows):
+        if rows is not None and row.multiscale == multiscale and not (has_loops(rows) or has_shared(rows)):
             acting, texts = compositions(rows, case.model), tuple(case.functions.values())
             what = case.model, acting, case.initial, case.final_time, case.steps, texts, case.accuracy
             yield name, _demands(*what)

@@ -32,12 +32,13 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
+from spi.statistics.powers import standard_deviation, with_powers
 from spi.statistics.tallies import PathSet, chunk_blocks
 from spi.storage.records import Part
 
 from ...results import History, Sampled, WeakErrors
 from ...study.plans import WeakPlan, sampled_errors
-from ...study.sums import standard_deviation, values_of_blocks, with_powers
+from ...study.sums import values_of_blocks
 from ..kolmogorov.study import solution
 from .combination import Combination
 from .decisions import PILOT, SHARES, Decisions, Errors, control_of

@@ -6,10 +6,10 @@ import numpy as np
 
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
+from spi.statistics.powers import mean_over_paths
 from spi.storage.records import Order
 
 from ...results import Levels as LevelTable
-from ...study.sums import mean_over_paths
 from .levels import CONTROL, DIFFERENCE, PRODUCT, VALUE
 
 EQUAL = np.full(GROUPS, PARTS)  #: all groups of a level are equally large, so any equal counts will do

@@ -14,15 +14,16 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import add_reports, nested_grid
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import DOWN, Cost, Done, State
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.statistics.powers import mean_over_paths, standard_deviation, with_powers
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
 from ...study.plans import WeakPlan, sampled_errors
-from ...study.sums import mean_over_paths, standard_deviation, values_of_blocks, with_powers
+from ...study.sums import values_of_blocks
 
 _BATCH_BYTES = 64e6
 
@@ -181,7 +182,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
             state.seconds,
             **fields,
             expectation=expectation,
-            nonfinite=totals.nonfinite[:0:-1],
+            nonfinite=totals.nonfinite[DOWN],
             prefixes=self._of_prefixes(totals) if self.prefixes else None,
             sampled=Sampled(
                 **sampled,
@@ -239,4 +240,4 @@ class PlainPlan(WeakPlan, BlocksPlan):
 
 def _by_step(x: np.ndarray) -> np.ndarray:
     """(..., L, F) as (..., F, S): without the reference, from the largest step to the smallest."""
-    return np.moveaxis(x, -1, -2)[..., :0:-1]
+    return np.moveaxis(x, -1, -2)[..., DOWN]

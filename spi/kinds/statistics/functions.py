@@ -1,0 +1,111 @@
+"""What statistics are of: functions of the state, and functionals of the path up to a time."""
+
+import math
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.invariants import invariants_of
+from spi.ensemble.moments import energies
+from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, large
+from spi.expressions import as_numpy, canonical, parse_expression
+from spi.expressions.arithmetic import NumberError
+from spi.numerics.rng import LANES
+
+Array = np.ndarray
+
+#: What is made of the values of a function of the state along a path: words of a spec, and what they mean.
+FUNCTIONALS = {
+    "maximum": "the largest value until t",
+    "minimum": "the smallest value until t",
+    "integral": "the integral from 0 to t, by the trapezoidal rule",
+    "passage": "1 once a condition such as y1 > 0.5 has been met, 0 before: its mean is the law of the first time",
+    "start": "the value at t = 0, whose covariance with others tells how they remember it",
+}
+COARSER = "passage at every second time"  #: which tells the bias of looking at some times only
+_CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
+_INVARIANT = re.compile(r"H|C(\d*)")
+
+
+class PathFunction(NamedTuple):
+    """A function of the path up to a time."""
+
+    functional: str  #: one of FUNCTIONALS, "" for the value at that time, or COARSER
+    text: str  #: the function of the state in its least text, or "H", "C1", ...
+    values: Callable[[Array], Array]  #: of states (d, ...)
+
+    @property
+    def told(self) -> str:
+        """As tables and figures have it."""
+        if self.functional == "passage":
+            return f"share with {self.text} > 0 until t"
+        return f"{self.functional} of {self.text}" if self.functional else self.text
+
+    def along(self, values: Array, between: float) -> Array:
+        """What it makes of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
+        match self.functional:
+            case "maximum":
+                return np.maximum.accumulate(values, axis=1)
+            case "minimum":
+                return np.minimum.accumulate(values, axis=1)
+            case "passage" | "passage at every second time":
+                met = np.where(np.isfinite(values), values > 0, np.nan)
+                if self.functional == COARSER:
+                    met[:, 1::2] = 0.0
+                return np.maximum.accumulate(met, axis=1)
+            case "start":
+                return np.broadcast_to(values[:, :1], values.shape)
+            case "integral":
+                areas = 0.5 * between * (values[:, 1:] + values[:, :-1])
+                return np.concatenate((np.zeros_like(values[:, :1]), np.cumsum(areas, axis=1)), axis=1)
+        return values
+
+
+def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
+    """What it is at t = 0, but 0 where that is no number or where its range is [0, 1]."""
+    if function.functional in ("passage", COARSER, "integral"):
+        return 0.0
+    with np.errstate(all="ignore"):
+        value = float(np.asarray(function.values(np.array(initial)[:, np.newaxis])).ravel()[0])
+    return value if math.isfinite(value) else 0.0
+
+
+def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunction:
+    """The function that an entry of the key ``functions`` stands for; NumberError, with a reason, if it is none."""
+    functional, text = ("", entry) if isinstance(entry, str) else next(iter(entry.items()))
+    if functional == "passage":
+        sides = _CONDITION.fullmatch(text)
+        if sides is None:
+            raise NumberError("not a condition such as y1 > 0.5")
+        greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
+        text = f"{greater.strip()} - ({less.strip()})"
+    if text not in names and (found := _INVARIANT.fullmatch(text)):
+        return PathFunction(functional, text, _invariant(model, found))
+    tree = parse_expression(text, dimension(model), names)
+    return PathFunction(functional, canonical(tree), as_numpy(tree))
+
+
+def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
+    """H, or a Casimir function by its number from 1 on, C being the only one."""
+    count = conserved(model)
+    if found[0] == "H":
+        number = None
+    elif not count or not (number := int(found[1] or (count == 1))) or number > count:
+        known = ", ".join(["H", *(f"C{c + 1}" for c in range(count))])
+        raise NumberError(f"known are {known}")
+
+    def values(states: Array) -> Array:
+        if number is None and states.ndim == 4:
+            by_block = np.ascontiguousarray(np.moveaxis(states, 0, 2))
+            energy = np.empty((*by_block.shape[:2], LANES))
+            energies(model, by_block.reshape(*by_block.shape[:2], -1), energy)
+            return energy
+        if large(model):
+            energy, others = invariants_of(model, np.ascontiguousarray(states.reshape(len(states), -1).T))
+            return (energy if number is None else others[:, number - 1]).reshape(states.shape[1:])
+        y = tuple(states)
+        return np.asarray(hamiltonian(model, y) if number is None else casimirs(model, y)[number - 1])
+
+    return values

@@ -1,0 +1,104 @@
+"""Source of what a model says besides its flows: B v, H, gradients and what follows of them by differentiation."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import sympy
+
+from .code import Formula, as_tuple, case
+from .structure_code import lie_bracket_code, structure_code
+from .system import System
+
+
+class Derivatives:
+    """Writes these methods; `names` says how the symbols of formulas are called."""
+
+    def __init__(self, system: System, names: Mapping[Any, str]) -> None:
+        self.system, self.variables, self.bracket = system, system.world.variables, system.world.bracket
+        count = range(self.bracket.dimension)
+        self.v, self.u = ([sympy.Symbol(f"{c}{n + 1}", real=True) for n in count] for c in "νυ")
+        self.names = {**names, **{v: f"v[{n}]" for n, v in enumerate(self.v)}}
+        self.names |= {u: f"u[{n}]" for n, u in enumerate(self.u)}
+
+    def lines(self, inexact: Iterable[int]) -> list[str]:
+        """All methods; `inexact` are the pieces without an exact flow, whose own gradients are asked for."""
+        system, variables = self.system, self.variables
+        lines = self.structure()
+        lines += self.word("hamiltonian(model, y)", [[system.hamiltonian]], scalar=True)
+        lines += self.word("casimirs(model, y)", [[c.expression for c in system.casimirs]])
+        gradient = [sympy.diff(system.hamiltonian, y) for y in variables]
+        lines += self.word("drift_gradient(model, y)", [gradient])
+        lines += self.word("drift_hessian(model, y, v)", [self.along(gradient, self.v)])
+        gradients = [[sympy.diff(flow.expression, y) for y in variables] for flow in system.noises]
+        lines += self.word("noise_gradient(model, k, y)", gradients)
+        lines += self.word("noise_hessian(model, k, y, v)", [self.along(g, self.v) for g in gradients])
+        if pieces := {k: [sympy.diff(system.flows[k].expression, y) for y in variables] for k in inexact}:
+            lines += self.word("piece_gradient(model, k, y)", pieces)
+            lines += self.word("piece_hessian(model, k, y, v)", {k: self.along(g, self.v) for k, g in pieces.items()})
+        if self.bracket.dimension > 6 and gradients:  # most columns of B meet a 0 in such a gradient
+            lines += self.noise_structure([[j for j, g in enumerate(gradient) if g != 0] for gradient in gradients])
+        return lines
+
+    # ---- B v -------------------------------------------------------------------------------------------------------
+
+    def structure(self) -> list[str]:
+        """The word for B v, and that for its derivative where B is not linear."""
+        every = range(self.bracket.dimension)
+        if self.bracket.is_lie:
+            lines = ["", "def structure(model, y, v):", f"    return {structure_code(self.bracket, self.names, every)}"]
+            code = lie_bracket_code(self.bracket, self.names)
+            return [*lines, "", "def lie_bracket(model, v, w):", f"    return {code}"]
+        moved = self.rows(every)
+        lines = self.word("structure(model, y, v)", [moved])
+        return lines + self.word("structure_derivative(model, y, u, v)", [self.along(moved, self.u)])
+
+    def noise_structure(self, supports: Sequence[Sequence[int]]) -> list[str]:
+        """The same for v that are 0 outside of some components, one set of them for each noise."""
+        heads = "noise_structure(model, k, y, v)", "noise_structure_derivative(model, k, y, u, v)"
+        if not self.bracket.is_lie:
+            moved = [self.rows(support) for support in supports]
+            return self.word(heads[0], moved) + self.word(heads[1], [self.along(one, self.u) for one in moved])
+        lines = []
+        for head, at in zip(heads, "yu", strict=True):
+            lines += ["", f"def {head}:"]
+            for k, support in enumerate(supports):
+                code = structure_code(self.bracket, self.names, support, at)
+                lines += case(k, len(supports), [f"return {code}"])
+        return lines
+
+    def rows(self, columns: Iterable[int]) -> list[Any]:
+        """The components of B(y) v as formulas, for a v that is 0 outside of some columns.
+
+        {y_i, y_j} is {w_i, w_j}, times y_i and y_j where their logarithms are coordinates.
+        """
+        bracket, y, kept = self.bracket, self.variables, set(columns)
+        factor = [y[i] if i in bracket.logarithmic else sympy.Integer(1) for i in range(bracket.dimension)]
+        found: list[list[Any]] = [[] for _ in y]
+        for i, j, polynomial in bracket.entries(symbolic=True):
+            entry = sympy.Add(*(c * sympy.Mul(*(y[k] for k in monomial)) for monomial, c in polynomial.items()))
+            for row, column, sign in ((i, j, 1), (j, i, -1)):
+                if column in kept:
+                    found[row].append(sign * entry * factor[column] * self.v[column])
+        return [factor[i] * sympy.Add(*terms) for i, terms in enumerate(found)]
+
+    # ---- formulas ----------------------------------------------------------------------------------------------------
+
+    def along(self, expressions: Sequence[Any], direction: Sequence[Any]) -> list[Any]:
+        """The derivatives of some expressions along a vector."""
+        found = []
+        for e in expressions:
+            used = [n for n, y in enumerate(self.variables) if y in e.free_symbols]
+            found.append(sympy.Add(*(sympy.diff(e, self.variables[n]) * direction[n] for n in used)))
+        return found
+
+    def word(
+        self, head: str, cases: Sequence[Sequence[Any]] | Mapping[int, Sequence[Any]], scalar: bool = False
+    ) -> list[str]:
+        """A method whose value is a tuple of expressions, one for each k if there are several `cases`."""
+        lines = ["", f"def {head}:"]
+        numbered = cases if isinstance(cases, Mapping) else dict(enumerate(cases))
+        for k, expressions in numbered.items():
+            inner, codes = Formula(self.names, [*self.variables, *self.v, *self.u]).lines(expressions)
+            value = codes[0] if scalar else as_tuple(codes)
+            lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
+        return lines if cases else [*lines, f"    return {'v' if head.endswith('v)') else 'y'}"]

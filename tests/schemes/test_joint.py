@@ -1,0 +1,317 @@
+"""Joint flows, noise flows that share the increment of the step, and loops between them."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import scheme_cases
+from helpers import (
+    COMPILED,
+    INITIAL,
+    LANES,
+    RIGID_BODY,
+    SCHEMES,
+    composed,
+    random_states,
+    take_step,
+    take_steps,
+    turned,
+)
+from scheme_cases import increments, relative, tosses
+from scipy.integrate import solve_ivp
+from yaml_cases import SYSTEMS, made
+
+from spi.ensemble.protocol import area_pairs, joint_noises, joint_parts, noises
+from spi.exact.kolmogorov import exact_expectations, expectations
+from spi.models import MaxwellBloch, RigidBody
+from spi.models.damped import Damped
+from spi.schemes import composed as entry_of
+from spi.schemes import typical_ns, weak_exponents
+from spi.schemes.splitting import (
+    JOINT,
+    JOINT_AREAS,
+    JOINT_LIE,
+    LIE_TROTTER_AREAS,
+    has_antithetic_path,
+    splitting,
+)
+from spi.schemes.stages import compositions, flows, is_own_reverse, substeps
+from spi.schemes.sweeps import sweeps
+from spi.specs.compositions import weak_order
+
+# fixtures
+generator, model = scheme_cases.generator, scheme_cases.model
+
+PAIRS = ((0, 1), (0, 2), (1, 2))
+HALF, DRIFT = flows("drift", fraction=1 / 2), flows("drift")
+AROUND = splitting(flows("noise", fraction=1 / 2, shared=True), DRIFT, flows("noise", "backwards", 1 / 2, shared=True))
+WITHIN = splitting(HALF, flows("noise", "symmetric", shared=True), flows("drift", "backwards", 1 / 2))
+JOINT_COIN = splitting(flows("joint", coin=True))
+JOINT_SYMMETRIC = splitting(flows("joint", "symmetric"))
+
+
+# --- by hand ---------------------------------------------------------------------------------------------------------
+
+
+def joint(model, k, t, s, y):
+    """exp(t Y_{H_k} + s Y_{Ĥ_k}) by the printed rotation, for arrays; a noise that is off has no flow."""
+    sigma = model.sigma[k] or 0.0
+    return turned(k, (t / model.inertia[k] + sigma * s / model.noise_inertia[k]) * y[k], y, np.sin, np.cos)
+
+
+def in_turn(model, h, dW, y, parts):
+    """Joint flows (k, share of the time, share of the increment) one after the other."""
+    for k, of_time, of_noise in parts:
+        y = joint(model, k, of_time * h, of_noise * dW[k], y)
+    return y
+
+
+def middle_loops(model, dW, areas, coins, y):
+    """The loops for A_kl, by rotations."""
+    for (k, m), area in zip(area_pairs(model), areas, strict=True):
+        product = model.sigma[k] * model.sigma[m] * area
+        a = coins * np.sqrt(np.abs(product))
+        b = np.sign(product) * a
+        for j, t in ((k, a), (m, b), (k, -a), (m, -b)):
+            y = turned(j, t / model.noise_inertia[j] * y[j], y, np.sin, np.cos)
+    return y
+
+
+THERE = [(k, 1 / 2, 1 / 2) for k in range(3)]
+
+
+def test_steps_are_those_by_hand(model, generator):
+    h, y, dW, coins = 0.3, random_states(generator), increments(generator, 0.3), tosses(generator)
+    areas = 0.1 * generator.standard_normal((len(area_pairs(model)), LANES))
+    there = in_turn(model, h, dW, y, THERE)
+    noise_there, drift_there = ([(k, *share) for k in range(3)] for share in ((0, 1 / 2), (1 / 2, 0)))
+    around = [*noise_there, *((k, 1, 0) for k in range(3)), *noise_there[::-1]]
+    within = [*drift_there, *noise_there[:2], (2, 0, 1), *noise_there[1::-1], *drift_there[::-1]]
+    by_hand = [
+        (JOINT_LIE, in_turn(model, h, dW, y, [(k, 1, 1) for k in range(3)])),
+        (JOINT, in_turn(model, h, dW, there, THERE[::-1])),
+        (JOINT_AREAS, in_turn(model, h, dW, middle_loops(model, dW, areas, coins, there), THERE[::-1])),
+        (AROUND, in_turn(model, h, dW, y, around)),
+        (WITHIN, in_turn(model, h, dW, y, within)),
+    ]
+    for scheme, expected in by_hand:
+        rows = np.concatenate([dW, areas]) if scheme is JOINT_AREAS else dW
+        new, _ = take_step(scheme, model, h, rows, y, coins)
+        assert relative(new, expected) < 1e-14
+    for (_, first), (_, second) in itertools.combinations(by_hand if area_pairs(model) else by_hand[:2], 2):
+        assert relative(first, second) > 1e-3
+
+
+def test_a_coin_reverses_joint_flows(generator):
+    h, y, dW, coins = 0.3, random_states(generator), increments(generator, 0.3), tosses(generator)
+    new, _ = take_step(JOINT_COIN, RIGID_BODY, h, dW, y, coins)
+    heads = in_turn(RIGID_BODY, h, dW, y, [(k, 1, 1) for k in range(3)])
+    tails = in_turn(RIGID_BODY, h, dW, y, [(k, 1, 1) for k in (2, 1, 0)])
+    assert relative(new, np.where(coins > 0, heads, tails)) < 1e-14
+    assert relative(heads, tails) > 1e-2
+
+
+# --- what loops supply -----------------------------------------------------------------------------------------------
+
+
+def noise_field(k, y):
+    e = np.eye(3)[k]
+    return np.cross(y, e) * y[k] / RIGID_BODY.noise_inertia[k]
+
+
+def noise_derivative(k, y, v):
+    e = np.eye(3)[k]
+    return (np.cross(v, e) * y[k] + np.cross(y, e) * v[k]) / RIGID_BODY.noise_inertia[k]
+
+
+def moved_exactly(y, w, a):
+    """The flow over the time 1 of sum_k w_k Y_k + sum_{k<l} a_kl [Y_k, Y_l]: with areas the step to second order."""
+
+    def field(t, y):
+        found = sum(w[k] * noise_field(k, y) for k in range(3))
+        for (k, m), area in zip(PAIRS, a, strict=True):
+            bracket = noise_derivative(m, y, noise_field(k, y)) - noise_derivative(k, y, noise_field(m, y))
+            found = found + area * bracket
+        return found
+
+    return solve_ivp(field, (0.0, 1.0), y, rtol=1e-12, atol=1e-14).y[:, -1]
+
+
+UNEVEN = splitting(
+    flows("noise", fraction=1 / 4, shared=True), flows("loops"), flows("noise", "backwards", 3 / 4, shared=True), DRIFT
+)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "before"),
+    [
+        (LIE_TROTTER_AREAS, 1),
+        (splitting(flows("noise", "backwards"), flows("loops"), DRIFT), 0),
+        (JOINT_AREAS, 1 / 2),
+        (UNEVEN, 1 / 16 + 3 / 16),
+        (splitting(flows("joint"), flows("loops")), 1),
+    ],
+    ids=["forwards", "backwards", "there and back", "uneven", "joint"],
+)
+def test_loops_supply_what_is_lacking_at_second_order(scheme, before):
+    """Without time, increments e w and areas e^2 a: a step is off by O(e^3), and without areas by O(e^2)."""
+    assert {time.before for *_, time in sweeps(scheme.stages, RIGID_BODY) if hasattr(time, "before")} == {before}
+    w, a = np.array([0.7, -0.5, 0.9]), np.array([0.4, -0.3, 0.5])
+    distances = {}
+    for sign, e in itertools.product((1, 0, -1), (0.1, 0.05)):
+        rows = np.repeat(np.concatenate([e * w, sign * e * e * a])[:, np.newaxis], LANES, axis=1)
+        y, coins = np.repeat(np.reshape(INITIAL, (3, 1)), LANES, axis=1), np.where(np.arange(LANES) % 2, 1.0, -1.0)
+        new, _ = take_step(scheme, RIGID_BODY, 0.0, rows, y, coins)
+        distances[sign, e] = np.linalg.norm(new.mean(axis=1) - moved_exactly(INITIAL, e * w, e * e * a))
+    assert distances[1, 0.1] / distances[1, 0.05] > 6.5
+    for wrong in (0, -1):  # negative controls
+        assert distances[wrong, 0.1] / distances[wrong, 0.05] < 5
+        assert distances[wrong, 0.05] > 5 * distances[1, 0.05]
+
+
+# --- stages as data --------------------------------------------------------------------------------------------------
+
+
+def test_joint_flows_as_data():
+    assert joint_parts(RIGID_BODY) == (("joint", 0), ("joint", 1), ("joint", 2))
+    one = RIGID_BODY._replace(sigma=(None, 1.0, None))
+    assert joint_parts(one) == (("drift", 0), ("joint", 1), ("drift", 2))
+    damped = Damped(one, 0.1, one.sigma)
+    assert joint_parts(damped) == (("drift", 0), ("joint", 1), ("drift", 2), ("drift", 3))
+    crossed = type("Crossed", (RigidBody,), {"joint_noises": ((1,),), "__module__": RigidBody.__module__})
+    assert joint_parts(crossed(*RIGID_BODY)) == (
+        ("joint", 0), ("drift", 1), ("drift", 2), ("noise", 0), ("noise", 2)
+    )  # fmt: skip
+    ((_, acting),) = compositions(JOINT_LIE.stages, RIGID_BODY)
+    assert acting == tuple((part, k, 1.0) for k in range(3) for part in ("drift", "noise"))
+    assert [sweep[1:4] for sweep in sweeps(JOINT.stages, MaxwellBloch())] == [
+        ("joint", 0, 0.5), ("joint", 1, 1.0), ("joint", 0, 0.5)
+    ]  # fmt: skip
+
+
+def test_shared_increments_take_no_sub_steps_and_are_not_independent():
+    for scheme in (JOINT, AROUND, WITHIN):
+        assert substeps(scheme.stages) == 1
+        with pytest.raises(ValueError, match="share an increment are not independent"):
+            compositions(scheme.stages, RIGID_BODY)
+        assert not is_own_reverse(scheme.stages, RIGID_BODY)
+        assert weak_order(scheme.stages, RIGID_BODY) == 1
+        assert weak_exponents(entry_of("own", scheme.stages, 1.0), RIGID_BODY, 3) == (1, 2, 3)
+    assert has_antithetic_path(JOINT) and has_antithetic_path(WITHIN) and not has_antithetic_path(JOINT_LIE)
+    one = RIGID_BODY._replace(sigma=(1.0, None, None))
+    once = ("noise", 0, 1.0)
+    assert [k for k in compositions(WITHIN.stages, one)[0][1] if k[0] == "noise"] == [once]  # it acts only once
+    assert weak_order(WITHIN.stages, one) == 2
+    assert substeps(JOINT_SYMMETRIC.stages) == 2 and is_own_reverse(JOINT_SYMMETRIC.stages, RIGID_BODY)
+
+
+@pytest.mark.parametrize(
+    ("make", "complaint"),
+    [
+        (lambda: flows("drift", shared=True), "the drift has no increments"),
+        (lambda: flows("loops", shared=True), "loops have neither"),
+        (lambda: flows("noise", fraction=1 / 3, shared=True), "multiple of 1/8, at most 1$"),
+        (lambda: splitting(HALF, HALF, flows("noise", shared=True, fraction=1 / 2), flows("noise", fraction=1 / 2)),
+         "shared in all of its stages, or in none"),
+        (lambda: splitting(flows("joint"), DRIFT), "of the drift add up to 2"),
+        (lambda: splitting(flows("joint", "symmetric"), flows("loops")), "or shared in all of them"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_step_is_refused(make, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        make()
+
+
+def test_what_a_step_is_guessed_to_cost():
+    flow = (typical_ns(SCHEMES["splitting"], RIGID_BODY) - typical_ns(SCHEMES["splitting_joint_lie"], RIGID_BODY)) / 3
+    difference = typical_ns(SCHEMES["splitting_joint"], RIGID_BODY) - typical_ns(
+        SCHEMES["splitting_joint_lie"], RIGID_BODY
+    )
+    assert difference == pytest.approx(2 * flow)
+
+
+# --- systems in YAML -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "groups"),
+    [
+        (SYSTEMS["heavy top"][0], None),
+        ("{algebra: so(3), hamiltonian: y1^2 + y2^2 + y3^2/3, noises: [y3, y1^3, y1 + y2]}", ((1,), (), (0,))),
+        ("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5, noises: [y4, y1, y5^2, y1*y5]}", ((0, 1), (2,))),
+        ("{algebra: so(3), hamiltonian: y1, noises: [cos(y1), y1^2]}", ((0, 1),)),
+        ("{algebra: so(3), hamiltonian: y1, noises: [y2]}", ()),
+        ("{algebra: so(3)^2, hamiltonian: y1, noises: [y1*y4, y4]}", ((0, 1),)),
+        ("{algebra: so(3)^2, hamiltonian: y1, noises: [y4]}", ()),
+    ],
+)
+def test_families_of_systems(text, groups, generator):
+    """The generic checks compare joint flows with single ones; here a step with all of a family's noises at once."""
+    record = made(text).record
+    if groups is not None:
+        assert joint_noises(record) == groups
+    y, dW = random_states(generator, type(record).dimension), increments(generator, 0.3)
+    dW = 0.3 * generator.standard_normal((noises(record), LANES))
+    ((_, acting),) = compositions(JOINT_LIE.stages, record)
+    new, _ = take_step(JOINT_LIE, record, 0.2, dW, y)
+    assert (
+        relative(new[:, :3], np.transpose([composed(record, acting, 0.2, y[:, n], dW[:, n]) for n in range(3)])) < 1e-13
+    )
+
+
+def test_families_of_the_gallery():
+    found = {name: joint_noises(made(SYSTEMS[name][0]).record) for name in ("heavy top", "Manakov")}
+    assert all(len(sum(groups, ())) >= 1 for groups in found.values())
+
+
+@pytest.mark.skipif(not COMPILED, reason="compares with the compiler")
+def test_kernels_of_families_of_different_sizes(generator):
+    """Of one piece that goes with two noises and another with one, and with the order that a coin decides."""
+    record = made("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5, noises: [y4, y1, y5^2, y3]}").record
+    y, dW = random_states(generator, 6), 0.3 * generator.standard_normal((1, 4, LANES))
+    coins = tosses(generator)
+    compiled, _ = take_steps(JOINT_COIN, record, 0.2, dW, y, coins[np.newaxis])
+    plain, _ = take_step(JOINT_COIN, record, 0.2, dW[0], y, coins)
+    assert relative(compiled, plain) < 1e-14 and relative(compiled, y) > 0.1
+
+
+# --- weak orders, without sampling -----------------------------------------------------------------------------------
+
+
+def square(y):
+    return y[0] ** 2 + y[1]
+
+
+def local_weak_error(parts, h, nodes=12):
+    """E phi after one step of joint flows, by Gauss's rule over the three increments, less E phi of the equation."""
+    x, weights = np.polynomial.hermite_e.hermegauss(nodes)
+    weights = weights / weights.sum()
+    dW = math.sqrt(h) * np.stack(np.meshgrid(x, x, x), axis=0).reshape(3, -1)
+    weight = np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
+    y = np.repeat(np.reshape(INITIAL, (3, 1)), dW.shape[1], axis=1)
+    exact, _ = exact_expectations(RIGID_BODY, INITIAL, h, [square], 1e-11)
+    return float(weight @ square(np.array(in_turn(RIGID_BODY, h, dW, y, parts))) - exact[0])
+
+
+def test_one_increment_in_both_halves_has_weak_order_1():
+    """The local error is of order 2, where independent halves have order 3."""
+    shared = [local_weak_error(THERE + THERE[::-1], h) for h in (1 / 16, 1 / 32)]
+    assert 3.6 < shared[0] / shared[1] < 4.4
+    independent = []
+    for h in (1 / 16, 1 / 32):
+        steps = compositions(JOINT_SYMMETRIC.stages, RIGID_BODY)
+        found = expectations(RIGID_BODY, steps, INITIAL, h, [h], [square], accuracy=1e-11)
+        independent.append(float(found.value[0, 0] - exact_expectations(RIGID_BODY, INITIAL, h, [square], 1e-11)[0][0]))
+    assert 7 < independent[0] / independent[1] < 9
+    assert abs(independent[1]) < 0.2 * abs(shared[1])
+
+
+@pytest.mark.parametrize(("scheme", "order"), [(JOINT_LIE, 1), (JOINT_COIN, 2), (JOINT_SYMMETRIC, 2)])
+def test_weak_orders_of_joint_flows_with_increments_of_their_own(scheme, order):
+    assert weak_order(scheme.stages, RIGID_BODY) == order
+    steps = [2.0**-4, 2.0**-5]
+    found = expectations(
+        RIGID_BODY, compositions(scheme.stages, RIGID_BODY), INITIAL, 1.0, steps, [square], accuracy=1e-8
+    )
+    assert abs(np.log2(found.weak_error[0, 0] / found.weak_error[0, 1]) - order) < 0.15
