@@ -17,7 +17,8 @@ FORMULAS = {
     r"J_k = \exp(h Y_{H_k} + \sigma_k\, \mathrm{d}W_k Y_{\widehat H_k})",
     "splitting_joint": rf"z = J_1 \cdots J_p\; J_p \cdots J_1\, y, \qquad {_JOINT}",
     "splitting_joint_areas": rf"z = J_1 \cdots J_p\; L\; J_p \cdots J_1\, y, \qquad {_JOINT}, \\ "
-    r"L = \prod_{k < l} \exp(-b Y_l) \exp(-a Y_k) \exp(b Y_l) \exp(a Y_k), \qquad a b = \sigma_k \sigma_l A_{kl}",
+    r"L = \prod_{k < l} \exp(\sigma_k \sigma_l A_{kl} Y_G), \qquad G = \{\widehat H_l, \widehat H_k\}, \quad "
+    r"\text{or loops in place of these flows}",
     "splitting_order2": r"z = S(h/2)\, N\, S(h/2)\, y, \\ S \text{ the symmetric composition of the drift flows, } "
     r"N \text{ the noise flows in random order}",
     "splitting_symmetric": r"z = D^* N D\, y, \\ D \text{ the drift flows over } h/2, \quad D^* = D \text{ reversed}, "

@@ -75,7 +75,7 @@ def expectations(
 def _means_plan(finest: TrajectoryPlan, doublings: list[int], functions: dict[str, Phi], samples: int) -> Any:
     """The plan of the paths at all step sizes."""
     case, h = finest.case, finest.case.step
-    terms = fourier_terms(case.model, [finest.scheme], h)
+    terms = fourier_terms(case.model, [finest.scheme], h, areas=case.areas)
     times = grid(h, round(case.final_time / h), doublings, case.truncate_noise, area_terms=terms)
     return MeansPlan(case=case, part=finest.part, grid=times, samples=samples, functions=functions)
 

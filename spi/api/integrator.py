@@ -68,7 +68,8 @@ class Integrator:
 
     Attributes: ``dimension``, ``noises``; ``substeps``, into how many parts with increments of their own a step is
     divided; ``pairs``, the pairs (k, l) of noises, from 0 on, whose Lévy areas the scheme needs; and ``needs``,
-    which of "areas" and "coins" it needs besides increments; ``area_terms``, of how many terms drawn areas are.
+    which of "areas" and "coins" it needs besides increments; ``area_terms``, of how many terms drawn areas are, -1
+    where they are Gaussian.
 
     Raises SpecError if anything is wrong with what is asked for, a line for each mistake.
     """

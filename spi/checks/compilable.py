@@ -8,12 +8,13 @@ from pathlib import Path
 from ..compiler import modules
 from ..compiler.inlining import is_known_to_the_compiler, type_of_result
 from ..compiler.records import is_float, is_tuple_of_floats
-from ..ensemble.protocol import conserved, dimension, most_joined
+from ..ensemble.joint import most_joined
+from ..ensemble.protocol import conserved, dimension
 from ..numerics.angles import ANY_ANGLES
 from .registration import vocabulary
 
 #: The methods of a model that return one number; all but ``casimirs`` of the others return a vector.
-_NUMBERS = ("drift_angle", "noise_angle", "joint_angle", "hamiltonian")
+_NUMBERS = ("drift_angle", "noise_angle", "joint_angle", "bracket_angle", "hamiltonian")
 
 
 class CompilationError(Exception):

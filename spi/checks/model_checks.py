@@ -39,7 +39,7 @@ from .differences import (
     shown,
     unit_vectors,
 )
-from .flow_checks import commuting, flows, joint_flows
+from .flow_checks import commuting, flows, flows_of_brackets, joint_flows
 
 
 def check_model(record, states, written=True, finite_at=()):
@@ -57,7 +57,16 @@ def check_model(record, states, written=True, finite_at=()):
 
 def _complaints(model, y, all_checks=None):
     """All that is wrong at one state; nothing that depends on what is wrong already."""
-    for checks in all_checks or (_shapes, _structure, _gradients, check_brackets, flows, commuting, joint_flows):
+    for checks in all_checks or (
+        _shapes,
+        _structure,
+        _gradients,
+        check_brackets,
+        flows,
+        commuting,
+        joint_flows,
+        flows_of_brackets,
+    ):
         try:
             found = list(checks(model, y))
         except Exception as error:

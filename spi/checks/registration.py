@@ -4,14 +4,14 @@ import difflib
 import inspect
 
 from ..compiler.dispatch import MOST
-from ..ensemble import inexact, long_flows, protocol, scheme_protocol
+from ..ensemble import inexact, joint, long_flows, protocol, scheme_protocol
 
 _OF_PARAMETERS = ("in_kernels", "fault")
 
 
 def vocabulary(asked):
     """{name: method or trait} of all that a "model" or a "scheme" is asked."""
-    declared = vars(protocol) | vars(inexact) | vars(long_flows) | vars(scheme_protocol)
+    declared = vars(protocol) | vars(inexact) | vars(joint) | vars(long_flows) | vars(scheme_protocol)
     return {name: one for name, one in declared.items() if hasattr(one, "declared") and one.declared.asked == asked}
 
 

@@ -169,19 +169,13 @@ def split_facts(told: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]
     return list(shared.values()), [[text for name, text in one.items() if name not in shared] for one in told]
 
 
-def facts(
-    about: Description,
-    *,
-    step: float | None = None,
-    reference_step: float | None = None,
-    reference_scheme: str | None = None,
-    samples: int | None = None,
-    estimator: str | None = None,
-    functions: tuple[str, ...] = (),
-    path: int | None = None,
-) -> dict[str, str]:
-    """The parameters that stand above a figure, name -> mathtext; of the reading's own fields those that are given."""
-    told = {}
+def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
+    """The parameters that stand above a figure, name -> mathtext.
+
+    Of the reading's own fields those that are named, or what is given in their place: ``step``, ``reference_step``,
+    ``reference_scheme``, ``samples``, ``estimator``, ``functions`` (one alone) and ``path``.
+    """
+    told, about, own = {}, reading.about, {name: getattr(reading, name) for name in names} | others
     for name, value in about.parameters.items():
         if name == "noise" and isinstance(value, str | tuple):  # as text, or none
             told["model_noise"] = plain(f"noise: {value}") if value else "no noise"
@@ -192,21 +186,23 @@ def facts(
         told["initial"] = f"${initial_value(about)}$"
     if about.final_time is not None:
         told["final_time"] = f"$T={number(about.final_time)}$"
-    for name, symbol, value in (("step", "h", step), ("reference_step", r"h_{\mathrm{ref}}", reference_step)):
-        if value is not None:
-            told[name] = f"${symbol}={number(value, steps=True)}$"
-    if reference_scheme:
-        told["reference_scheme"] = plain(f"reference: {reference_scheme.replace('_', ' ')}")
-    if samples is not None:
-        told["samples"] = f"{count(samples)} samples"
+    for name, symbol in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
+        if own.get(name) is not None:
+            told[name] = f"${symbol}={number(own[name], steps=True)}$"
+    if own.get("reference_scheme"):
+        told["reference_scheme"] = plain(f"reference: {own['reference_scheme'].replace('_', ' ')}")
+    if own.get("samples") is not None:
+        told["samples"] = f"{count(own['samples'])} samples"
     if about.truncate_noise:
         told["truncate_noise"] = "truncated noise"
-    if estimator:
-        told["estimator"] = estimator
-    if len(functions) == 1:
-        told["function"] = rf"$\varphi(y)={formula(functions[0], about.variables)}$"
-    if path is not None:
-        told["path"] = f"path {path} of seed {about.seed}"
+    if about.areas != "exact":
+        told["areas"] = "Gaussian areas"
+    if own.get("estimator"):
+        told["estimator"] = own["estimator"]
+    if len(own.get("functions") or ()) == 1:
+        told["function"] = rf"$\varphi(y)={formula(own['functions'][0], about.variables)}$"
+    if own.get("path") is not None:
+        told["path"] = f"path {own['path']} of seed {about.seed}"
     return told
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from ..compiler.dispatch import device, kernel, number
 from ..compiler.records import class_of
 from ..numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments
-from .areas import channels
 from .increments import draw_coins, draw_steps, first_lane, row_length
 from .lanes import aligned
+from .pairs import channels
 from .steppers import kept_of_steps
 
 

@@ -21,8 +21,9 @@ from ..numerics.rng import (
     read_coins,
     toss,
 )
-from .areas import areas_length, channels, copy_areas, draw_areas, join_areas
+from .areas import areas_length, copy_areas, draw_areas, join_areas
 from .lanes import aligned
+from .pairs import channels
 from .protocol import noise_indices, noises
 
 

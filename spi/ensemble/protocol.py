@@ -1,5 +1,5 @@
 """What a model is asked; for schemes see ``scheme_protocol.py``, for models with arrays as states ``array_states.py``,
-for flows that are not known in closed form ``inexact.py``.
+for flows that are not known in closed form ``inexact.py``, for flows that are one with others ``joint.py``.
 
 Read this file first.
 
@@ -98,15 +98,6 @@ def commuting_noises(model):
     """Pairs (k, l), k < l, of noises whose flows are known to commute; schemes need no Lévy areas of theirs."""
 
 
-@trait(tuple, default=())
-def joint_noises(model):
-    """For each piece of H, in order, a tuple of the noises that :func:`joint_flow` moves together with it.
-
-    Those whose flows commute with that of the piece and are of one family with it, as two rotations about one axis are;
-    no noise twice.
-    """
-
-
 @trait(bool, default=False)
 def large(model):
     """Whether states are arrays, of any length, and flows move whole blocks; see the methods of such a model below."""
@@ -150,30 +141,6 @@ def area_pairs(model):
     return tuple(pair for pair in itertools.combinations(noise_indices(model), 2) if pair not in commuting)
 
 
-def joined_noises(model, k):
-    """Those of :func:`joint_noises` that go with piece k, the ones that are off included."""
-    found = joint_noises(model)
-    return found[k] if k < len(found) else ()
-
-
-@trait
-def most_joined(model):
-    """The largest number of noises that go with one piece."""
-    return max(map(len, joint_noises(model)), default=0)
-
-
-def joint_parts(model):
-    """(("joint", k), ("drift", k), ("noise", l), ...): the pieces in order, then the noises that go with none.
-
-    A piece is "joint" where a noise goes with it that is on, otherwise "drift".
-    """
-    on = noise_indices(model)
-    joined = {k: [j for j in joined_noises(model, k) if j in on] for k in piece_indices(model)}
-    of_pieces = [("joint" if joined[k] else "drift", k) for k in joined]
-    together = {j for noises_of in joined.values() for j in noises_of}
-    return (*of_pieces, *(("noise", j) for j in on if j not in together))
-
-
 def strengths(model):
     """(sigma_0, ..., sigma_{m-1}) as floats, 0 for a noise that is off; an array of an array-state model."""
     return model.sigma if is_array(model.sigma) else tuple(0.0 if sigma is None else sigma for sigma in model.sigma)
@@ -209,20 +176,6 @@ def drift_angle(model, k, t, y):
 def noise_angle(model, k, t, y):
     """The largest |angle| whose sine ``noise_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
     return 0.0
-
-
-@method(optional=True)
-def joint_flow(model, k, t, s, y, angles):
-    """exp(t Y_{H_k} + sum_i s[i] Y_{Ĥ_l(i)})(y), l(i) being noise number i of ``joint_noises(model)[k]``.
-
-    Of a model with :func:`joint_noises`, for a piece that has some.  The tuple s is as long as the longest of those,
-    the rest being 0.
-    """
-
-
-@method(optional=True)
-def joint_angle(model, k, t, s, y):
-    """The largest |angle| whose sine ``joint_flow(model, k, t, s, y, ...)`` takes; 0 for a flow without angles."""
 
 
 @method

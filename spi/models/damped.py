@@ -7,9 +7,9 @@ a Casimir function that is homogeneous of degree k decays as exp(-k gamma t), on
 import inspect
 from typing import Any, NamedTuple
 
-from ..checks.registration import vocabulary
 from ..compiler.generated import function_of
 from ..compiler.records import field
+from ..ensemble import inexact, joint, protocol
 from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
 from ..numerics.elementary import expm1
@@ -55,7 +55,7 @@ class Damped(NamedTuple):
 #: Where a damped model answers as any model does that does not answer: it lacks what these say, or has no such need.
 _NOT_FORWARDED = (
     *("squared_length_is_casimir", "axis_inertias", "rotation_shear_rates"),
-    *("lie_bracket", "noise_bracket_gradient"),
+    *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault"),
 )
 
@@ -69,8 +69,8 @@ def _forwarded(asked):
     return function_of([f"def forwarded({parameters}):", f"return asked({arguments})"], {"asked": asked})
 
 
-for _name, _asked in vocabulary("model").items():
-    if _name not in (*vars(Damped), *_NOT_FORWARDED):
+for _name, _asked in (vars(protocol) | vars(inexact) | vars(joint)).items():
+    if hasattr(_asked, "declared") and _name not in (*vars(Damped), *_NOT_FORWARDED):
         setattr(Damped, _name, _forwarded(_asked))
 
 

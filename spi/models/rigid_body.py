@@ -63,6 +63,10 @@ class RigidBody(NamedTuple):
         theta = (t * (1.0 / model.inertia[k]) + s[0] * (1.0 / model.noise_inertia[k])) * y[k]
         return rotate(k, theta, y, angles)
 
+    def bracket_factors(model):
+        a, b, c = model.noise_inertia
+        return 1.0 / (a * b), -1.0 / (a * c), 1.0 / (b * c)  # of y1 y2 y3
+
     def structure(model, y, v):
         return y[1] * v[2] - y[2] * v[1], y[2] * v[0] - y[0] * v[2], y[0] * v[1] - y[1] * v[0]
 

@@ -12,13 +12,13 @@ from ..compiler.dispatch import device
 from .elementary import log_normal, sin_versine_small
 
 #: Stored in every result; to be raised whenever the same seed would give other numbers.
-STREAM_VERSION = 3
+STREAM_VERSION = 4
 
 #: The registry of streams: no two uses of random numbers share one.
 BROWNIAN = 0  # increments of the Wiener processes, channel = process
 COINS = 1  # what is added to the stream of the increments: the coins of the same paths
 BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
-AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.areas
+AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.area_series
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 

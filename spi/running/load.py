@@ -3,10 +3,11 @@
 import contextlib
 import functools
 import inspect
+import itertools
 import json
 import platform
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -222,9 +223,15 @@ def plans(experiment: specs.Experiment) -> list[Plan]:
 
 def remarks(experiment: specs.Experiment) -> list[str]:
     """What of an experiment will not be computed, or not as it was asked for, a line each."""
-    of_case: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
+    of_kind: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
     several = len(experiment.cases) > 1
-    return [f"{case.name}: " * several + line for case in experiment.cases for line in of_case(case)]
+    each = ((case, itertools.chain(of_kind(case), _of_areas(case))) for case in experiment.cases)
+    return [f"{case.name}: " * several + line for case, lines in each for line in lines]
+
+
+def _of_areas(case: specs.BaseCase) -> Iterator[str]:
+    if case.areas != "exact":
+        yield "Lévy areas are Gaussian, with the right moments given the increments: results hold in law"
 
 
 def name_of(plan: Plan) -> str:

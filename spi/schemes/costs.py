@@ -6,24 +6,21 @@ A simple rule, so that an estimate depends on nothing but the scheme and the mod
 from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.protocol import area_pairs, dimension, flow_ns, noise_indices
 from ..ensemble.scheme_protocol import needs_areas, substeps
-from .entries import SCHEMES
-from .inner_steps import inner_scheme
 from .sweeps import sweeps
 
 _DRAW_NS = 0.85  # an increment
 _COMPONENT_NS = 0.15  # of a flow, where the model does not state ``flow_ns``
-_TYPICAL_TERMS = 8  # of the Fourier series of areas
+_TYPICAL_TERMS = 1  # of the Fourier series of areas
+_INNER_FLOWS = 8  # an inner step of three components
 
 
 def _flows(stages, model):
-    """The flows of a composition, an inner step counting as much as a step of its scheme."""
+    """The flows of a composition; an inner step counts as some, the more the more components there are."""
     inexact = {"drift": inexact_pieces(model), "noise": inexact_noises(model)}
-    found = sweeps(stages, model)
-    inner_steps = sum(k in inexact.get(part, ()) for _, part, k, *_ in found)
-    if not inner_steps:
-        return len(found)
-    entry = next(entry for entry in SCHEMES.values() if type(entry.record) is type(inner_scheme(model)))
-    return len(found) - inner_steps + inner_steps * entry.work * (dimension(model) / 3 if entry.solves else 1)
+    return sum(
+        _INNER_FLOWS * dimension(model) / 3 if k in inexact.get(part, ()) else 1
+        for _, part, k, *_ in sweeps(stages, model)
+    )
 
 
 def typical_ns(entry, model):

@@ -15,12 +15,12 @@ from ..ensemble.inexact import INNER_METHODS, flows_lacking, inner, structure_is
 from ..ensemble.protocol import component_indices, dimension
 from ..ensemble.scheme_protocol import advance, work_size
 from ..numerics.rng import LANES
+from .inner_midpoint import InnerMidpoint
 from .isospectral import IsospectralMidpoint
-from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasMidpoint
 from .parts import gradient, hessian, structure_along, structure_derivative_along
 
-_SCHEMES = dict(zip(INNER_METHODS, (Midpoint(), MuntheKaasMidpoint()), strict=True))
+_SCHEMES = dict(zip(INNER_METHODS, (InnerMidpoint(), MuntheKaasMidpoint()), strict=True))
 
 
 class Alone(NamedTuple):

@@ -6,9 +6,9 @@ See docs/literature_schemes.md.
 from typing import NamedTuple
 
 from ..compiler.dispatch import device, number, unrolled
-from ..ensemble.areas import area_channels, area_count, area_indices
 from ..ensemble.fields import add_noise_bracket_gradient, add_scaled, noise_field, scaled, step_gradient
 from ..ensemble.lanes import load_lane, store_lane
+from ..ensemble.pairs import area_channels, area_count, area_indices
 from ..ensemble.protocol import (
     dimension,
     noise_hessian,

@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 from ..compiler.dispatch import method
 from ..ensemble.inexact import piece_gradient, piece_hessian
+from ..ensemble.joint import bracket_angle, bracket_flow, joint_angle, joint_flow
 from ..ensemble.long_flows import drift_phases, drift_turned, noise_phases, noise_turned
 from ..ensemble.protocol import (
     drift_angle,
     drift_flow,
-    joint_angle,
-    joint_flow,
     noise_angle,
     noise_flow,
     noise_gradient,
@@ -139,6 +138,20 @@ class Loops(NamedTuple):
     """The loops of flows of pairs of noises that do not commute, see the head of this file."""
 
 
+class Areas(NamedTuple):
+    """The same by the fewest flows that are known, see the head of ``stages.py``."""
+
+
+class Bracket(NamedTuple):
+    """What moves the lanes where the bracket of two noises has an exact flow."""
+
+    def flow(part, model, k, t, y, angles):
+        return bracket_flow(model, k, t, y, angles)
+
+    def angle(part, model, k, t, y):
+        return bracket_angle(model, k, t, y)
+
+
 class Forwards(NamedTuple):
     """1, ..., n."""
 
@@ -170,5 +183,5 @@ class Shared(NamedTuple):
     """The noise flows have shares of the increment of the whole step."""
 
 
-PARTS = {"drift": Drift(), "noise": Noise(), "joint": Joint(), "loops": Loops()}
+PARTS = {"drift": Drift(), "noise": Noise(), "joint": Joint(), "loops": Loops(), "areas": Areas()}
 ORDERS = {"forwards": Forwards(), "backwards": Backwards(), "symmetric": Symmetric()}

@@ -13,15 +13,16 @@ from ..compiler.dispatch import INDICES, device, number
 from ..compiler.generated import function_of
 from ..compiler.records import class_of, field, is_array, is_none
 from ..ensemble.inexact import inexact_noises, inexact_pieces
+from ..ensemble.joint import bracket_factors, most_joined
 from ..ensemble.lanes import load_lane, store_lane
-from ..ensemble.protocol import most_joined, noises, strengths
+from ..ensemble.protocol import noises, strengths
 from ..numerics.angles import ANY_ANGLES, REDUCED_ANGLES, SMALL_ANGLES, TINY_ANGLES
 from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits
 from ..numerics.rng import LANES
 from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
 from .long_sweeps import is_long, long_sweep
-from .parts import PARTS, Symmetric, Together, angle, flow
+from .parts import PARTS, Bracket, Symmetric, Together, angle, flow
 from .reporting import report_angle
 from .stages import flows, has_loops, is_reversed_by_coin, needs_coins, substeps
 from .sweeps import LoopTime, ShareOfWhole, sweeps
@@ -69,19 +70,19 @@ def splitting(*stages):
             raise ValueError(f"the fractions of the {part} add up to {total:g} and not to 1")
     if len({stage.shared is None for stage in noise}) > 1:
         raise ValueError("some of the noise is shared and some is not; write shared in all of its stages, or in none")
-    if of["loops"]:
-        _check_loops(of["loops"], noise)
+    if of["loops"] or of["areas"]:
+        _check_loops([*of["loops"], *of["areas"]], noise)
     return Splitting(stages)
 
 
 def _check_loops(loops, noise):
     """ValueError for loops where they are not known to supply what the noise lacks."""
     if len(loops) > 1:
-        raise ValueError("the loops stand there twice; they supply all that is lacking at once")
+        raise ValueError("the loops or areas stand there twice; they supply all that is lacking at once")
     whole = len(noise) == 1 and type(noise[0].order) is not Symmetric
     if any(stage.coin is not None for stage in noise) or not (whole or noise[0].shared is not None):
         right = "the noise in one stage, noise 1 or noise 1 backwards, or shared in all of them, and without a coin"
-        raise ValueError(f"loops need {right}")
+        raise ValueError(f"loops and areas need {right}")
 
 
 #: The paper's eq. slpI.
@@ -93,10 +94,10 @@ LIE_TROTTER_AREAS = splitting(flows("noise"), flows("loops"), flows("drift"))
 #: The pieces of H together with the noises of their families, once, and there and back with halves of one increment.
 JOINT_LIE = splitting(flows("joint"))
 JOINT = splitting(flows("joint", "symmetric", shared=True))
-#: With loops in the middle, where only the areas themselves are lacking: of strong order 1.
+#: With the areas in the middle, where only they themselves are lacking: of strong order 1.
 JOINT_AREAS = splitting(
     flows("joint", fraction=1 / 2, shared=True),
-    flows("loops"),
+    flows("areas"),
     flows("joint", "backwards", 1 / 2, shared=True),
 )
 #: The paper's eq. order2, of weak order 2.
@@ -156,6 +157,9 @@ def _step(sweeps, inexact, most):
         if isinstance(time, LoopTime):
             lines += _loop_time(time)
             time = "work"
+        elif part == "bracket":
+            lines += _in_lanes(0, coin, _lacking_time(time))
+            time = "work"
         elif part == "joint":
             for place, moved in enumerate(time):
                 lines += _in_lanes(place, coin, _noise_time(*moved) if moved else "0.0")
@@ -181,8 +185,9 @@ def _step(sweeps, inexact, most):
         "inner_sweep": inner_sweep,
         "report_angle": report_angle,
         "Together": Together,
+        "bracket_factors": bracket_factors,
     }
-    names |= PARTS
+    names |= PARTS | {"bracket": Bracket()}
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
     return function_of(lines, names)
 
@@ -208,15 +213,25 @@ def _noise_time(k, time):
     return f"strengths(model)[{k}] * {increment}"
 
 
+def _lacking_time(of):
+    """What the noise flows lack of a pair of noises, as source text."""
+    (k, j), lacking = of.noises, f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
+    if of.before != 0.5:
+        lacking = f"({0.5 - of.before!r} * dW[{k} * LANES + lane] * dW[{j} * LANES + lane] + {lacking})"
+    return f"strengths(model)[{k}] * strengths(model)[{j}] * {lacking}"
+
+
 def _loop_time(of):
     """Lines that put the time of a flow of a loop into `work`, and before the first one a and b behind it."""
     lines = ["for lane in range(LANES):"]
     if of.place == 0:
-        (k, j), lacking = of.noises, f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
-        if of.before != 0.5:
-            lacking = f"({0.5 - of.before!r} * dW[{k} * LANES + lane] * dW[{j} * LANES + lane] + {lacking})"
+        first, *others = of.lacking
+        product = _lacking_time(first)
+        for one in others:
+            factor = f"bracket_factors(model)[{one.number}] / bracket_factors(model)[{first.number}]"
+            product += f" + {factor} * ({_lacking_time(one)})"
         lines += [
-            f"    product = strengths(model)[{k}] * strengths(model)[{j}] * {lacking}",
+            f"    product = {product}",
             "    root = coins[lane] * np.sqrt(abs(product))",
             "    work[LANES + lane], work[2 * LANES + lane] = root, root if product > 0.0 else -root",
         ]

@@ -19,6 +19,10 @@ operator, sigma_k sigma_l (A_kl + (1/2 - p) dW_k dW_l) [Y_k, Y_l]; p is 1 where 
 order, and 1/2 where the same flows act there and back.  The loop exp(a Y_k), exp(b Y_l), exp(-a Y_k), exp(-b Y_l),
 acting in this order, is 1 + a b [Y_k, Y_l] + ..., hence a b is that factor, with |a| = |b|; a coin decides the sign of
 both, so that the terms of order h^(3/2), odd in (a, b), have the mean 0.  Noises that commute need no loops.
+
+A stage of **areas** supplies the same by fewer flows where the model says so.  [Y_k, Y_l] is the field of the bracket
+{Ĥ_l, Ĥ_k}: where that has an exact flow, ``protocol.bracket_flow``, this flow takes the place of the loop.  Where the
+brackets are multiples of one function, ``protocol.bracket_factors``, one loop has the sum of all.
 """
 
 import math
@@ -26,7 +30,8 @@ from typing import NamedTuple
 
 from ..compiler.dispatch import INDICES
 from ..compiler.records import class_of, field
-from ..ensemble.protocol import area_pairs, joined_noises, joint_parts, noise_indices, piece_indices
+from ..ensemble.joint import joined_noises, joint_parts
+from ..ensemble.protocol import area_pairs, noise_indices, piece_indices
 from .parts import ORDERS, PARTS, Coin, Shared, Symmetric
 
 #: The most sub-steps for which a step can have increments of their own; a power of two.
@@ -60,8 +65,8 @@ def flows(part, order="forwards", fraction=1.0, coin=False, shared=False):
             raise ValueError(f"{name!r} is not a known {what}; known: {', '.join(known)}")
     if coin and order == "symmetric":
         raise ValueError("a symmetric stage is its own reverse and has no use for a coin")
-    if part == "loops" and (order, fraction, coin, shared) != ("forwards", 1.0, False, False):
-        raise ValueError("loops have neither a fraction nor an order nor a word; each has one coin already")
+    if part in ("loops", "areas") and (order, fraction, coin, shared) != ("forwards", 1.0, False, False):
+        raise ValueError(f"{part} have neither a fraction nor an order nor a word; each loop has one coin already")
     if part == "drift" and shared:
         raise ValueError("the drift has no increments that flows could share")
     length = _eighths(order, fraction, shared) if part in ("noise", "joint") else 0
@@ -108,6 +113,7 @@ def indices_of(model):
         "noise": noise_indices(model),
         "joint": joint_parts(model),
         "loops": area_pairs(model),
+        "areas": area_pairs(model),
     }
 
 
@@ -115,7 +121,7 @@ def flows_in_order(stages, indices, coin=1):
     """((stage, part, k, share of the stage's fraction), ...) of a path with this coin, the first flow to act first.
 
     `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "joint": those of both with
-    their parts, "loops": pairs of noises}, and k is one of them.
+    their parts, "loops" and "areas": pairs of noises}, and k is one of them.
     """
     found = []
     for i, stage in enumerate(stages_known(stages)):
@@ -176,8 +182,8 @@ def needs_coins(stages):
 
 
 def has_loops(stages):
-    """Whether a step has loops."""
-    return any(stage.part == "loops" for stage in stages_known(stages))
+    """Whether a step has loops, or what takes their place."""
+    return any(stage.part in ("loops", "areas") for stage in stages_known(stages))
 
 
 def has_joint(stages):

@@ -1,9 +1,14 @@
 """What a step does with its lanes: the flows of its stages one after the other, each with its time."""
 
+import itertools
 import math
 from collections import Counter
 from typing import NamedTuple
 
+from ..compiler.dispatch import answers
+from ..compiler.records import class_of
+from ..ensemble.joint import bracket_factors, bracket_flows
+from ..ensemble.protocol import noises
 from .stages import FINEST, flows_in_order, indices_of, noises_moving, stages_known
 
 
@@ -38,13 +43,20 @@ def _fewest(first, end):
     return first // common, end // common, FINEST // common
 
 
-class LoopTime(NamedTuple):
-    """The time of a flow of a loop."""
+class Lacking(NamedTuple):
+    """What the noise flows lack of a pair, see ``stages.py``."""
 
     noises: tuple[int, int]  #: (k, l), k < l
     pair: int  #: the number of the pair among those of which there are areas
     pairs: int  #: how many there are
-    before: float  #: p, how much of Y_k acts before Y_l, see ``stages.py``
+    number: int  #: among all pairs of noises
+    before: float  #: p, how much of Y_k acts before Y_l
+
+
+class LoopTime(NamedTuple):
+    """The time of a flow of a loop."""
+
+    lacking: tuple[Lacking, ...]  #: what the loop supplies; its flows are those of the first pair
     place: int  #: of the flow in the loop, from 0
 
 
@@ -62,8 +74,9 @@ def sweeps(stages, model):
     found, every = [], _with_times(flows_in_order(stages, indices_of(model)), stages, model)
     for i, stage in enumerate(stages_known(stages)):
         acting = [flow for flow in every if flow[0] == i]
-        if stage.part == "loops":
-            found += _loops(i, [pair for _, _, pair, *_ in acting], _shares(every))
+        if stage.part in ("loops", "areas"):
+            lacking = _lacking([pair for _, _, pair, *_ in acting], _shares(every), model)
+            found += _loops(i, [(one,) for one in lacking]) if stage.part == "loops" else _areas(i, lacking, model)
             continue
         if stage.coin:
             first, last = acting[:-1], acting[-1:]
@@ -74,13 +87,28 @@ def sweeps(stages, model):
     return tuple(found)
 
 
-def _loops(i, pairs, shares):
-    """The flows of all loops, of stage i, given the shares of the noises in the whole step."""
+def _lacking(pairs, shares, model):
+    """What is lacking of some pairs, given the shares of the noises in the whole step."""
+    every = list(itertools.combinations(range(noises(model)), 2))
+    return [Lacking(pair, p, len(pairs), every.index(pair), _before(shares, *pair)) for p, pair in enumerate(pairs)]
+
+
+def _loops(i, groups):
+    """The flows of the loops of stage i, one for each group of what is lacking."""
     return [
-        (i, "noise", k, 1.0, 0, LoopTime(pair, p, len(pairs), _before(shares, *pair), place))
-        for p, pair in enumerate(pairs)
-        for place, k in enumerate(2 * pair)
+        (i, "noise", k, 1.0, 0, LoopTime(group, place))
+        for group in groups
+        for place, k in enumerate(2 * group[0].noises)
     ]
+
+
+def _areas(i, lacking, model):
+    """The flows of brackets, where they are known, and the loops of stage i."""
+    known = bracket_flows(model)
+    flows = [(i, "bracket", known.index(one.noises), 1.0, 0, one) for one in lacking if one.noises in known]
+    rest = tuple(one for one in lacking if one.noises not in known)
+    together = len(rest) > 1 and answers(bracket_factors, class_of(model))
+    return [*flows, *_loops(i, [rest] if together else [(one,) for one in rest])]
 
 
 def _shares(every):

@@ -79,8 +79,8 @@ register_scheme(
     "splitting_joint_areas",
     record=JOINT_AREAS,
     label="joint splitting with Lévy areas",
-    formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L a loop of each pair of noises with "
-    "a b = sigma_k sigma_l A_kl",
+    formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L the flows of sigma_k sigma_l A_kl {Ĥ_l, Ĥ_k}, "
+    "or loops in their place",
     reference="docs/joint.md; areas as in doi:10.1214/aoap/1015345301",
     look=("H", "#0072B2"),
     strong_order=1.0,
@@ -190,7 +190,7 @@ register_scheme(
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y to second order, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k "
     "+ sum_{k < l} sigma_k sigma_l A_kl grad {Ĥ_l, Ĥ_k}",
     reference="doi:10.1137/060666743, its Castell-Gaines type; see docs/literature_schemes.md",
-    look=("H", "#009E73"),
+    look=("2", "#009E73"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
@@ -242,7 +242,7 @@ register_scheme(
     label="explicit Euler-Maruyama",
     formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^(n-1) / eps, xi^n = xi^(n-1) - h/eps^2 xi^(n-1) + dW/eps",
     reference="ours, for comparison",
-    look=("X", "#D55E00"),
+    look=("+", "#D55E00"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
@@ -257,7 +257,7 @@ register_scheme(
     label="semi-implicit Euler-Maruyama",
     formula="z = y + h f(y) + sum_k sigma_k f_k(y) h xi_k^n / eps, xi^n = xi^(n-1) - h/eps^2 xi^n + dW/eps",
     reference="ours, for comparison",
-    look=("P", "#CC79A7"),
+    look=("1", "#CC79A7"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,

@@ -2,20 +2,29 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
 
-from ..ensemble.protocol import NonNegative, Positive, dimension, large
+from ..ensemble.areas import HOW
+from ..ensemble.protocol import NonNegative, Positive, dimension
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..models import MODELS
 from ..models.damped import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import variables
 from ..systems.keys import MOST
-from .checks import ROUNDING, check_count, check_multiple, check_names, check_once, check_schemes
+from .checks import (
+    ROUNDING,
+    check_count,
+    check_multiple,
+    check_names,
+    check_needs,
+    check_once,
+    check_schemes,
+    check_word_of_areas,
+)
 from .compositions import Compositions, weak_order
 from .damping import damped_model
 from .expect import Expect, claims
@@ -37,6 +46,7 @@ from .keys import (
 )
 from .mistakes import every
 from .models import Model, check_words, name_of
+from .own_schemes import check_steps
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -65,12 +75,14 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
+    areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
 
@@ -79,8 +91,8 @@ class BaseCase(Keys):
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
         """What is known of a scheme by its name: a composition of the case, or a row of the table of schemes."""
-        rows = self.compositions.get(scheme)
-        row = composed(scheme, rows, weak_order(rows, self.model)) if rows else with_eps(SCHEMES[scheme], eps)
+        found = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
+        row = found if isinstance(found, Scheme) else composed(scheme, found, weak_order(found, self.model))
         return of_model(row, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
@@ -139,6 +151,7 @@ class BaseCase(Keys):
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
         said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
+        said["areas"] = lambda word: word != "exact"
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")
@@ -155,33 +168,21 @@ class BaseCase(Keys):
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
         return self
 
-    @condition("initial", "model")
+    @condition("initial", "model", "compositions")
     def _check_words(self) -> Self:
         check_words(self.model, self.initial)
+        check_steps(self.compositions, self.model, self.initial)
         return self
 
     @condition("schemes", "reference_scheme", "model")
     def _check_needs(self) -> Self:
-        if large(self.model):
-            self._check_large()
-        for name in self.schemes_used:
-            needs = self.row(name).needs
-            if needs and not needs(self.model):
-                able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
-                listed = name in self.schemes
-                able += " without damping" if self.damping else ""
-                what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
-                raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
+        check_needs(self)
         return self
 
-    def _check_large(self) -> None:
-        """What cannot be done with a model whose states are arrays."""
-        for name in self.schemes_used:
-            if not self.row(name).for_large_models:
-                listed = name in self.schemes
-                what = f"{'has' if listed else 'is'} '{name}', which is not for {self.model_name}"
-                right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
-                raise wrong(what, right, "schemes" if listed else "reference_scheme")
+    @condition("areas", "schemes", "reference_scheme")
+    def _check_areas(self) -> Self:
+        check_word_of_areas(self)
+        return self
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:

@@ -7,8 +7,9 @@ from typing import Any
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
 from ..ensemble.inexact import flows_lacking, inner
-from ..ensemble.protocol import area_pairs
+from ..ensemble.protocol import area_pairs, large
 from ..ensemble.scheme_protocol import needs_areas
+from ..models import MODELS
 from ..models.damped import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
@@ -99,7 +100,7 @@ def check_areas(case: Any, h: float, key: str) -> None:
     most = most_terms(case.model)
 
     def terms(name: str, step: float) -> int:
-        return fourier_terms(case.model, [case.row(name).record], step)
+        return fourier_terms(case.model, [case.row(name).record], step, areas=case.areas)
 
     for name in case.schemes_used:
         if (found := terms(name, h)) > most:
@@ -109,6 +110,42 @@ def check_areas(case: Any, h: float, key: str) -> None:
             what = f"{has} {quantity(h)}, where the Lévy areas of '{name}' take {found} terms of a Fourier series"
             right = f"there are random numbers for {most}; use {quantity(least)} or more, or leave out the scheme"
             raise wrong(what, right, key)
+
+
+def check_word_of_areas(case: Any) -> None:
+    """Gaussian areas have their law alone, and some scheme must need them."""
+    if case.areas == "exact":
+        return
+    if case.along_paths:
+        what = f"is '{case.areas}', but strong errors are those of given paths, which have areas of their own"
+        raise wrong(what, "leave it out", "areas")
+    if not any(needs_areas(case.row(name).record) for name in case.schemes_used):
+        known = ", ".join(name for name, row in SCHEMES.items() if needs_areas(row.record))
+        raise wrong(f"is '{case.areas}', but no scheme needs Lévy areas", f"leave it out, or use {known}", "areas")
+
+
+def check_large(case: Any) -> None:
+    """What cannot be done with a model whose states are arrays."""
+    for name in case.schemes_used:
+        if not case.row(name).for_large_models:
+            listed = name in case.schemes
+            what = f"{'has' if listed else 'is'} '{name}', which is not for {case.model_name}"
+            right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
+            raise wrong(what, right, "schemes" if listed else "reference_scheme")
+
+
+def check_needs(case: Any) -> None:
+    """The facts that schemes need hold for the model."""
+    if large(case.model):
+        check_large(case)
+    for name in case.schemes_used:
+        needs = case.row(name).needs
+        if needs and not needs(case.model):
+            able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
+            listed = name in case.schemes
+            able += " without damping" if case.damping else ""
+            what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
+            raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
 
 
 def check_extrapolate(case: Any) -> None:

@@ -10,8 +10,8 @@
 A stage is the part that acts, ``joint`` for pieces of H together with the noises of their families, its share of the
 step and, where that is not forwards, the order of its flows; the word ``coin`` has the order reversed for the paths
 whose coin is -1, and with the word ``shared`` noise flows have their shares of the increment of the whole step, in
-place of increments of their own.  The stage ``loops`` supplies the Lévy areas of noises that do not commute.  The first
-stage acts first.
+place of increments of their own.  The stage ``loops`` supplies the Lévy areas of noises that do not commute, and so
+does ``areas``, by fewer flows where these are known.  The first stage acts first.
 """
 
 import functools
@@ -19,18 +19,22 @@ import math
 import re
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, PlainSerializer
+import pydantic
+from pydantic import AfterValidator, Field, PlainSerializer, ValidationError
+from pydantic_core import PydanticCustomError
 
-from ..ensemble.protocol import joined_noises, large, noise_indices, noises, piece_indices
+from ..ensemble.joint import joined_noises
+from ..ensemble.protocol import large, noise_indices, noises, piece_indices
 from ..exact.kolmogorov import backward
 from ..expressions.arithmetic import NumberError, parse
 from ..models import MODELS
-from ..schemes import SCHEMES
+from ..schemes import SCHEMES, Scheme
 from ..schemes.parts import ORDERS, PARTS
 from ..schemes.splitting import splitting
 from ..schemes.stages import Flows, compositions, flows, has_loops, repeats_increments
 from .keys import NAME, entries_in, shown, suggestion, wrong
-from .mistakes import every
+from .mistakes import every, under
+from .own_schemes import plain_scheme, read_scheme
 
 Stages = tuple[Flows, ...]
 
@@ -38,7 +42,7 @@ _MOST_STAGES = 16  # each becomes compiled code of its own
 _OF_VARIANTS = ("eps", "extrapolated")  # what follows the name of a scheme in that of a variant
 _COIN, _SHARED = "coin", "shared"
 _WORDS = (*ORDERS, _COIN, _SHARED)
-_LOOPS = "loops"
+_SUPPLYING = ("loops", "areas")
 _RIGHT = "must be like noise 1/2, drift 1 symmetric, noise 1 coin or loops"
 _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items())}
 
@@ -46,9 +50,9 @@ _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items(
 def _stage(text: Any, *keys: str | int) -> Flows:
     """The stage that a text stands for; `keys` lead to it."""
     part, *words = (text.split() if isinstance(text, str) else []) or [""]
-    if part == _LOOPS and not words:
-        return flows(_LOOPS)
-    if part not in PARTS or part == _LOOPS or not words:
+    if part in _SUPPLYING and not words:
+        return flows(part)
+    if part not in PARTS or part in _SUPPLYING or not words:
         raise wrong(f"is {shown(text)}", _RIGHT, *keys)
     last = len(words)
     while last > 1 and words[last - 1].isalpha():
@@ -77,16 +81,31 @@ def _fraction(text: str) -> float:
     return float(fraction)
 
 
-def _read(value: dict[str, Any]) -> dict[str, Stages]:
-    """The mapping {name: texts of stages} as {name: stages}."""
-    return dict(zip(value, every(_stages, value.items()), strict=True))
+def _read(value: dict[str, Any], info: pydantic.ValidationInfo) -> dict[str, Any]:
+    """The mapping {name: texts of stages} as {name: stages}, or of a scheme in a Python file its entry."""
+    return dict(zip(value, every(_entry, ((name, one, info.context) for name, one in value.items())), strict=True))
 
 
-def _stages(name: str, texts: Any) -> Stages:
+def _entry(name: str, value: Any, files: Any) -> Any:
+    _check_name(name)
+    if isinstance(value, dict) and "python" in value:
+        if files is None:  # the keys of the file alone are looked at
+            return value
+        try:
+            return read_scheme(name, value, files)
+        except (PydanticCustomError, ValidationError) as error:
+            raise ValidationError.from_exception_data("spec", under(name, error)) from None
+    return _stages(name, value)
+
+
+def _check_name(name: str) -> None:
     if not re.match(NAME, name):
         raise wrong("is not a valid name", "must consist of letters, digits and _", name)
     if name in SCHEMES or any(name.startswith(f"{scheme}_{of}_") for scheme in SCHEMES for of in _OF_VARIANTS):
         raise wrong("is the name of a scheme", "give the composition another name", name)
+
+
+def _stages(name: str, texts: Any) -> Stages:
     if not isinstance(texts, list):
         raise wrong(f"is {shown(texts)}", "must be a list of stages, as in [noise 1/2, drift 1, noise 1/2]", name)
     if len(texts) > _MOST_STAGES:
@@ -130,8 +149,8 @@ def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
 def _texts(stages: Stages) -> list[str]:
     """The stages in one text each, whatever the texts that they were read from."""
     return [
-        _LOOPS
-        if _NAMES[type(stage.part)] == _LOOPS
+        _NAMES[type(stage.part)]
+        if _NAMES[type(stage.part)] in _SUPPLYING
         else " ".join(
             [
                 _NAMES[type(stage.part)],
@@ -145,9 +164,14 @@ def _texts(stages: Stages) -> list[str]:
     ]
 
 
+def _plain(found: Stages | Scheme) -> Any:
+    return plain_scheme(found) if isinstance(found, Scheme) else _texts(found)
+
+
+_LISTED: Any = {"type": "array", "items": {"type": "string"}}
 Compositions = Annotated[
     dict[str, Any],
     AfterValidator(_read),
-    PlainSerializer(lambda compositions: {name: _texts(stages) for name, stages in compositions.items()}),
-    Field(json_schema_extra={"additionalProperties": {"type": "array", "items": {"type": "string"}}}),
+    PlainSerializer(lambda found: {name: _plain(one) for name, one in found.items()}),
+    Field(json_schema_extra={"additionalProperties": {"anyOf": [_LISTED, {"type": "object"}]}}),
 ]

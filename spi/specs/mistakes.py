@@ -34,3 +34,14 @@ def again(fault: Any) -> InitErrorDetails:
     kind, context = fault["type"], fault.get("ctx", {})
     error = PydanticCustomError(kind, "{what}; {right}" if kind == "spec" else fault["msg"], context)
     return InitErrorDetails(type=error, loc=fault["loc"], input=fault["input"])
+
+
+def under(key: str, error: PydanticCustomError | ValidationError) -> list[InitErrorDetails]:
+    """What an error about a mapping reports, as an error about the mapping in which that stands at `key`."""
+    found = ((one["type"], one.get("loc", ())) for one in details(error))
+    return [InitErrorDetails(type=_under((key, *loc), kind), loc=(), input=None) for kind, loc in found]
+
+
+def _under(keys: tuple[str | int, ...], error: Any) -> PydanticCustomError:
+    context = {"what": str(error), "right": "correct it"} | dict(error.context or {})
+    return PydanticCustomError("spec", "{what}; {right}", context | {"keys": (*keys, *context.get("keys", ()))})

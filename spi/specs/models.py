@@ -80,7 +80,8 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _of_python(data: dict[str, Any], files: Files) -> Any:
+def class_in(data: dict[str, Any], files: Files, what: str) -> Any:
+    """The class `name` in the Python file `python`; raises the error about either key. `what` says what to write."""
     path = data["python"]
     if not isinstance(path, str):
         raise wrong(
@@ -99,8 +100,17 @@ def _of_python(data: dict[str, Any], files: Files) -> Any:
         )
     cls = getattr(module, name, None) if isinstance(name, str) else None
     if cls is None:
-        right = suggestion(name, here) if here else "write a class derived from NamedTuple, see docs/own_models.md"
-        raise wrong(f"is {shown(name)}, for which there is no class in {path}", right, "name")
+        raise wrong(
+            f"is {shown(name)}, for which there is no class in {path}",
+            suggestion(name, here) if here else f"write a {what}",
+            "name",
+        )
+    return cls
+
+
+def _of_python(data: dict[str, Any], files: Files) -> Any:
+    cls = class_in(data, files, "class derived from NamedTuple, see docs/own_models.md")
+    path, name = data["python"], data["name"]
     try:
         check_model_class(name, cls)
     except Exception as error:

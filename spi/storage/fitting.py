@@ -1,5 +1,6 @@
 """Whether what a file holds has the types and shapes that a record says; checksums only tell who wrote last."""
 
+import sys
 from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from types import NoneType, UnionType
@@ -22,7 +23,8 @@ def fits(value: Any, hint: Any) -> bool:
     if get_origin(hint) is dict:
         return isinstance(value, Mapping)
     if hint in (int, float):
-        return isinstance(value, Integral if hint is int else Real) and not isinstance(value, bool | np.bool_)
+        number = isinstance(value, Integral if hint is int else Real) and not isinstance(value, bool | np.bool_)
+        return number and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
     return isinstance(value, bool | np.bool_ if hint is bool else hint)
 
 

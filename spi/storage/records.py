@@ -99,6 +99,7 @@ class Description(NamedTuple):
     final_time: float | None
     truncate_noise: bool
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
+    areas: str = "exact"  #: how Lévy areas were drawn, if they were
 
     @property
     def label(self) -> str:
@@ -131,6 +132,7 @@ class Description(NamedTuple):
             final_time=getattr(case, "final_time", None),
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,
+            areas=getattr(case, "areas", "exact"),
         )
 
     def attributes(self) -> dict[str, Any]:
@@ -138,6 +140,7 @@ class Description(NamedTuple):
         plain = self._asdict()
         parameters = {f"{_MODEL}{name}": value for name, value in plain.pop("parameters").items()}
         empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator")}
+        empty["areas"] = None if self.areas == "exact" else self.areas
         return {name: value for name, value in (plain | empty | parameters).items() if name not in ("case", "variant")}
 
     @classmethod
@@ -161,6 +164,7 @@ class Description(NamedTuple):
             variables=tuple(a.get("variables") or ()),
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=a.get("extrapolate") or 0,
+            areas=a.get("areas") or "exact",
         )
         for name, hint in get_type_hints(cls).items():
             check_fact(name, getattr(found, name), hint)

@@ -19,7 +19,7 @@ from .brackets import Bracket, BracketError, Linear, checked
 from .casimirs import counted, search
 from .coordinates import Given, simplified
 from .data import Data
-from .forms import check_finite, check_name, degree_of, polynomial, shortened
+from .forms import check_finite, check_name, degree_of, merged_powers, polynomial, shortened
 from .functionals import NoExactFlow, NowhereFinite
 from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
@@ -97,6 +97,8 @@ class _Reader(Data):
             order = [first, *(n for n in range(len(casimirs)) if n != first)]
             casimirs = tuple(casimirs[n] for n in order)
         given_h = self.hamiltonian(world, formulas)
+        if any(flow.lacking for flow in flows):
+            given_h = merged_powers(given_h)
         system = System(
             world=world,
             hamiltonian=given_h,

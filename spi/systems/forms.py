@@ -40,6 +40,16 @@ def polynomial(value: Any, formulas: Symbols) -> Polynomial:
     return found
 
 
+def merged_powers(function: Any) -> Any:
+    """A function in which (b - a)^2 is written as (a - b)^2, so that terms which differ by that alone are merged."""
+
+    def turned(power: Any) -> bool:
+        even = power.is_Pow and power.exp.is_Integer and power.exp % 2 == 0
+        return bool(even and power.base.is_Add and power.base.could_extract_minus_sign())
+
+    return function.replace(turned, lambda power: (-power.base) ** power.exp)
+
+
 def shortened(text: Any) -> str:
     """At most 60 characters of a text."""
     text = str(text)

@@ -16,6 +16,7 @@ from .flow_code import Call, Writer, families
 from .function_code import divided_words, motion_functions, phases_of
 from .generators import Generator, generators, motions, rate
 from .motion_code import Motion, motion
+from .noise_brackets import brackets_of, factors_of, flows_of
 from .splitting import Flow, commute
 from .system import System
 
@@ -83,7 +84,7 @@ class _Generator:
         lacking = {"pieces": _texts(drift), "noises": _texts(noise)}
         body = [*self.facts(lacking), *self.flow_words("drift", self.system.flows, drift)]
         body += self.flow_words("noise", self.system.noises, noise)
-        body += self.joint_words()
+        body += self.joint_words() + self.bracket_words()
         divided = [] if any(lacking.values()) else self.divided(drift, noise)
         body += divided
         body += Derivatives(self.system, self.names).lines(lacking["pieces"])
@@ -163,6 +164,21 @@ class _Generator:
         groups = "".join(f"{family.noises!r}, " for family in found)
         heads = "def joint_flow(model, k, t, s, y, angles):", "def joint_angle(model, k, t, s, y):"
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
+
+    def bracket_words(self) -> list[str]:
+        """What is known of the brackets of noises: ``bracket_flow``, ``bracket_angle`` and ``bracket_factors``."""
+        brackets = brackets_of(self.system)
+        calls: list[Call] = []
+        pairs: list[tuple[int, int]] = []
+        for pair, flow in flows_of(brackets, self.world).items():
+            key, rates = self.moved(flow)
+            if not isinstance(key, str):
+                calls.append(Call(len(calls), key, [("t", rates)], [flow]))
+                pairs.append(pair)
+        rest = {pair: bracket for pair, bracket in brackets.items() if pair not in pairs}
+        lines = factors_of(rest, len(self.system.noises), self.names, self.world)
+        heads = "def bracket_flow(model, k, t, y, angles):", "def bracket_angle(model, k, t, y):"
+        return [*lines, "", f"bracket_flows = {tuple(pairs)!r}", *self.writer.words(heads, calls)] if calls else lines
 
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 

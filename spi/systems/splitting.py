@@ -13,7 +13,7 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
-from .forms import degree_of
+from .forms import degree_of, merged_powers, shortened
 from .functionals import Functional, NoExactFlow, NowhereFinite, form_text, functionals_of, reduced
 from .kept import Quadratic, commuting, unmoved
 from .series import ends
@@ -89,9 +89,10 @@ def single(expression: Any, world: Symbolics, kept: Mapping[Any, Any] = MappingP
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
             names = " and ".join(form_text(f, world.bracket.coordinates) for f in (first, second))
-            raise NoExactFlow(f"'{world.name(expression)}' depends on {names}, which do not commute")
+            text = shortened(world.name(expression))
+            raise NoExactFlow(f"'{text}' depends on {names.replace('+ -1.0*', '- ')}, which do not commute")
     if world.bracket.higher and not ends(world.bracket, functionals):
-        raise NoExactFlow(f"'{world.name(expression)}' moves by a Lie series that does not end")
+        raise NoExactFlow(f"'{shortened(world.name(expression))}' moves by a Lie series that does not end")
     varying = bool(world.bracket.formulas) or (any(len(f) > 1 for f in functionals) and world.varies(expression))
     return Term(expression, functionals, pivots, varying, kept)
 
@@ -141,6 +142,7 @@ def split(
 
 def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
     """What stands for the flow of a function that has none in closed form."""
+    expression = merged_powers(expression)
     return Flow((Term(expression, *functionals_of(expression, world), world.varies(expression)),), reason)
 
 

@@ -254,7 +254,7 @@ def test_a_signal_before_anything_is_done_stops_with_the_code_of_a_stop():
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no such signals here")
-@pytest.mark.parametrize("specs", [1, 2])
+@pytest.mark.parametrize("specs", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_signal_after_everything_is_written_changes_nothing(specs):
     """After the last experiment the exit code is 0; between two it is that of a stop."""
     before = "import os, signal, spi.cli.running as cli\ntold = cli.tell\n"

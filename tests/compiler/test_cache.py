@@ -160,7 +160,7 @@ def test_without_a_cache_that_can_be_written_a_temporary_one_is_used_and_removed
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
 
 
-@pytest.mark.parametrize("below", ["file/cache", "cache"])
+@pytest.mark.parametrize("below", ["file/cache", pytest.param("cache", marks=pytest.mark.slow)])
 def test_a_run_says_in_one_line_that_kernels_cannot_be_kept(tmp_path, below):
     (tmp_path / "file").write_text("")
     tiny = ["--set", "final_time=1/8", "--set", "step=1/8", "--set", "schemes=[splitting]"]

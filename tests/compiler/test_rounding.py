@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import COMPILED
+from llvmlite import ir
 
 from spi.compiler import private, rounding
 from spi.compiler.dispatch import device
@@ -113,6 +114,20 @@ def assert_equal_bits(words):
         assert [found[bits][1] for bits in (widths[0], widths[-1])] == ["zmm False", f"zmm {widths[-1] == 512}"]
 
 
+def test_nothing_is_left_for_llvm_to_choose():
+    """No operation may be fused any more but those that are written as fused ones, and the width is said."""
+    module, kind = ir.Module(), ir.DoubleType()
+    function = ir.Function(module, ir.FunctionType(kind, [kind] * 4), "f")
+    builder = ir.IRBuilder(function.append_basic_block())
+    a, b, c, d = function.args
+    products = [builder.fmul(*pair, flags=["contract"]) for pair in ((a, b), (c, d))]
+    builder.ret(builder.fadd(*products, flags=["contract"]))
+    rounding.round_explicitly(module)
+    assert "contract" not in str(module) and f'"prefer-vector-width"="{rounding.vector_bits()}"' in str(module)
+    assert ("@llvm.fma.f64" in str(module).replace('"', "")) == rounding.is_fused()
+
+
+@pytest.mark.slow
 def test_bits_do_not_depend_on_the_width_of_vectors():
     """Of this scheme they did, between 256 and 512 bits, when LLVM chose which product to fuse."""
     assert_equal_bits(["rigid_body_strong/splitting_order2"])

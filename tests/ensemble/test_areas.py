@@ -11,6 +11,7 @@ from scheme_cases import relative
 from weak_cases import case_of, results_of
 
 from spi.compiler.inlining import uncompiled
+from spi.ensemble.areas import HOW
 from spi.ensemble.protocol import area_pairs, noise_indices
 from spi.ensemble.scheme_protocol import REPORT, advance
 from spi.models import MODELS, RigidBody
@@ -61,64 +62,6 @@ def test_pairs_are_those_of_noises_that_are_on_and_do_not_commute():
     assert area_pairs(RIGID_BODY._replace(sigma=(1.0, None, 1.0))) == ((0, 2),)
     some = type("Some", (RigidBody,), {"commuting_noises": ((0, 2),), "__module__": RigidBody.__module__})
     assert area_pairs(some(*RIGID_BODY)) == ((0, 1), (1, 2))
-
-
-# --- their law -------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def drawn():
-    """terms -> (dW [noise, sample], areas [pair, sample]) of steps of size 1."""
-    options = {"h": 1.0, "steps": 256, "blocks": 16}
-    dW = np.moveaxis(increments_of(**options)[0], 0, 1).reshape(3, -1)
-    return {
-        terms: (dW, np.moveaxis(areas_of(**options, area_terms=terms)[0], 0, 1).reshape(3, -1)) for terms in (1, 40)
-    }
-
-
-def deviation(values, expected):
-    """How many standard errors the mean of some samples is from what is expected."""
-    return abs(values.mean() - expected) / (values.std() / math.sqrt(values.size))
-
-
-@compiled_only
-def test_joint_moments_of_increments_and_areas(drawn):
-    """Those of second degree in the areas are exact for any number of terms, thanks to the tail."""
-    for terms in (1, 40):
-        dW, areas = drawn[terms]
-        for p, (k, m) in enumerate(PAIRS):
-            a = areas[p]
-            assert deviation(a, 0) < 4 and deviation(a**3, 0) < 4
-            assert deviation(a**2, 1 / 4) < 4
-            assert deviation(a**2 * dW[k] ** 2, 5 / 12) < 4
-            assert deviation(a * dW[k] * dW[m], 0) < 4
-            (other,) = {0, 1, 2} - {k, m}
-            assert deviation(a**2 * dW[other] ** 2, 1 / 4) < 4
-        for (p, first), (q, second) in itertools.combinations(enumerate(PAIRS), 2):
-            ((k,), (m,)) = (set(pair) - (set(first) & set(second)) for pair in (first, second))
-            sign = 1 if (first.index(k) == 1) == (second.index(m) == 1) else -1
-            assert deviation(areas[p] * areas[q], 0) < 4
-            assert deviation(areas[p] * areas[q] * dW[k] * dW[m], sign / 12) < 4
-    dW, areas = drawn[40]
-    assert all(deviation(a**4, 5 / 16) < 4 for a in areas)
-    assert deviation(areas[0] ** 2, 1 / 4 * 0.98) > 4  # negative control: an area too small by 1 % would be seen
-
-
-@compiled_only
-def test_characteristic_function_of_an_increment_and_an_area(drawn):
-    """E exp(i (u dW_k + x A_kl)) = sech(x/2) exp(-u^2 tanh(x/2) / x): Lévy's formula for h = 1."""
-    worst = {}
-    for terms in (1, 40):
-        dW, areas = drawn[terms]
-        deviations = [
-            deviation(np.cos(u * dW[k] + x * areas[p]), np.exp(-(u**2) * math.tanh(x / 2) / x) / math.cosh(x / 2))
-            for p, (k, _) in enumerate(PAIRS)
-            for u in (0.0, 1.0, 2.5)
-            for x in (1.0, 3.0, 6.0)
-        ]
-        worst[terms] = max(deviations)
-    assert worst[40] < 4
-    assert worst[1] > 5  # negative control: one term is too few for the tail to look normal
 
 
 # --- the scheme ------------------------------------------------------------------------------------------------------
@@ -298,10 +241,11 @@ def test_built_in_noises_do_not_commute_by_name():
 
 
 @compiled_only
-def test_variances_of_multilevel_differences_fall_like_the_square_of_the_step():
-    """Without antithetic paths, and with areas drawn for each level by itself."""
-    case = case_of("steps=2^-2 .. 2^-5", "reference_step=2^-7", "schemes=[splitting, splitting_areas]", "seconds=0.5")
-    variables, _ = results_of(case, "splitting_areas", "multilevel")
+@pytest.mark.parametrize("how", HOW)
+def test_variances_of_multilevel_differences_fall_like_the_square_of_the_step(how):
+    """Without antithetic paths, and with areas drawn for each level by itself; those of its large step are joined."""
+    keys = ["steps=2^-2 .. 2^-5", "reference_step=2^-7", "schemes=[splitting, splitting_areas]", "seconds=0.5"]
+    variables, _ = results_of(case_of(*keys, f"areas={how}"), "splitting_areas", "multilevel")
     coarse, variance = 2.0 ** np.arange(-6, -1), variables["level_variance"][0]
     assert 1.85 < _slope(coarse, variance) < 2.15
     assert variables["level_consistency"].max() < 1.0

@@ -4,7 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers import LANES, RIGID_BODY, SCHEMES, WithoutCorrection, compiled_only, simulate
+from ensemble_cases import increments_of
+from helpers import INITIAL, LANES, RIGID_BODY, SCHEMES, compiled_only, simulate
+
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.fields import drift_field, noise_field
 
 #: Strengths 0 rather than None, so that one compiled kernel serves it and three noises.
 ONE_NOISE = RIGID_BODY._replace(sigma=(1.0, 0.0, 0.0))
@@ -44,9 +48,20 @@ def at_time_one():
         "truncate": True,
         "area_terms": 4,
     }
-    schemes = {name: row.record for name, row in SCHEMES.items()}
-    schemes["wrong"] = WithoutCorrection()
-    return {name: simulate(scheme, **options)[0][:, 0] for name, scheme in schemes.items()}
+    found = {name: simulate(row.record, **options)[0][:, 0] for name, row in SCHEMES.items()}
+    del options["area_terms"]
+    wrong = map(without_correction, STEP_SIZES, increments_of(**options))
+    return found | {"wrong": np.array(list(wrong))}
+
+
+def without_correction(h, increments):
+    """A wrong scheme, in NumPy: Euler-Maruyama that takes the Stratonovich equation for an Itô equation."""
+    y = np.repeat(np.reshape(INITIAL, (3, 1)), PATHS, axis=1)
+    with uncompiled():
+        for dW in increments:
+            noise = sum(np.array(noise_field(RIGID_BODY, k, tuple(y))) * dW[k] for k in range(3))
+            y = y + h * np.array(drift_field(RIGID_BODY, tuple(y))) + noise
+    return y
 
 
 STEP_SIZES = 2.0 ** (np.array(LEVELS) - 10)

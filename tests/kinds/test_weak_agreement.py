@@ -134,7 +134,7 @@ def test_the_three_estimators_agree(system, scheme):
     assert np.all(off < 4 * np.hypot(levels["error_stderr"][:, -1], 1e-4) + 0.5 * lacking)
 
 
-@pytest.mark.share
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize("scheme", ["splitting", "splitting_drift_first"])
 @pytest.mark.parametrize("system", SYSTEMS)

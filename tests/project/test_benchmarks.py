@@ -63,6 +63,7 @@ def in_one_row(scheme):
     return substeps(scheme) == 1 and not needs_areas(scheme)
 
 
+@pytest.mark.share(5)
 @pytest.mark.parametrize("scheme", [name for name, row in SCHEMES.items() if in_one_row(row.record)])
 def test_generic_twin_makes_the_same_step(scheme):
     model, y, dW = states_and_steps("rigid_body")

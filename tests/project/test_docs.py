@@ -33,6 +33,7 @@ def folder(tmp_path, monkeypatch):
     """The folder in which the reader of a page works: with the experiments, and with the model of the examples."""
     tmp_path.joinpath("experiments").symlink_to(ROOT / "experiments")
     tmp_path.joinpath("systems").symlink_to(ROOT / "experiments" / "systems")
+    tmp_path.joinpath("schemes").symlink_to(ROOT / "experiments" / "schemes")
     tmp_path.joinpath("my_top.py").symlink_to(ROOT / "tests" / "heavy_top.py")
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -66,17 +66,15 @@ def elsewhere(tmp_path):
     return run
 
 
-def test_without_what_only_posix_has_and_with_open_files_that_stay(elsewhere):
-    """No fcntl, sched_getaffinity, fork, geteuid or sysconf, also in the workers, which are spawned."""
-    out = elsewhere("--workers", "2", lacks="posix,open", NUMBA_DISABLE_JIT="1").decode()
-    assert "splitting" in out
-
-
 @pytest.mark.parametrize("encoding", ["cp1252", pytest.param("cp437", marks=pytest.mark.slow)])
-def test_a_code_page_of_windows(elsewhere, encoding):
-    """Neither what is printed nor what is read or written depends on the encoding of the system, here ASCII."""
-    locale = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONWARNDEFAULTENCODING": "1"}
-    out = elsewhere(lacks="encoding", PYTHONIOENCODING=encoding, NUMBA_DISABLE_JIT="1", **locale).decode(encoding)
+def test_without_what_only_posix_has_and_with_a_code_page_of_windows(elsewhere, encoding):
+    """No fcntl, sched_getaffinity, fork, geteuid or sysconf, also in the workers, which are spawned; open files stay.
+
+    Neither what is printed nor what is read or written depends on the encoding of the system, here ASCII.
+    """
+    variables = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONWARNDEFAULTENCODING": "1"}
+    variables |= {"PYTHONIOENCODING": encoding, "NUMBA_DISABLE_JIT": "1"}
+    out = elsewhere("--workers", "2", lacks="posix,open,encoding", **variables).decode(encoding)
     assert "splitting" in out and "\ufffd" not in out
 
 

@@ -248,6 +248,15 @@ def test_a_damped_body_turns_by_the_isospectral_rule():
     assert SCHEMES["isospectral_midpoint"].needs(record.model)
 
 
+def test_newtons_method_solves_what_simple_iteration_does_not():
+    """Beyond |t F'| = 2/3 or so; the equation of the step is checked by the field written down here."""
+    record, of, y = system("mass", "midpoint").record, field("mass", "midpoint", "drift"), np.array([0.8, 0.9, 1.2])
+    for t, simple in ((0.3, True), (2.5, False)):
+        new, report = moved(record, "drift", [t], y[:, np.newaxis])
+        assert np.allclose(new[:, 0] - y, t * of((y + new[:, 0]) / 2), rtol=0, atol=1e-12) and report[FAILURES] == 0
+        assert (report[1] / report[0] < 30) == simple
+
+
 def test_equations_that_are_not_solved_are_reported():
     record, y = system("mass", "midpoint").record, np.array([[0.8], [40.0], [1.0]])
     _, report = moved(record, "drift", [30.0], y)

@@ -22,7 +22,12 @@ from scheme_cases import increments, relative, tosses
 from scipy.integrate import solve_ivp
 from yaml_cases import SYSTEMS, made
 
-from spi.ensemble.protocol import area_pairs, joint_noises, joint_parts, noises
+from spi.checks.model_checks import check_model
+from spi.compiler.dispatch import answers
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.joint import bracket_factors, bracket_flows, joint_noises, joint_parts
+from spi.ensemble.protocol import area_pairs, noises
+from spi.ensemble.scheme_protocol import needs_areas
 from spi.exact.kolmogorov import exact_expectations, expectations
 from spi.models import MaxwellBloch, RigidBody
 from spi.models.damped import Damped
@@ -47,6 +52,9 @@ PAIRS = ((0, 1), (0, 2), (1, 2))
 HALF, DRIFT = flows("drift", fraction=1 / 2), flows("drift")
 AROUND = splitting(flows("noise", fraction=1 / 2, shared=True), DRIFT, flows("noise", "backwards", 1 / 2, shared=True))
 WITHIN = splitting(HALF, flows("noise", "symmetric", shared=True), flows("drift", "backwards", 1 / 2))
+JOINT_LOOPS = splitting(
+    flows("joint", fraction=1 / 2, shared=True), flows("loops"), flows("joint", "backwards", 1 / 2, shared=True)
+)
 JOINT_COIN = splitting(flows("joint", coin=True))
 JOINT_SYMMETRIC = splitting(flows("joint", "symmetric"))
 
@@ -67,10 +75,15 @@ def in_turn(model, h, dW, y, parts):
     return y
 
 
-def middle_loops(model, dW, areas, coins, y):
-    """The loops for A_kl, by rotations."""
-    for (k, m), area in zip(area_pairs(model), areas, strict=True):
-        product = model.sigma[k] * model.sigma[m] * area
+def middle_loops(model, areas, coins, y, together=False):
+    """The loops for A_kl, by rotations; or one for all, since {Ĥ_k, Ĥ_l} = -+ y1 y2 y3 / (Î_k Î_l)."""
+    pairs, inertia = area_pairs(model), model.noise_inertia
+    products = [model.sigma[k] * model.sigma[m] * area for (k, m), area in zip(pairs, areas, strict=True)]
+    if together and pairs:
+        sign = {(0, 1): 1.0, (0, 2): -1.0, (1, 2): 1.0}
+        every = [sign[k, m] / (inertia[k] * inertia[m]) for k, m in pairs]
+        products = [sum(c / every[0] * product for c, product in zip(every, products, strict=True))]
+    for (k, m), product in zip(pairs, products, strict=False):
         a = coins * np.sqrt(np.abs(product))
         b = np.sign(product) * a
         for j, t in ((k, a), (m, b), (k, -a), (m, -b)):
@@ -91,12 +104,13 @@ def test_steps_are_those_by_hand(model, generator):
     by_hand = [
         (JOINT_LIE, in_turn(model, h, dW, y, [(k, 1, 1) for k in range(3)])),
         (JOINT, in_turn(model, h, dW, there, THERE[::-1])),
-        (JOINT_AREAS, in_turn(model, h, dW, middle_loops(model, dW, areas, coins, there), THERE[::-1])),
+        (JOINT_LOOPS, in_turn(model, h, dW, middle_loops(model, areas, coins, there), THERE[::-1])),
+        (JOINT_AREAS, in_turn(model, h, dW, middle_loops(model, areas, coins, there, together=True), THERE[::-1])),
         (AROUND, in_turn(model, h, dW, y, around)),
         (WITHIN, in_turn(model, h, dW, y, within)),
     ]
     for scheme, expected in by_hand:
-        rows = np.concatenate([dW, areas]) if scheme is JOINT_AREAS else dW
+        rows = np.concatenate([dW, areas]) if needs_areas(scheme) else dW
         new, _ = take_step(scheme, model, h, rows, y, coins)
         assert relative(new, expected) < 1e-14
     for (_, first), (_, second) in itertools.combinations(by_hand if area_pairs(model) else by_hand[:2], 2):
@@ -115,23 +129,26 @@ def test_a_coin_reverses_joint_flows(generator):
 # --- what loops supply -----------------------------------------------------------------------------------------------
 
 
-def noise_field(k, y):
+def noise_field(model, k, y):
+    """B grad Ĥ_k for Ĥ_k = y_k^2 / (2 Î_k), or y_k of a system in YAML."""
+    return np.cross(y, np.eye(3)[k]) * (y[k] / model.noise_inertia[k] if model is RIGID_BODY else 1.0)
+
+
+def noise_derivative(model, k, y, v):
     e = np.eye(3)[k]
-    return np.cross(y, e) * y[k] / RIGID_BODY.noise_inertia[k]
+    if model is not RIGID_BODY:
+        return np.cross(v, e)
+    return (np.cross(v, e) * y[k] + np.cross(y, e) * v[k]) / model.noise_inertia[k]
 
 
-def noise_derivative(k, y, v):
-    e = np.eye(3)[k]
-    return (np.cross(v, e) * y[k] + np.cross(y, e) * v[k]) / RIGID_BODY.noise_inertia[k]
-
-
-def moved_exactly(y, w, a):
+def moved_exactly(model, y, w, a):
     """The flow over the time 1 of sum_k w_k Y_k + sum_{k<l} a_kl [Y_k, Y_l]: with areas the step to second order."""
 
     def field(t, y):
-        found = sum(w[k] * noise_field(k, y) for k in range(3))
+        fields = [noise_field(model, k, y) for k in range(3)]
+        found = sum(w[k] * fields[k] for k in range(3))
         for (k, m), area in zip(PAIRS, a, strict=True):
-            bracket = noise_derivative(m, y, noise_field(k, y)) - noise_derivative(k, y, noise_field(m, y))
+            bracket = noise_derivative(model, m, y, fields[k]) - noise_derivative(model, k, y, fields[m])
             found = found + area * bracket
         return found
 
@@ -143,31 +160,64 @@ UNEVEN = splitting(
 )
 
 
+LINEAR = "{algebra: so(3), hamiltonian: y1^2 + y2^2, noises: [y1, y2, y3]}"
+AREAS_LAST = splitting(flows("noise"), flows("areas"), DRIFT)
+
+
+def before(scheme):
+    """What a step says of the pairs in its loops, and in the flows of brackets."""
+    times = [time for *_, time in sweeps(scheme.stages, RIGID_BODY)]
+    return {one.before for time in times for one in getattr(time, "lacking", ())}
+
+
 @pytest.mark.parametrize(
-    ("scheme", "before"),
+    ("scheme", "p", "linear"),
     [
-        (LIE_TROTTER_AREAS, 1),
-        (splitting(flows("noise", "backwards"), flows("loops"), DRIFT), 0),
-        (JOINT_AREAS, 1 / 2),
-        (UNEVEN, 1 / 16 + 3 / 16),
-        (splitting(flows("joint"), flows("loops")), 1),
+        (LIE_TROTTER_AREAS, 1, False),
+        (splitting(flows("noise", "backwards"), flows("loops"), DRIFT), 0, False),
+        (JOINT_LOOPS, 1 / 2, False),
+        (JOINT_AREAS, 1 / 2, False),
+        (UNEVEN, 1 / 16 + 3 / 16, False),
+        (splitting(flows("joint"), flows("loops")), 1, False),
+        (AREAS_LAST, 1, False),
+        (AREAS_LAST, 1, True),
+        (JOINT_AREAS, 1 / 2, True),
     ],
-    ids=["forwards", "backwards", "there and back", "uneven", "joint"],
 )
-def test_loops_supply_what_is_lacking_at_second_order(scheme, before):
+def test_loops_and_areas_supply_what_is_lacking_at_second_order(scheme, p, linear):
     """Without time, increments e w and areas e^2 a: a step is off by O(e^3), and without areas by O(e^2)."""
-    assert {time.before for *_, time in sweeps(scheme.stages, RIGID_BODY) if hasattr(time, "before")} == {before}
+    assert before(scheme) == {p}
+    model = made(LINEAR).record if linear else RIGID_BODY
     w, a = np.array([0.7, -0.5, 0.9]), np.array([0.4, -0.3, 0.5])
     distances = {}
     for sign, e in itertools.product((1, 0, -1), (0.1, 0.05)):
         rows = np.repeat(np.concatenate([e * w, sign * e * e * a])[:, np.newaxis], LANES, axis=1)
         y, coins = np.repeat(np.reshape(INITIAL, (3, 1)), LANES, axis=1), np.where(np.arange(LANES) % 2, 1.0, -1.0)
-        new, _ = take_step(scheme, RIGID_BODY, 0.0, rows, y, coins)
-        distances[sign, e] = np.linalg.norm(new.mean(axis=1) - moved_exactly(INITIAL, e * w, e * e * a))
+        new, _ = take_step(scheme, model, 0.0, rows, y, coins)
+        distances[sign, e] = np.linalg.norm(new.mean(axis=1) - moved_exactly(model, INITIAL, e * w, e * e * a))
     assert distances[1, 0.1] / distances[1, 0.05] > 6.5
     for wrong in (0, -1):  # negative controls
         assert distances[wrong, 0.1] / distances[wrong, 0.05] < 5
         assert distances[wrong, 0.05] > 5 * distances[1, 0.05]
+
+
+QUADRATIC = "{algebra: so(3), parameters: {J: 3}, hamiltonian: y1^2, noises: [y1^2/2, y2^2, y3^2/J]}"
+
+
+def test_systems_know_the_brackets_of_their_noises():
+    """Those that have exact flows, and those that are multiples of one function; the generic checks compare them."""
+    linear, quadratic = made(LINEAR).record, made(QUADRATIC).record
+    assert bracket_flows(linear) == PAIRS and bracket_flows(quadratic) == ()
+    with uncompiled():
+        assert np.allclose(bracket_factors(quadratic), np.array([1.0, -1 / 3, 2 / 3]), rtol=1e-15)
+    assert not answers(bracket_factors, linear)
+    assert bracket_flows(made(SYSTEMS["heavy top"][0]).record) in (((0, 1),), ())
+    for record in (linear, quadratic):
+        assert check_model(record, [INITIAL, (0.3, -0.8, 0.4)], written=False) == []
+    counts = [len(sweeps(JOINT_AREAS.stages, record)) for record in (linear, quadratic, RIGID_BODY)]
+    flows_of_halves = [2 * len(joint_parts(record)) for record in (linear, quadratic, RIGID_BODY)]
+    assert np.subtract(counts, flows_of_halves).tolist() == [3, 4, 4]
+    assert len(sweeps(JOINT_LOOPS.stages, RIGID_BODY)) == 6 + 12
 
 
 # --- stages as data --------------------------------------------------------------------------------------------------
@@ -266,14 +316,17 @@ def test_families_of_the_gallery():
 
 
 @pytest.mark.skipif(not COMPILED, reason="compares with the compiler")
-def test_kernels_of_families_of_different_sizes(generator):
-    """Of one piece that goes with two noises and another with one, and with the order that a coin decides."""
+@pytest.mark.parametrize("scheme", [JOINT_COIN, JOINT_AREAS], ids=["coin", "areas"])
+def test_kernels(scheme, generator):
+    """Of one piece that goes with two noises and another with one, in an order that a coin decides; of a bracket."""
     record = made("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5, noises: [y4, y1, y5^2, y3]}").record
-    y, dW = random_states(generator, 6), 0.3 * generator.standard_normal((1, 4, LANES))
-    coins = tosses(generator)
-    compiled, _ = take_steps(JOINT_COIN, record, 0.2, dW, y, coins[np.newaxis])
-    plain, _ = take_step(JOINT_COIN, record, 0.2, dW[0], y, coins)
-    assert relative(compiled, plain) < 1e-14 and relative(compiled, y) > 0.1
+    assert joint_noises(record) == ((0, 1), (2,)) and bracket_flows(record) == ((1, 3),)
+    pairs = len(area_pairs(record)) if needs_areas(scheme) else 0
+    y, coins = random_states(generator, 6), tosses(generator)
+    dW = 0.3 * generator.standard_normal((1, 4 + pairs, LANES))
+    compiled, _ = take_steps(scheme, record, 0.2, dW, y, coins[np.newaxis])
+    plain, _ = take_step(scheme, record, 0.2, dW[0], y, coins)
+    assert relative(compiled, plain) < 1e-13 and relative(compiled, y) > 0.1
 
 
 # --- weak orders, without sampling -----------------------------------------------------------------------------------

@@ -245,7 +245,7 @@ def casimir_errors(scheme, model, h, steps):
 @pytest.mark.share
 @pytest.mark.parametrize("eps", [1.0, 0.1, 1e-3, 1e-6, 0.0])
 @asymptotic_preserving
-@pytest.mark.parametrize("name", ["rigid_body", "maxwell_bloch", "sine_euler"])
+@pytest.mark.parametrize("name", ["rigid_body", "maxwell_bloch", pytest.param("sine_euler", marks=pytest.mark.slow)])
 def test_casimirs_are_kept_for_every_eps(name, rule, eps):
     steps = 10**4 if COMPILED else 10
     errors = casimir_errors(AsymptoticPreserving(eps, rule), MODELS[name], 0.01, steps)

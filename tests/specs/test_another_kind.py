@@ -25,7 +25,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.share
+@pytest.mark.share(5)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("source", SOURCES)
 def test_any_experiment_becomes_one_of_another_kind(source, kind):

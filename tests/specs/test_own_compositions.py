@@ -134,9 +134,9 @@ profiles:
 
 
 def test_words_are_written_as_they_are_read(spec):
-    text = "[joint 1/2 shared, loops, joint 0.5 shared backwards]"
+    text = "[joint 1/2 shared, areas, joint 0.5 shared backwards]"
     written = spec(TEXT, MINE, text).effective["cases"]["main"]["compositions"]["mine"]
-    assert written == ["joint 0.5 forwards shared", "loops", "joint 0.5 backwards shared"]
+    assert written == ["joint 0.5 forwards shared", "areas", "joint 0.5 backwards shared"]
     assert same(stages_of(spec(TEXT, MINE, f"[{', '.join(written)}]")), JOINT_AREAS.stages)
 
 

@@ -241,7 +241,7 @@ SCHEMES = (
         (
             "kind: strong",
             "kind: weather",
-            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time",
+            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time, statistics",
         ),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
@@ -1005,7 +1005,8 @@ def test_json_schema():
     keys = strong["properties"]
     assert keys["kind"]["const"] == "strong"
     assert keys["schemes"]["items"]["anyOf"][0]["enum"] == SCHEMES.split(", ")
-    assert keys["compositions"]["additionalProperties"] == {"type": "array", "items": {"type": "string"}}
+    listed = {"type": "array", "items": {"type": "string"}}
+    assert keys["compositions"]["additionalProperties"] == {"anyOf": [listed, {"type": "object"}]}
     assert keys["final_time"]["anyOf"] == [{"type": "number", "exclusiveMinimum": 0}, {"type": "string"}]
     assert keys["samples"]["description"] == "number of Brownian paths"
     assert {"$ref": "#/$defs/RigidBodyPart"} in keys["model"]["anyOf"]

@@ -53,6 +53,7 @@ def test_runs_that_find_edited_sums_come_to_their_end(tmp_path, monkeypatch):
         (0, 1.5),
         (0, True),
         (0.0, "x"),
+        (0.0, 10**400),  # which no float is as large as
         ("", 1),
     ],
 )

@@ -16,6 +16,7 @@ from spi.ensemble.protocol import commuting_noises, pieces
 from spi.schemes import SCHEMES
 from spi.specs import SpecError
 from spi.systems.definition import DefinitionError, define
+from spi.systems.forms import merged_powers
 from spi.systems.making import make
 
 Q, P = "'q(i) for i = 1..n'", "'p(i) for i = 1..n'"
@@ -178,6 +179,14 @@ def test_modules_of_systems_whose_flows_are_exact_say_nothing_of_it():
     """Their texts, and what is compiled of them, are what they were."""
     text = made("{algebra: heisenberg, variables: [q, p, z], hamiltonian: p^2/2 + q^4, noises: [q]}").text
     assert "inexact" not in text and "inner" not in text and "piece_" not in text
+
+
+def test_terms_of_double_sums_are_merged():
+    """(q(2) - q(1))^2 is (q(1) - q(2))^2; an odd power is another."""
+    (a, b), text = sympy.symbols("a b", real=True), made(SYSTEMS["landmarks"][0]).text
+    assert merged_powers(sympy.exp((b - a) ** 2) + sympy.exp((a - b) ** 2)) == 2 * sympy.exp((a - b) ** 2)
+    assert merged_powers((b - a) ** 3 + (a - b) ** 3) == (b - a) ** 3 + (a - b) ** 3
+    assert text.partition("def piece_hessian")[2].partition("def ")[0].count("exp(") == 1
 
 
 def test_so_3_is_known_by_its_bracket():

@@ -23,7 +23,7 @@ KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4
 def draw(title: str, cases: Sequence[Sequence[Statistics]]) -> Figure:
     """The figure of a study of kind statistics: for each case lines of panels, one panel for each function."""
     looks = style.looks(cases)
-    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    shared, own = style.split_facts([style.facts(readings[0], "samples", "step") for readings in cases])
     lines = []
     for readings, facts in zip(cases, own, strict=True):
         panels = _panels(readings, looks)
@@ -36,11 +36,6 @@ def draw(title: str, cases: Sequence[Sequence[Statistics]]) -> Figure:
         found[-1] = found[-1]._replace(legend=[_entries(readings, looks)])
         lines += found
     return layout.arranged(title, lines, shared)
-
-
-def _facts(reading: Statistics) -> dict[str, str]:
-    step = f"$h={style.number(reading.step, steps=True)}$"
-    return {**style.facts(reading.about, samples=reading.samples), "step": step}
 
 
 def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Panel]:

@@ -23,6 +23,7 @@ from spi.drawing.axes import (
 
 from .results import StrongErrors
 
+FACTS = ("reference_step", "reference_scheme", "samples")  #: what is told above the figure of the whole study
 UNRESOLVED = "#999999"
 ERROR = r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$"
 
@@ -32,7 +33,7 @@ SLOPES = ((1 / 2, "--", True), (1, ":", False))
 
 def draw(title: str, cases: Sequence[Sequence[StrongErrors]]) -> Figure:
     """The figure of a study of kind strong: a panel per case."""
-    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    shared, own = style.split_facts([style.facts(readings[0], *FACTS) for readings in cases])
     looks = style.looks(cases)
     columns, rows, size = panel_grid(len(cases))
     fig = Figure()
@@ -48,11 +49,6 @@ def draw(title: str, cases: Sequence[Sequence[StrongErrors]]) -> Figure:
     for ax in axes[len(cases) :]:
         ax.remove()
     return fig
-
-
-def _facts(reading: StrongErrors) -> dict[str, str]:
-    told = {name: getattr(reading, name) for name in ("reference_step", "reference_scheme", "samples")}
-    return style.facts(reading.about, **told)
 
 
 def _panel(ax: Axes, readings: Sequence[StrongErrors], looks: style.Looks) -> None:

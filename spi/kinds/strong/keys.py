@@ -13,6 +13,7 @@ class Case(ErrorCase):
 
     samples: key_of(Samples, "number of Brownian paths")
 
+    along_paths: ClassVar[bool] = True
     quantities: ClassVar = ORDER | STEPWISE
 
 

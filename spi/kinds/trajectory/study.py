@@ -45,7 +45,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "TrajectoryPlan":
     """The plan for one scheme of a case."""
-    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], case.step)
+    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], case.step, areas=case.areas)
     times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise, area_terms=terms)
     return TrajectoryPlan(case=case, part=part, grid=times, samples=1)
 

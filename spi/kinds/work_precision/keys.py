@@ -28,6 +28,11 @@ class Case(SampledCase):
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = ORDER | STEPWISE
 
+    @property
+    def along_paths(self) -> bool:  # type: ignore[override]
+        """Strong errors are those of paths."""
+        return not self.functions
+
     @condition("functions", "estimators", "extrapolate")
     def _check_measure(self) -> Self:
         if not self.functions:

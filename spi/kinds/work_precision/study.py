@@ -181,7 +181,7 @@ class WorkPlan(PartPlan):
         case, sizes = self.case, self.part.extrapolate + 1
         reference = case.reference_record(self.part.eps)
         paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
-        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h)
+        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
         times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
         observer = None if case.functions else path_observer(self.model, self.initial, times, blocks)
         what = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer

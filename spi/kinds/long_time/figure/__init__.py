@@ -41,7 +41,7 @@ def draw(title: str, cases: Sequence[Sequence[LongTimes]]) -> Figure:
 
 def _facts(reading: LongTimes) -> dict[str, str]:
     steps = style.number(reading.steps_each, steps=True)
-    return {**style.facts(reading.about), "paths": f"{style.count(reading.samples)} paths of ${steps}$ steps"}
+    return {**style.facts(reading), "paths": f"{style.count(reading.samples)} paths of ${steps}$ steps"}
 
 
 def _lines(readings: Sequence[LongTimes], looks: style.Looks) -> list[layout.Line]:

@@ -136,7 +136,7 @@ class LongTimePlan(PartPlan):
         """The paths of a chunk at the next snapshot."""
         began, stop = time.perf_counter(), self.next_stop(paths.n)
         h, truncate = self.case.steps[chunk.path_set], self.case.truncate_noise
-        terms = fourier_terms(self.model, [self.scheme], h)
+        terms = fourier_terms(self.model, [self.scheme], h, areas=self.case.areas)
         times = grid(h, stop - paths.n, truncate=truncate, area_terms=terms, first_step=paths.n)
         what = self.scheme, self.model, paths.y[:, np.newaxis], times, self.stream
         rows, report = integrated(*what, chunk.first, chunk.blocks, chunk.end)

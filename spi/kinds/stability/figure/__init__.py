@@ -38,7 +38,8 @@ def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
     """
     for readings in cases:
         layout.check_panels(readings[0].panels, WORDS)
-    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    names = "reference_step", "reference_scheme", "samples", "functions"
+    shared, own = style.split_facts([style.facts(readings[0], *names) for readings in cases])
     swept = [_single_value(readings[0]) for readings in cases]
     if len(set(map(tuple, swept))) == 1:
         shared = [*swept[0], *shared]
@@ -56,11 +57,6 @@ def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
         chosen = [word for word in readings[0].panels if word != "regimes"]
         lines += _lines(readings, chosen, looks, partial(_title, readings, facts, several)) if chosen else []
     return layout.arranged(title, _without_repetition(lines), shared)
-
-
-def _facts(reading: Stability) -> dict[str, str]:
-    told = {name: getattr(reading, name) for name in ("reference_step", "reference_scheme", "samples")}
-    return style.facts(reading.about, **told, functions=reading.functions)
 
 
 def _single_value(reading: Stability) -> list[str]:

@@ -47,7 +47,7 @@ def _point(case: Any, scheme: str) -> ValuePlan:
     eps = case.eps[0] if case.row(scheme).multiscale else None
     reference = case.reference_record(eps)
     schemes = [case.row(scheme, eps).record, reference]
-    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference, terms)
     return ValuePlan(case=case, part=Part(scheme, eps=eps), grid=times, samples=case.samples)
 

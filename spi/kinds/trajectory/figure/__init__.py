@@ -37,7 +37,7 @@ def draw(title: str, cases: Sequence[Sequence[Trajectory]]) -> Figure:
     """The figure of a study of kind trajectory."""
     rows = _rows(cases)
     columns, width, heights, places = _places(rows, four=cases[0][0].panels == ("components",))
-    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
+    shared, own = style.split_facts([style.facts(readings[0], "step", "path") for readings in cases])
     fig = Figure()
     grid = fig.add_gridspec(len(heights), columns, height_ratios=heights)
     below, above = np.zeros(len(heights)), np.zeros(len(heights))
@@ -75,10 +75,6 @@ def _parted(row: list[Panel | Fields]) -> tuple[list[Fields], list[Panel]]:
 def _lines(fields: Iterable[Fields]) -> int:
     """How many lines the fields of a case take."""
     return sum(one.lines for one in fields)
-
-
-def _facts(reading: Trajectory) -> dict[str, str]:
-    return style.facts(reading.about, step=reading.step, path=reading.path)
 
 
 def _rows(cases: Sequence[Sequence[Trajectory]]) -> list[list[Panel | Fields]]:

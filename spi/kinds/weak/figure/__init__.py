@@ -73,9 +73,9 @@ def _facts(readings: Sequence[WeakErrors]) -> dict[str, str]:
     """What is told of all of a case: of the estimators and their samples only what they have in common."""
     first, estimators = readings[0], {reading.about.estimator for reading in readings}
     return style.facts(
-        first.about,
+        first,
+        "reference_scheme",
         reference_step=first.reference_step if any(reading.sampled for reading in readings) else None,
-        reference_scheme=first.reference_scheme,
         samples=first.paths if len(estimators) == 1 else None,
         estimator=label_of(first.about.estimator) if len(estimators) == 1 else None,
         functions=first.formulas,

@@ -61,12 +61,9 @@ def draw(title: str, cases: Sequence[Sequence[WorkPrecision]]) -> Figure:
 
 def _facts(readings: Sequence[WorkPrecision]) -> dict[str, str]:
     """The facts of a case, without the estimator of its weak errors if that differs from scheme to scheme."""
-    names = ("reference_step", "reference_scheme", "samples", "functions")
-    told = {name: getattr(readings[0], name) for name in names}
+    names = "reference_step", "reference_scheme", "samples", "functions"
     estimators = {reading.estimator for reading in readings}
-    return style.facts(
-        readings[0].about, **told, estimator=label_of(estimators.pop()) if len(estimators) == 1 else None
-    )
+    return style.facts(readings[0], *names, estimator=label_of(estimators.pop()) if len(estimators) == 1 else None)
 
 
 def _grid(

@@ -71,7 +71,7 @@ def plan(case: Any, part: Part) -> "PlainPlan":
     of_reference = {case.reference_step * 2.0**i for i in range(1, max(part.extrapolate, *part.also, 0) + 1)}
     steps = sorted({*case.steps, *of_reference}, reverse=True)
     schemes = [case.row(part.scheme, part.eps).record, reference]
-    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps))
+    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
     times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
     return PlainPlan(case=case, part=part, grid=times, samples=case.samples)
 
