@@ -14,6 +14,7 @@ from .brackets import DIGITS, NOTHING, Bracket, precise
 from .forms import degree_of
 from .splitting import connected
 from .symbolics import Symbolics
+from .system import Function
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients
@@ -29,20 +30,43 @@ class Search(NamedTuple):
     searched: int  #: up to this degree all are found whose coefficients are such fractions
 
 
-def search(world: Symbolics) -> Search:
-    """The polynomial Casimir functions up to degree 4 that are no sums of products of others."""
+def search(world: Symbolics, known: Sequence[tuple[set[int], int, Any]] = ()) -> Search:
+    """The polynomial Casimir functions up to degree 4 that are no sums of products of others.
+
+    Of components of which (components, degree, function) are `known`, these.
+    """
     bracket = world.bracket
     parts = connected([*({i, j}.union(*polynomial) for i, j, polynomial in bracket.entries())])
     linked = set().union(*parts)
     found = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
+    found += [(degree, function) for _, degree, function in known]
     searched = MOST_DEGREE
     for part in parts:
+        if any(part <= components for components, _, _ in known):
+            continue
         unit = [] if bracket.is_lie else [bracket.dimension]
         functions, reached = _search_within([*sorted(part), *unit], world)
         found += functions
         searched = min(searched, reached)
     found.sort(key=lambda pair: pair[0])
     return Search(tuple(f for _, f in found), tuple(degree_of(f, world) for _, f in found), searched)
+
+
+def named(world: Symbolics, known: Sequence[tuple[set[int], int, Any]]) -> tuple[tuple[Function, ...], int]:
+    """(functions, degree up to which all are known); known ones of degree 4 and more are called by their trace."""
+    short = {function: f"tr X^{degree}" for _, degree, function in known if degree > 3}
+    found = search(world, known)
+    both = zip(found.functions, found.degrees, strict=True)
+    return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), found.searched
+
+
+def squares_first(functions: tuple[Function, ...], world: Symbolics) -> tuple[tuple[Function, ...], bool]:
+    """Some Casimir functions, |y|^2 before all others, and whether it is one of them."""
+    squares = sympy.Add(*(y**2 for y in world.variables))
+    first = next((n for n, c in enumerate(functions) if c.expression - squares == 0), None)
+    if not first:
+        return functions, first is not None
+    return (functions[first], *functions[:first], *functions[first + 1 :]), True
 
 
 def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:

@@ -1,6 +1,6 @@
 """Source of what a model says besides its flows: B v, H, gradients and what follows of them by differentiation."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -11,9 +11,12 @@ from .system import System
 
 
 class Derivatives:
-    """Writes these methods; `names` says how the symbols of formulas are called."""
+    """Writes these methods; `names` says how symbols are called, `frozen` what formulas are within a step."""
 
-    def __init__(self, system: System, names: Mapping[Any, str]) -> None:
+    def __init__(
+        self, system: System, names: Mapping[Any, str], frozen: Callable[[Iterable[Any]], list[Any]] = list
+    ) -> None:
+        self.given, self.frozen = names, frozen  # which names more where it freezes
         self.system, self.variables, self.bracket = system, system.world.variables, system.world.bracket
         count = range(self.bracket.dimension)
         self.v, self.u = ([sympy.Symbol(f"{c}{n + 1}", real=True) for n in count] for c in "νυ")
@@ -98,7 +101,9 @@ class Derivatives:
         lines = ["", f"def {head}:"]
         numbered = cases if isinstance(cases, Mapping) else dict(enumerate(cases))
         for k, expressions in numbered.items():
-            inner, codes = Formula(self.names, [*self.variables, *self.v, *self.u]).lines(expressions)
+            frozen = self.frozen(expressions)
+            names = {**self.given, **self.names}
+            inner, codes = Formula(names, [*self.variables, *self.v, *self.u]).lines(frozen)
             value = codes[0] if scalar else as_tuple(codes)
             lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
         return lines if cases else [*lines, f"    return {'v' if head.endswith('v)') else 'y'}"]
