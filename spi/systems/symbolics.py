@@ -55,10 +55,12 @@ class Symbolics(NamedTuple):
 
     def constant_bracket(self, f: Any, g: Any) -> bool:
         """Whether {f, g} is the same everywhere, so that the flows of f and g commute."""
+        first, second = ({i: self.slope(h, i) for i in self.used(h)} for h in (f, g))
         terms = [
-            c * sympy.Mul(*map(self.coordinate, monomial)) * (self.slope(f, i) * self.slope(g, j) * sign)
+            sign * c * sympy.Mul(*map(self.coordinate, monomial)) * first[i] * second[j]
             for m, n, polynomial in self.bracket.entries()
             for i, j, sign in ((m, n, 1), (n, m, -1))
+            if i in first and j in second
             for monomial, c in polynomial.items()
         ]
         return not self.used(sympy.expand(sympy.Add(*terms)))
@@ -110,13 +112,19 @@ class Symbolics(NamedTuple):
 
 def numeric(variables: Sequence[Any], what: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
-    found: Callable[..., Any] = sympy.lambdify(variables, what, [{"Heaviside": _step}, "mpmath"])
+    known = {"Heaviside": _step, "DiracDelta": _delta}
+    found: Callable[..., Any] = sympy.lambdify(variables, what, [known, "mpmath"])
     return found
 
 
 def _step(x: Any, at_0: Any) -> Any:
     """The derivative of max(x, 0)."""
     return at_0 if x == 0 else mpmath.mpf(x > 0)
+
+
+def _delta(x: Any) -> Any:
+    """The second one, wherever it exists."""
+    return mpmath.mpf(0)
 
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:
