@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import mpmath
 
 from .brackets import DIGITS
-from .code import Numbers, as_tuple, words_in
+from .code import Formula, Numbers, as_tuple, words_in
 from .derivative_code import Derivatives
 from .driving import Coefficients
 from .eigenspaces import Inseparable
@@ -18,6 +18,7 @@ from .generators import Generator, generators, motions, rate
 from .head import head
 from .motion_code import Motion, motion
 from .noise_brackets import brackets_of, factors_of, flows_of
+from .solvable import lines as lines_of_solvable
 from .splitting import Flow, commute
 from .system import System
 
@@ -68,6 +69,7 @@ class _Generator:
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.joint_words() + self.bracket_words()
         body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
+        body += lines_of_solvable(self.system, Formula(self.names, ()).code)
         body = [*self.facts(lacking), *body]
         functions = [self.function(*found) for found in self.motions.values()]
         used = words_in("\n".join(line for lines in functions for line in lines))
