@@ -55,10 +55,12 @@ class Symbolics(NamedTuple):
 
     def constant_bracket(self, f: Any, g: Any) -> bool:
         """Whether {f, g} is the same everywhere, so that the flows of f and g commute."""
+        first, second = ({i: self.slope(h, i) for i in self.used(h)} for h in (f, g))
         terms = [
-            c * sympy.Mul(*map(self.coordinate, monomial)) * (self.slope(f, i) * self.slope(g, j) * sign)
+            sign * c * sympy.Mul(*map(self.coordinate, monomial)) * first[i] * second[j]
             for m, n, polynomial in self.bracket.entries()
             for i, j, sign in ((m, n, 1), (n, m, -1))
+            if i in first and j in second
             for monomial, c in polynomial.items()
         ]
         return not self.used(sympy.expand(sympy.Add(*terms)))

@@ -9,10 +9,12 @@ import sympy
 from helpers import LANES, compiled_only, take_step, take_steps
 from yaml_cases import commutators, given, heisenberg, made, product, rigid, structure
 
+from spi.checks.model_checks import check_model
 from spi.compiler.dispatch import INDICES
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, drift_flow, noise_flow
 from spi.ensemble.scheme_protocol import REPORT
+from spi.models import RigidBodySharedNoise
 from spi.models.damped import Damped
 from spi.numerics.angles import ANY_ANGLES
 from spi.schemes import SCHEMES, of_model, typical_ns, weak_exponents
@@ -142,7 +144,7 @@ def test_casimir_functions(name, method):
     """All by Munthe-Kaas; quadratic ones by the midpoint rule, which loses the cubic one."""
     found, y = system(name, method), np.array(SYSTEMS[name][2])[:, np.newaxis]
     record, new = found.record, y
-    for _ in range(10):
+    for _ in range(4):
         new, _ = moved(record, "drift", [0.3], new)
         new, _ = moved(record, "noise", [-0.2], new)
     before, after = (np.array(casimirs(record, tuple(z[:, 0]))) for z in (y, new))
@@ -183,6 +185,18 @@ def _by_flow_or_step(record, part, k, t, z):
         return moved(record, part, [t], np.array(z)[:, np.newaxis])[0][:, 0]
     with uncompiled():
         return np.array((drift_flow if part == "drift" else noise_flow)(record, k, t, tuple(z), ANY_ANGLES))
+
+
+def test_joint_flows_leave_out_what_has_none():
+    """The piece y2^2 and the noise y2 move together; the piece and the noise without flows by themselves."""
+    record, y, h = system("body", "midpoint").record, np.array(SYSTEMS["body"][2]), 0.1
+    dW = 0.2 * np.random.default_rng(4).standard_normal((2, LANES))
+    new, _ = take_step(SCHEMES["splitting_joint_lie"].record, record, h, dW, np.repeat(y[:, np.newaxis], LANES, axis=1))
+    for lane in range(4):
+        z, noise = y, dict(enumerate(dW[:, lane]))
+        for part, k in (("drift", 0), ("drift", 1), ("noise", 1), ("drift", 2), ("noise", 0)):
+            z = _by_flow_or_step(record, part, k, h if part == "drift" else noise[k], z)
+        assert np.allclose(new[:, lane], z, rtol=0, atol=1e-12)
 
 
 def errors_without_noise(scheme, record, of, y, final=0.5):
@@ -241,6 +255,21 @@ def test_what_is_known_of_schemes_with_inner_steps():
     assert of_model(SCHEMES["splitting_symmetric"], record).weak_order == 2.0
 
 
+def test_a_class_written_by_hand_may_have_inner_steps():
+    """The paper's remark rem-consistent with an inner step for the noise, where composed rotations are no flow."""
+    traits = {"exact_flows": True, "inexact_noises": (0,), "inner": "midpoint", "structure_is_cross_product": True}
+    cls = type("Consistent", (RigidBodySharedNoise,), {**traits, "__module__": RigidBodySharedNoise.__module__})
+    record, y = cls((2.0, 1.0, 2 / 3), (1.0, 2.0, 3.0)), np.array([0.7, -0.4, 0.9])
+    assert check_model(record, [tuple(y.tolist())], written=False) == []
+    errors = []
+    for t in (0.2, 0.1):
+        found, _ = moved(record, "noise", [t], y[:, np.newaxis])
+        errors.append(np.linalg.norm(found[:, 0] - flow(lambda z: np.cross(z, z / [1.0, 2.0, 3.0]), t, y)))
+    assert 6.0 < errors[0] / errors[1] < 10.0
+    entry = of_model(SCHEMES["splitting"], record)
+    assert (entry.strong_order_commuting, entry.needs_truncation) == (1.0, True)
+
+
 def test_a_damped_body_turns_by_the_isospectral_rule():
     record = Damped(system("body", "midpoint").record, 0.1, (1.0, 1.0))
     assert isinstance(inner_scheme(record), IsospectralMidpoint)
@@ -289,7 +318,9 @@ def lanes_field(found, function, c):
 
 
 @compiled_only
-@pytest.mark.parametrize(("name", "method"), [("body", "midpoint"), ("mass", "munthe_kaas")])
+@pytest.mark.parametrize(
+    ("name", "method"), [("body", "midpoint"), pytest.param("mass", "munthe_kaas", marks=pytest.mark.slow)]
+)
 def test_strong_orders_and_the_limit(name, method):
     """Order 1 with the one noise that has no flow, 1/2 with both; the limit is that of Heun's method."""
     found, (_, c, start) = system(name, method), SYSTEMS[name]
