@@ -112,7 +112,8 @@ class Symbolics(NamedTuple):
 
 def numeric(variables: Sequence[Any], what: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
-    found: Callable[..., Any] = sympy.lambdify(variables, what, [{"Heaviside": _step}, "mpmath"])
+    special = {"Heaviside": _step, "DiracDelta": lambda *x: 0}
+    found: Callable[..., Any] = sympy.lambdify(variables, what, [special, "mpmath"])
     return found
 
 
