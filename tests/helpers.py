@@ -63,7 +63,7 @@ class LinearlyDamped(NamedTuple):
 
 
 for _name, _word in vars(Damped).items():
-    if not _name.startswith("_") and _name not in (*Damped._fields, "drift_flow"):
+    if not _name.startswith("_") and _name not in (*Damped._fields, "drift_flow", "frozen"):
         setattr(LinearlyDamped, _name, _word)
 
 

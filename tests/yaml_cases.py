@@ -83,6 +83,20 @@ def with_translations(rotations):
     ]
 
 
+def symplectic(n):
+    """Matrices of sp(2n): a_ij, then b_ij and c_ij for i <= j."""
+    pairs = list(itertools.combinations_with_replacement(range(n), 2))
+    found = [unit(2 * n, i, j) - unit(2 * n, n + j, n + i) for i, j in itertools.product(range(n), repeat=2)]
+    above = [unit(2 * n, i, n + j) + unit(2 * n, j, n + i) * (i != j) for i, j in pairs]
+    return [*found, *above, *(b.T for b in above)]
+
+
+def traceless(n):
+    """Matrices of sl(n): those of the diagonal, then E_ij."""
+    diagonal = [unit(n, i, i) - unit(n, i + 1, i + 1) for i in range(n - 1)]
+    return [*diagonal, *(unit(n, i, j) for i, j in itertools.permutations(range(n), 2))]
+
+
 def commutators(matrices):
     """c[i, j, k] with {y_i, y_j} = sum_k c[i, j, k] y_k: the bracket that is minus the commutator."""
     columns = np.array([m.ravel() for m in matrices]).T
@@ -102,6 +116,14 @@ def given(d, entries):
         c[i - 1, j - 1, k - 1] += x
         c[j - 1, i - 1, k - 1] -= x
     return c
+
+
+def su_3():
+    """-f_abc of Gell-Mann's matrices."""
+    half, root = 0.5, math.sqrt(3) / 2
+    f = {(1, 2, 3): 1.0, (1, 4, 7): half, (1, 6, 5): half, (2, 4, 6): half, (2, 5, 7): half, (3, 4, 5): half}
+    f |= {(3, 7, 6): half, (4, 5, 8): root, (6, 7, 8): root}
+    return given(8, {turned: -x for (i, j, k), x in f.items() for turned in ((i, j, k), (j, k, i), (k, i, j))})
 
 
 def heisenberg(n):
@@ -243,6 +265,20 @@ SYSTEMS = {
         " parameters: {J: 1/2}, hamiltonian: 'sum(x(i)*x(mod(i,n)+1) + J*y(i)*y(mod(i,n)+1)"
         " + z(i)*z(mod(i,n)+1)/3 for i = 1..n)', noises: [z(1), 'sum(x(i) for i = 1..n)', 'y(1)*z(2)']}",
         product(*[commutators(rigid())] * 4),
+    ),
+    "su(3)": (
+        "{algebra: su(3), parameters: {a: 1/3}, hamiltonian: y3^2/2 + y8 + y1*y4/3 + a*(y6 + 2*y7)^2,"
+        " noises: [y2, y3 + a*y8, y7^2/2]}",
+        su_3(),
+    ),
+    "sp(4)": (
+        "{algebra: sp(4), hamiltonian: y1^2/2 + y5*y8/3 + y6^2 + y10, noises: [y1 - y4, y6, y5 + y8]}",
+        commutators(symplectic(2)),
+    ),
+    "kinks": (
+        "{algebra: so(3), parameters: {a: 1/3}, hamiltonian: 'atan(2*y1) + max(y2, a)^2 + min(y3, y3^2, 2)',"
+        " noises: ['max(y1 - 2*y2, -a*(y1 - 2*y2), 0)', 'atan(y3)*y3']}",
+        commutators(rigid()),
     ),
     "Toda": (
         "{sizes: {n: 4}, variables: ['a(i) for i = 1..n-1', 'b(i) for i = 1..n'],"

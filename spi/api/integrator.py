@@ -103,16 +103,21 @@ class Integrator:
         """The initial state of so many paths, (paths, dimension)."""
         return np.tile(self._initial, (whole("paths", paths, 1), 1))
 
-    def step(self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None) -> Array:
+    def step(
+        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0
+    ) -> Array:
         """The states after one step, see :meth:`steps`: dW is (paths, noises), or (substeps, paths, noises)."""
         dW = np.asarray(dW)
         areas, coins = (None if each is None else np.asarray(each)[np.newaxis] for each in (areas, coins))
-        return self.steps(y, dW[np.newaxis] if dW.ndim == 2 else dW, areas, coins, out)
+        return self.steps(y, dW[np.newaxis] if dW.ndim == 2 else dW, areas, coins, out, time)
 
-    def steps(self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None) -> Array:
+    def steps(
+        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0
+    ) -> Array:
         """The states after len(dW) / substeps steps along given noise; in `out`, which may be `y`, if it is given.
 
         `areas` (steps, paths, pairs) and `coins` (steps, paths) are what the scheme needs besides; ``noise`` has both.
+        `time` is that of the first step, for a model that depends on time.
         """
         y = self._states(y)
         n, parts = len(y), self.substeps
@@ -125,7 +130,7 @@ class Integrator:
             raise SpecError(f"{missing[0]}: missing; this scheme needs them, and Integrator.noise has some")
         areas = _array("areas", areas, n, len(self.pairs), first=steps) if self.pairs else _NO_AREAS
         coins = _array("coins", coins, n, first=steps) if "coins" in self.needs else _NO_COINS
-        return self._moved(y, Given(dW, areas, coins), steps, 0, 0, out)
+        return self._moved(y, Given(dW, areas, coins), steps, 0, 0, out, float(time))
 
     def sample(
         self, y: Any, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0, out: Array | None = None
@@ -155,7 +160,16 @@ class Integrator:
     def _states(self, y: Any) -> Array:
         return _array("y", y, self.dimension)
 
-    def _moved(self, y: Array, noise: Any, steps: int, first_step: int, first_path: int, out: Array | None) -> Array:
+    def _moved(
+        self,
+        y: Array,
+        noise: Any,
+        steps: int,
+        first_step: int,
+        first_path: int,
+        out: Array | None,
+        time: float = 0.0,
+    ) -> Array:
         """The states after steps along some noise."""
         if out is None:
             out = np.empty_like(y)
@@ -166,7 +180,7 @@ class Integrator:
         if paths < blocks * LANES:
             y = np.pad(y, ((0, blocks * LANES - paths), (0, 0)), "edge")
         states = y.reshape(blocks, LANES, d).transpose(0, 2, 1).reshape(blocks, 1, d * LANES)
-        times = self._grid._replace(reference_steps=steps, first_step=first_step)
+        times = self._grid._replace(reference_steps=steps, first_step=first_step, start=time)
         first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
         with limited_threads(self.threads) if self.threads else nullcontext():
             integrate(self._scheme, self._model, states, times, noise, self._observer, self._report, first, end)
@@ -177,7 +191,7 @@ class Integrator:
     def compiled(self) -> tuple[Any, tuple[Any, ...]]:
         """(move, records): ``move(records, y, *noise)``, in code that Numba compiles too, moves `y` in place.
 
-        It runs on one thread, and checks neither shapes nor types.
+        It runs on one thread, and checks neither shapes nor types; a model that depends on time begins anew.
         """
         return move, (self._scheme, self._model, self._grid, self._observer)
 

@@ -141,7 +141,7 @@ def _batches(ready: TrajectoryPlan, samples: int, line: Line, only_some: bool = 
 def _all_states(ready: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
     """The states of all paths with their invariants."""
     y = np.concatenate(list(_batches(ready, samples, line)))
-    energy, conserved = invariants_of(ready.model, y.reshape(-1, y.shape[2]))
+    energy, conserved = invariants_of(ready.model, y.reshape(-1, y.shape[2]), np.tile(times_of(ready), len(y)))
     return xr.Dataset(
         {
             "y": (("path", "t", "component"), y, {"long_name": "state"}),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..compiler import modules
 from ..compiler.inlining import is_known_to_the_compiler, type_of_result
-from ..compiler.records import is_float, is_tuple_of_floats
+from ..compiler.records import is_float, is_tuple_of_floats, record_class
 from ..ensemble.joint import most_joined
 from ..ensemble.protocol import conserved, dimension
 from ..numerics.angles import ANY_ANGLES
@@ -41,8 +41,8 @@ def obstacle(record):
 def _wrong_type(record, name, declared):
     """What the compiler finds wrong with a method, or with the type of what it returns."""
     d = dimension(record)
-    known = {"j": 0, "k": 0, "t": 1.0, "s": (1.0,) * most_joined(record), "angles": ANY_ANGLES}
-    known |= dict.fromkeys("yuvw", (1.0,) * d)
+    known = {"j": 0, "k": 0, **dict.fromkeys(("t", "begin", "h"), 1.0), "s": (1.0,) * most_joined(record)}
+    known |= {"angles": ANY_ANGLES, **dict.fromkeys("yuvw", (1.0,) * d)}
     _, *parameters = inspect.signature(declared).parameters
     if not parameters:  # a trait, or a method that is not called in compiled code
         return None
@@ -51,7 +51,7 @@ def _wrong_type(record, name, declared):
         found = type_of_result(method, record, *(known[parameter] for parameter in parameters))
     except Exception as error:  # of many types, and not only Numba's
         return f"{name}{_place(error, method)}, cannot be compiled: {_reason(error)}"
-    if found is None:
+    if found is None or (name == "frozen" and record_class(found) is type(record)):
         return None
     length = {**dict.fromkeys(_NUMBERS, None), "casimirs": conserved(record)}.get(name, d)
     if is_float(found) if length is None else is_tuple_of_floats(found, length):

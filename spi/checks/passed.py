@@ -6,8 +6,10 @@ import hashlib
 
 from .. import digest_of, sources
 from ..compiler import modules
+from ..compiler.dispatch import answers
 from ..compiler.inlining import is_compiling
 from ..ensemble.protocol import dimension
+from ..ensemble.special import frozen
 from .model_checks import check_model
 from .states import states_around, states_on_surface
 
@@ -37,7 +39,9 @@ def check_once(record, initial):
     count = 2 if dimension(record) <= 12 else 1
     own = modules.system_of(cls) is not None
     states = (states_on_surface if own else states_around)(initial, record, count)
-    found = check_model(record, states, written=not own and not known, finite_at=[tuple(initial)] * own)
+    found = check_model(
+        _moving(record) if own else record, states, written=not own and not known, finite_at=[tuple(initial)] * own
+    )
     if not found:
         _PASSED.add((cls, key))
         if modules.digest(cls) and is_compiling():
@@ -46,6 +50,13 @@ def check_once(record, initial):
                 with open(path, "a", encoding="ascii") as file:
                     file.write(key + "\n")
     return found
+
+
+def _moving(record):
+    """A generated model with other numbers in place of functions of time, of which one may be 0 at the beginning."""
+    if not answers(frozen, record):
+        return record
+    return record._replace(driving=tuple(0.6 + 0.1 * n for n in range(len(record.driving))))
 
 
 def _known(path):

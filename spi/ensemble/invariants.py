@@ -10,6 +10,7 @@ from ..compiler.dispatch import kernel, number, unrolled
 from ..numerics.rng import LANES
 from .lanes import load_lane
 from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, hamiltonian, large
+from .special import frozen
 
 
 def growth(model, t):
@@ -27,14 +28,15 @@ def casimirs_of_states(model, states):
 
 
 def empty_invariants(model, states):
-    """Room for so many states (n, d), and for H (n,) and the Casimir functions (n, C) of them."""
-    return np.zeros((states, dimension(model))), np.empty(states), np.empty((states, conserved(model)))
+    """Room for so many states (n, d) and times (n,), and for H (n,) and the Casimir functions (n, C) of them."""
+    room = np.zeros((states, dimension(model))), np.zeros(states)
+    return *room, np.empty(states), np.empty((states, conserved(model)))
 
 
-def invariants_of(model, states):
-    """H (n,) and the Casimir functions (n, C) of states (n, d), as kernels round them."""
-    _, energy, values = empty_invariants(model, len(states))
-    invariants(model, states, energy, values)
+def invariants_of(model, states, times):
+    """H (n,) and the Casimir functions (n, C) of states (n, d) at times (n,), as kernels round them."""
+    _, _, energy, values = empty_invariants(model, len(states))
+    invariants(model, states, times, energy, values)
     return energy, values
 
 
@@ -46,12 +48,12 @@ def _keep_casimir(index, model, values, row, found):
 
 
 @kernel
-def invariants(model, states, energy, values):
-    """H and the Casimirs of each row of `states` (n, d), in `energy` (n,) and `values` (n, C)."""
+def invariants(model, states, times, energy, values):
+    """H and the Casimirs of each row of `states` (n, d) at its time, in `energy` (n,) and `values` (n, C)."""
     block = np.zeros(states.shape[1] * LANES)  # of which the first lane is used: words take states from blocks
     for row in range(len(states)):
         for i in range(states.shape[1]):  # an assignment of slices would take a second to compile
             block[i * LANES] = states[row, i]
         y = load_lane(model, block, 0)
-        energy[row] = hamiltonian(model, y)
+        energy[row] = hamiltonian(frozen(model, times[row], 0.0), y)
         _keep_casimir(model, values, row, casimirs(model, y))

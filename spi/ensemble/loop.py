@@ -18,18 +18,11 @@ from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .given import coins_of_step, noise_of_steps
-from .increments import (
-    copy_coins,
-    join,
-    keep,
-    reversed_row,
-    row_length,
-    truncate,
-    turn_coins,
-)
+from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import last_states_only, observe
 from .scheme_protocol import REPORT, SUMMED
+from .special import frozen
 from .steppers import advance_path, kept_of_steps, largest_sizes
 
 #: How often a study that runs in batches can report, and be interrupted.
@@ -57,6 +50,7 @@ class Grid(NamedTuple):
     reference_scheme: tuple | None = None
     area_terms: int = 0  #: terms of the Fourier series of Lévy areas at the reference step, see ``areas.py``
     first_step: int = 0  #: number of the first reference step; a multiple of STEPS_PER_TOSS and of the largest step
+    start: float = 0.0  #: the time of reference step 0, for a model that depends on time
 
 
 def grid(
@@ -170,6 +164,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                     continue
                 for turn in range(2 if reversal == PAIRS_REVERSED else 1):
                     increments, side = (drawn, here) if turn == 0 else (first + s, s)
+                    begin = grid.start + (n + 1 - steps_before(reversal, turn) * (1 << s)) * grid.reference_step
                     if reversal != AS_TOSSED:
                         turn_coins(kept.coins, coins, side, flipped)
                         side = flipped
@@ -181,7 +176,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
                         grid.reference_scheme,
                         scheme,
                         grid.by_reference[level],
-                        model,
+                        frozen(model, begin, h),
                         paths,
                         h,
                         dW[increments],
@@ -200,6 +195,12 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
             keep(kept, model, dW[drawn], dW[first + s])
             copy_coins(kept.coins, coins, here, s)
     copy_rows(owned[0], states)
+
+
+@device
+def steps_before(reversal, turn):
+    """How many steps before the end of the steps at hand one begins; of a pair, whatever its increments, first two."""
+    return 2 - turn if reversal == PAIRS_REVERSED else 1
 
 
 @device

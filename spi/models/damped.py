@@ -12,6 +12,7 @@ from ..compiler.records import field
 from ..ensemble import inexact, joint, protocol
 from ..ensemble.fields import add_scaled, cross_product
 from ..ensemble.protocol import casimir_degrees, drift_angle, drift_flow, pieces
+from ..ensemble.special import frozen
 from ..numerics.elementary import expm1
 
 
@@ -35,6 +36,10 @@ class Damped(NamedTuple):
 
     def decay_rates(model):
         return tuple(k * model.damping for k in casimir_degrees(model))
+
+    def frozen(model, begin, h):
+        inner = frozen(model.model, begin, h)
+        return Damped(inner, model.damping, inner.sigma)
 
     def drift_flow(model, k, t, y, angles):
         """The factor exp(-gamma t) minus 1, and not itself, because its rounding is the same in every step.

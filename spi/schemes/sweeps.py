@@ -66,7 +66,8 @@ def sweeps(stages, model):
     The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
     before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
     depend on the coin, which moves flows of different processes.  Of a joint flow it is a tuple, (noise, time) for
-    each of its noises, None for one that is off.  The flows of loops are noise flows with a :class:`LoopTime`.
+    each of its noises, None for one that is off.  The flows of loops are noise flows with a :class:`LoopTime`;
+    a "bracket" is the flow number k of ``joint.bracket_flows``, with what is :class:`Lacking`.
 
     Where the order of a stage differs from lane to lane, all of 1, ..., n, ..., 1 are applied: those before n to the
     lanes with the coin 1, those after n to the others.

@@ -13,7 +13,7 @@ from ..expressions.arithmetic import NumberError
 from ..models.damped import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
-from ..systems import variables
+from ..systems import hidden, variables
 from ..systems.keys import MOST
 from .checks import (
     ROUNDING,
@@ -133,9 +133,9 @@ class BaseCase(Keys):
     @property
     def parameters(self) -> dict[str, Any]:
         """Those of the model by name, and the damping where there is one."""
-        return {key: _told(value) for key, value in undamped(self.model)._asdict().items()} | (
-            {"damping": self.damping} if self.damping else {}
-        )
+        model = undamped(self.model)
+        own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
+        return own | ({"damping": self.damping} if self.damping else {})
 
     @property
     def last_time(self) -> float:

@@ -22,7 +22,7 @@ BY_ENTRY = ("parameters", "sizes")
 _OTHERS = {
     "system": "path of a YAML file with the keys of a system",
     "name": "what the system is called",
-    "sigma": "strengths of the noises; 0 switches one off",
+    "sigma": "strengths of the noises, numbers or formulas in the time t; 0 switches one off",
 }
 KEYS = {**systems.KEYS, **_OTHERS}
 
@@ -36,13 +36,14 @@ def read_system(data: Mapping[str, Any], files: Files) -> Any:
     whole = overridden(document.data, data) if document else data
     name = _name(whole)
     definition = {key: value for key, value in whole.items() if key in systems.KEYS}
+    if systems.names_time(whole.get("sigma")):
+        definition["sigma"] = whole["sigma"]
     try:
         made = systems.made(definition, name)
         strengths = systems.strengths(definition, whole.get("sigma"))
     except systems.DefinitionError as error:
         _report(error, data, document)
-    record = systems.record(made)
-    return record._replace(sigma=tuple(strength or None for strength in strengths))
+    return systems.record(made, [strength or None for strength in strengths])
 
 
 def system_in_file(path: Any, files: Files) -> Mapping[str, Any]:

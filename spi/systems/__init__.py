@@ -10,11 +10,14 @@ import functools
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from .. import digest_of, sources
 from ..compiler import modules
+from ..compiler.dispatch import answers
+from ..compiler.inlining import uncompiled
+from ..ensemble.special import frozen
 from ..expressions.arithmetic import NumberError
 from .keys import KEYS, USED, DefinitionError
 
@@ -26,8 +29,10 @@ __all__ = [
     "NumberError",
     "expanded",
     "has_range",
+    "hidden",
     "inexact",
     "made",
+    "names_time",
     "record",
     "report",
     "strengths",
@@ -52,12 +57,24 @@ def made(definition: Mapping[str, Any], name: str) -> Made:
     return _made(json.dumps([definition, name]))
 
 
-def record(system: Made) -> Any:
-    """The record of a generated model, all noises being on with strength 1; OSError if its module cannot be stored."""
+def record(system: Made, strengths: Sequence[float | None] | None = None) -> Any:
+    """The record of a generated model, with strength 1 of all noises unless some are given, None for one that is off.
+
+    What depends on time is as it is at the beginning.  OSError if its module cannot be stored.
+    """
     module = modules.stored("system", system.text)
     cls = getattr(module, module.__system__["name"])
     values = dict(system.fields) | ({"constants": tuple(system.constants)} if system.constants else {})
+    if "driving" in module.__system__:
+        values["driving"] = (0.0,) * module.__system__["driving"]
     found = cls(**values)
+    if strengths is not None:
+        found = found._replace(sigma=tuple(strengths))
+    if answers(frozen, found):
+        with uncompiled():
+            now = frozen(found, 0.0, 0.0)
+        sigma = tuple(None if old is None else float(new) for old, new in zip(found.sigma, now.sigma, strict=True))
+        found = now._replace(driving=tuple(map(float, now.driving)), sigma=sigma)
     _REPORTS[_key(found)] = system.report
     return found
 
@@ -79,6 +96,20 @@ def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
     from .definition import strengths
 
     return strengths(definition, given)
+
+
+def hidden(model: Any) -> tuple[str, ...]:
+    """The fields of a generated model that are no parameters: what is found from functions of time."""
+    said = _said(model)
+    if "driving" not in said:
+        return ()
+    return ("driving", *["time"] * (model.time == 0.0), *["sigma"] * bool(said["strengths"]))
+
+
+def names_time(given: Any) -> bool:
+    """Whether the word t stands in the text, or in one of the texts, of strengths."""
+    texts = given if isinstance(given, list) else [given]
+    return any(isinstance(text, str) and re.search(r"\bt\b", text) for text in texts)
 
 
 def variables(model: Any) -> tuple[str, ...]:

@@ -8,6 +8,10 @@
     so(p,q)         as so(p+q) with p axes of length 1 and q of length -1;
                     so(2,1): {k1, k2} = k3, {k2, k3} = -k1, {k3, k1} = -k2
     sl(2)           h, e, f with {h, e} = -2 e, {h, f} = 2 f, {e, f} = -h
+    sl(n)           h1, ..., with h_i = E_ii - E_(i+1)(i+1), then E12, E13, ..., E21, ...
+    su(n)           -i lambda_a / 2 with the matrices of Gell-Mann, in his order: |y|^2 is a Casimir function
+    sp(2n)          aij = E_ij - E_(n+j)(n+i) row by row, bij = E_i(n+j) + E_j(n+i) and cij, its transpose, for i <= j,
+                    half of that for i = j
     gl(n)           E11, E12, ... with {E_ij, E_jk} = -E_ik for i != k, {E_ij, E_ji} = E_jj - E_ii
     heisenberg(n)   q1, ..., qn, p1, ..., pn, z with {q_i, p_i} = z; heisenberg is heisenberg(1)
 
@@ -16,24 +20,54 @@ The brackets are those of the paper, minus the commutators, except Heisenberg's.
 
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import sympy
 
 from .brackets import Linear
-from .text import NumberError, Symbols, whole
+from .matrices import OF_MATRICES, brackets_of, traces
+from .text import NumberError, Symbols, parts, whole
 
 Brackets = list[tuple[int, int, Linear]]  #: (i, j, {y_i, y_j})
 
 _FACTOR = re.compile(r"\s*([a-z]+)\s*(?:\(([^()]*)\))?\s*(?:\^\s*(\w+|\([^()]*\)))?\s*$")
 _LARGEST = 64  # components
-KNOWN = "so(n), se(n), so(p,q), sl(2), gl(n), e(2), su(2), heisenberg, and products such as so(3)^8 or so(3) * e(2)"
+KNOWN = (
+    "so(n), se(n), so(p,q), sl(n), su(n), sp(2n), gl(n), e(2), heisenberg, and products such as so(3)^8 or so(3) * e(2)"
+)
 
 
 def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
     """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
     dimension, brackets = 0, Brackets()
-    for factor in text.split("*"):
+    for name, sizes, count, factor in _factors(text, symbols):
+        d, one = _simple(name, sizes, factor)
+        if dimension + d * count > _LARGEST:
+            raise NumberError(f"it has more than {_LARGEST} components")
+        for _ in range(count):
+            for i, j, linear in one:
+                brackets.append((i + dimension, j + dimension, {k + dimension: c for k, c in linear.items()}))
+            dimension += d
+    return dimension, brackets
+
+
+def known_casimirs(text: str | None, symbols: Symbols, variables: Sequence[Any]) -> list[tuple[set[int], int, Any]]:
+    """(components, degree, Casimir function) of those that are known by the names of the factors: traces of powers."""
+    first, found = 0, []
+    for name, sizes, count, factor in _factors(text, symbols) if text else ():
+        d, _ = _simple(name, sizes, factor)
+        for n in range(first, first + d * count, d):
+            if name in OF_MATRICES and sizes != [2]:
+                functions = traces(name, sizes[0], variables[n : n + d])
+                found += [(set(range(n, n + d)), degree, function) for degree, function in functions]
+        first += d * count
+    return found
+
+
+def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int, str]]:
+    """(name, sizes, power, text) of each factor of a product."""
+    for factor in parts(text, "*"):
         match = _FACTOR.match(factor)
         if not match:
             raise NumberError(f"'{factor.strip()}' is not an algebra; known: {KNOWN}")
@@ -42,14 +76,7 @@ def algebra(text: str, symbols: Symbols) -> tuple[int, Brackets]:
         count = whole(power, symbols) if power else 1
         if count < 1:
             raise NumberError(f"the power of '{factor.strip()}' must be at least 1")
-        d, one = _simple(name, sizes, factor.strip())
-        if dimension + d * count > _LARGEST:
-            raise NumberError(f"it has more than {_LARGEST} components")
-        for _ in range(count):
-            for i, j, linear in one:
-                brackets.append((i + dimension, j + dimension, {k + dimension: c for k, c in linear.items()}))
-            dimension += d
-    return dimension, brackets
+        yield name, sizes, count, factor.strip()
 
 
 def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
@@ -60,6 +87,8 @@ def _simple(name: str, sizes: list[int], text: str) -> tuple[int, Brackets]:
     if not all(least <= size <= most for size in sizes):
         sizes_known = f"from {least} to {most}" if least < most else f"{most}"
         raise NumberError(f"the size in '{text}' must be {sizes_known}")
+    if name == "sp" and sizes[0] % 2:
+        raise NumberError(f"the size in '{text}' must be even, that of its matrices")
     return make(*sizes)
 
 
@@ -113,11 +142,6 @@ def _so_mixed(p: int, q: int) -> tuple[int, Brackets]:
     return _rotations((1,) * p + (-1,) * q, False)
 
 
-def _sl2() -> tuple[int, Brackets]:
-    two, one = sympy.Integer(2), sympy.Integer(1)
-    return 3, [(0, 1, {1: -two}), (0, 2, {2: two}), (1, 2, {0: -one})]
-
-
 def _gl(n: int) -> tuple[int, Brackets]:
     found = Brackets()
     places = list(itertools.product(range(n), repeat=2))
@@ -131,6 +155,11 @@ def _gl(n: int) -> tuple[int, Brackets]:
     return n * n, found
 
 
+def _of_matrices(name: str, n: int) -> tuple[int, Brackets]:
+    generators = OF_MATRICES[name][0](n)
+    return len(generators), brackets_of(generators)
+
+
 def _heisenberg(n: int) -> tuple[int, Brackets]:
     return 2 * n + 1, [(i, n + i, {2 * n: sympy.Integer(1)}) for i in range(n)]
 
@@ -141,8 +170,9 @@ _MAKE: dict[tuple[str, int], tuple[Callable[..., tuple[int, Brackets]], int, int
     ("so", 2): (_so_mixed, 1, 10),
     ("se", 1): (_se, 2, 10),
     ("e", 1): (_se, 2, 10),
-    ("su", 1): (lambda n: _so(3), 2, 2),
-    ("sl", 1): (lambda n: _sl2(), 2, 2),
+    ("su", 1): (lambda n: _of_matrices("su", n) if n > 2 else _so(3), 2, 8),
+    ("sl", 1): (lambda n: _of_matrices("sl", n), 2, 8),
+    ("sp", 1): (lambda n: _of_matrices("sp", n), 2, 10),
     ("gl", 1): (_gl, 1, 8),
     ("heisenberg", 0): (lambda: _heisenberg(1), 0, 0),
     ("heisenberg", 1): (_heisenberg, 1, 31),

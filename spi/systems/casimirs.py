@@ -9,11 +9,14 @@ from typing import Any, NamedTuple
 import mpmath
 import numpy as np
 import sympy
+from sympy.polys.matrices import DomainMatrix
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .forms import degree_of
+from .functionals import reduced
 from .splitting import connected
 from .symbolics import Symbolics
+from .system import Function
 
 MOST_DEGREE = 4
 LARGEST_DENOMINATOR = 1000  #: of the coefficients
@@ -29,20 +32,47 @@ class Search(NamedTuple):
     searched: int  #: up to this degree all are found whose coefficients are such fractions
 
 
-def search(world: Symbolics) -> Search:
-    """The polynomial Casimir functions up to degree 4 that are no sums of products of others."""
+def search(world: Symbolics, known: Sequence[tuple[set[int], int, Any]] = ()) -> Search:
+    """The polynomial Casimir functions up to degree 4 that are no sums of products of others.
+
+    Of components of which (components, degree, function) are `known`, these.
+    """
     bracket = world.bracket
     parts = connected([*({i, j}.union(*polynomial) for i, j, polynomial in bracket.entries())])
     linked = set().union(*parts)
     found = [(1, world.variables[i]) for i in range(bracket.dimension) if i not in linked]
+    found += [(degree, function) for _, degree, function in known]
     searched = MOST_DEGREE
     for part in parts:
+        if any(part <= components for components, _, _ in known):
+            continue
+        constant = [(i, j, c) for i, j, c in bracket.entries() if i in part]
+        if all([*polynomial] == [()] for _, _, polynomial in constant):
+            found += [(1, f) for f in _linear({(i, j): c[()] for i, j, c in constant}, sorted(part), world)]
+            continue
         unit = [] if bracket.is_lie else [bracket.dimension]
         functions, reached = _search_within([*sorted(part), *unit], world)
         found += functions
         searched = min(searched, reached)
     found.sort(key=lambda pair: pair[0])
     return Search(tuple(f for _, f in found), tuple(degree_of(f, world) for _, f in found), searched)
+
+
+def named(world: Symbolics, known: Sequence[tuple[set[int], int, Any]]) -> tuple[tuple[Function, ...], int]:
+    """(functions, degree up to which all are known); known ones of degree 4 and more are called by their trace."""
+    short = {function: f"tr X^{degree}" for _, degree, function in known if degree > 3}
+    found = search(world, known)
+    both = zip(found.functions, found.degrees, strict=True)
+    return tuple(Function(short.get(f) or world.name(f), f, degree) for f, degree in both), found.searched
+
+
+def squares_first(functions: tuple[Function, ...], world: Symbolics) -> tuple[tuple[Function, ...], bool]:
+    """Some Casimir functions, |y|^2 before all others, and whether it is one of them."""
+    squares = sympy.Add(*(y**2 for y in world.variables))
+    first = next((n for n, c in enumerate(functions) if c.expression - squares == 0), None)
+    if not first:
+        return functions, first is not None
+    return (functions[first], *functions[:first], *functions[first + 1 :]), True
 
 
 def counted(functions: Sequence[Any], world: Symbolics) -> tuple[int, int]:
@@ -74,6 +104,34 @@ def _rank(rows: Iterable[dict[int, Any]]) -> int:
                 new = {i: row.get(i, 0) - factor * first.get(i, 0) for i in {*row, *first} - {pivot}}
                 left[n] = {i: c for i, c in new.items() if abs(c) > size * NOTHING**1.5}
     return count
+
+
+def _linear(constants: dict[tuple[int, int], Any], part: Sequence[int], world: Symbolics) -> list[Any]:
+    """Those of constant brackets {w_i, w_j}: linear functions of the w_i, of which all others are functions."""
+    matrix = [[constants.get((i, j), 0) - constants.get((j, i), 0) for j in part] for i in part]
+    if all(c.is_Rational for c in constants.values()):
+        kernel = DomainMatrix.from_Matrix(sympy.Matrix(matrix)).to_field().nullspace().rref()[0].to_Matrix().tolist()
+    else:
+        kernel = _kernel(matrix)
+    functions = (sympy.Add(*(c * world.coordinate(i) for c, i in zip(row, part, strict=True))) for row in kernel)
+    return [_without_logarithms(f, world) for f in functions]
+
+
+def _kernel(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """A basis of the kernel of a matrix of irrational numbers, in doubles where it is not rational itself."""
+    with mpmath.workdps(DIGITS + 20):
+        rows = ({j: precise(sympy.sympify(c)) for j, c in enumerate(row) if c != 0} for row in matrix)
+        found, pivots = reduced(list(rows))
+        free = [j for j in range(len(matrix)) if j not in pivots]
+        basis = [{j: mpmath.mpf(1)} | {p: -row.get(j, 0) for row, p in zip(found, pivots, strict=True)} for j in free]
+        return [[_shortest(row.get(j, mpmath.mpf(0))) for j in range(len(matrix))] for row in basis]
+
+
+def _shortest(c: mpmath.mpf) -> Any:
+    """A number as a fraction with small terms, if it is one, or as a double."""
+    fraction = Fraction(float(c)).limit_denominator(LARGEST_DENOMINATOR)
+    near = sympy.Rational(fraction.numerator, fraction.denominator)
+    return near if abs(precise(near) - c) < NOTHING else sympy.Float(float(c))
 
 
 def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[int, Any]], int]:
@@ -207,7 +265,6 @@ def _without_logarithms(function: Any, world: Symbolics) -> Any:
     terms = function.as_coefficients_dict()
     if not all(term in map(world.coordinate, world.bracket.logarithmic) for term in terms):
         return function
-    scale = math.lcm(*(int(c.q) for c in terms.values()))
-    if max(abs(c) * scale for c in terms.values()) > _LARGEST_POWER:
-        scale = 1
+    whole = math.lcm(*(int(c.q) for c in terms.values() if c.is_Rational))
+    scale = whole if max(abs(c) * whole for c in terms.values()) <= _LARGEST_POWER else 1
     return sympy.Mul(*(term.args[0] ** (scale * c) for term, c in terms.items()))

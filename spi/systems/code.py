@@ -12,7 +12,7 @@ from .brackets import NOTHING
 
 _EXACT = mpmath.mpf(10) ** -35
 _PLAIN = {sympy.exp: "exp", sympy.log: "log", sympy.Abs: "abs", sympy.sign: "np.sign", sympy.tan: "np.tan"}
-_PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh"}
+_PLAIN |= {sympy.sinh: "np.sinh", sympy.cosh: "np.cosh", sympy.tanh: "np.tanh", sympy.atan: "np.arctan"}
 
 
 class Formula:
@@ -108,7 +108,9 @@ class Formula:
     def _function(self, e: Any) -> str:
         if isinstance(e, sympy.DiracDelta):
             return "0.0"  # in the second derivative of |x|, which is 0 wherever it exists
-        (argument,) = e.args
+        if isinstance(e, sympy.Max | sympy.Min):
+            return self._largest(e)
+        argument = e.args[0]
         inner = self.code(argument)
         inner = inner[1:-1] if inner.startswith("(") and argument.is_Add else inner
         if isinstance(e, sympy.sin | sympy.cos):
@@ -117,7 +119,17 @@ class Formula:
             part = 0 if isinstance(e, sympy.sin) else 1
             taken = f"sin_versine(angles, {inner})[{part}]"
             return taken if part == 0 else f"(1.0 - {taken})"
+        if isinstance(e, sympy.Heaviside):  # the derivative of a maximum; 1/2 where two are equal
+            return f"(0.5 + 0.5 * np.sign({inner}))"
         return f"{_PLAIN[e.func]}({inner})"
+
+    def _largest(self, e: Any) -> str:
+        """The largest of several, two by two; the least is minus the largest of their opposites."""
+        sign = "" if isinstance(e, sympy.Max) else "-"
+        first, *others = [f"{sign}{self.code(argument)}" for argument in _ordered(e.args, self.names)]
+        for other in others:
+            first = f"larger({first}, {other})"
+        return f"(-{first})" if sign else first
 
 
 def _ordered(terms: Sequence[Any], names: Mapping[Any, str]) -> list[Any]:

@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 
 import sympy
 
-from .algebras import algebra
+from .algebras import algebra, known_casimirs
 from .brackets import Bracket, BracketError, Linear, checked
-from .casimirs import counted, search
+from .casimirs import counted, named, squares_first
 from .coordinates import Given, simplified
 from .data import Data
+from .driving import TIME, driving_of, split_in_time
 from .forms import check_finite, check_name, degree_of, merged_powers, polynomial, shortened
 from .functionals import NoExactFlow, NowhereFinite
 from .invariants import by_invariants
@@ -27,7 +28,7 @@ from .quadratics import by_quadratics
 from .splitting import Constants, Flow, Term, merged, single, split, without_flow
 from .symbolics import Symbolics
 from .system import Function, System
-from .text import FUNCTIONS, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
+from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 from .waring import powers
 
 
@@ -42,7 +43,7 @@ class Defined(NamedTuple):
 
 def define(data: Mapping[str, Any]) -> Defined:
     """The system of a definition with some of :data:`KEYS`; DefinitionError if anything is wrong with it."""
-    unknown = next((key for key in data if key not in KEYS), None)
+    unknown = next((key for key in data if key not in (*KEYS, "sigma")), None)
     if unknown is not None:
         raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
     return _Reader(data).read()
@@ -51,12 +52,13 @@ def define(data: Mapping[str, Any]) -> Defined:
 def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
     """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
     reader = _Reader(data if given is None else {**data, "sigma": given})
-    formulas = Symbols(parameters=reader.parameters, indices=reader.sizes)
+    formulas = Symbols(parameters=reader.parameters, indices=reader.sizes).in_time(TIME)
     count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
     if given is None:
         return [1.0] * count
     found = []
     for keys, text, value in reader.expressions("sigma", formulas):
+        value = sympy.Integer(1) if formulas.time in value.free_symbols else value  # see driving.py
         if not value.is_number or not value.is_real or not 0 <= value < 1e300:
             raise DefinitionError(f"is '{shortened(text)}'; must be a number, at least 0", *keys)
         found.append(float(value))
@@ -79,24 +81,20 @@ class _Reader(Data):
     def read(self) -> Defined:
         variables, given = self.structure()
         self.check_names(variables)
-        d = len(variables)
-        symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(d))
+        symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(len(variables)))
         values = {sympy.Symbol(name, real=True): value for name, value in self.parameters.items()}
         formulas = Symbols(dict(zip(variables, symbols, strict=True)), {str(p): p for p in values}, self.sizes)
         bracket = self.bracket(variables, given, formulas, values)
-        world = Symbolics(bracket, symbols, values)
+        driven, numbers = formulas.in_time(TIME), Symbols(parameters=self.parameters, indices=self.sizes)
+        world = Symbolics(bracket, symbols, values, driven.time)
         constants = Constants()
-        flows = self.flows(world, formulas, constants)
-        noises = self.noises(world, formulas)
+        flows = self.flows(world, driven, constants)
+        noises = self.noises(world, driven)
         hamiltonian = sympy.Add(*(flow.expression for flow in flows))
         check_finite([hamiltonian, *(flow.expression for flow in noises)], world, constants.values)
-        casimirs, searched = self.casimirs(world, formulas)
-        squares = sympy.Add(*(y**2 for y in symbols))
-        first = next((n for n, c in enumerate(casimirs) if c.expression - squares == 0), None)
-        if first:
-            order = [first, *(n for n in range(len(casimirs)) if n != first)]
-            casimirs = tuple(casimirs[n] for n in order)
-        given_h = self.hamiltonian(world, formulas)
+        functions, searched = self.casimirs(world, formulas)
+        casimirs, has_squares = squares_first(functions, world)
+        given_h = self.hamiltonian(world, driven)
         if any(flow.lacking for flow in flows):
             given_h = merged_powers(given_h)
         system = System(
@@ -105,8 +103,9 @@ class _Reader(Data):
             flows=tuple(flows),
             noises=tuple(noises),
             casimirs=casimirs,
-            squared_length_first=first is not None,
+            squared_length_first=has_squares,
             constants=constants.values,
+            driving=driving_of(self, driven, numbers, [given_h, *(flow.expression for flow in noises)]),
             inner=self.inner(),
         )
         return Defined(system, self.sizes, searched, counted([c.expression for c in casimirs], world))
@@ -131,7 +130,7 @@ class _Reader(Data):
             raise DefinitionError("is empty; name the components of the state", "variables")
         if len(variables) > MOST:
             raise DefinitionError(f"has {len(variables)} names; a system may have {MOST} components", "variables")
-        taken = {*self.sizes, *self.parameters, *FUNCTIONS, "pi", "mod", "sum", "for"}
+        taken = {*self.sizes, *self.parameters, *TAKEN}
         for n, name in enumerate(variables):
             if name in variables[:n]:
                 raise DefinitionError(f"has '{name}' twice; remove one", "variables")
@@ -247,13 +246,16 @@ class _Reader(Data):
 
     def by_invariants(self, function: Any, world: Symbolics, formulas: Symbols) -> Term | None:
         """The term of a function of Casimir functions and of linear ones, if it is one."""
-        known = self.known(world, formulas)
-        return by_invariants(function, world, known) or by_quadratics(function, world, known)
+        known, (factor, rest) = self.known(world, formulas), split_in_time(function, world.time)
+        if world.time in rest.free_symbols:
+            return None
+        found = by_invariants(rest, world, known) or by_quadratics(rest, world, known)
+        return found and found._replace(expression=factor * found.expression, original=factor * found.whole)
 
     def known(self, world: Symbolics, formulas: Symbols) -> list[Any]:
         """The Casimir functions."""
         if self.invariants is None:
-            self.invariants = [found.expression for found in self.casimirs(world, formulas)[0]]
+            self.invariants = [found.expression for found in self.casimirs(world, formulas.in_time(None))[0]]
         return self.invariants
 
     def flow(self, function: Any, world: Symbolics, formulas: Symbols, keys: Sequence[Any]) -> Flow:
@@ -282,9 +284,7 @@ class _Reader(Data):
     def casimirs(self, world: Symbolics, formulas: Symbols) -> tuple[tuple[Function, ...], int | None]:
         """(functions, degree up to which all are known); None for those that were given."""
         if "casimirs" not in self.data:
-            found = search(world)
-            both = zip(found.functions, found.degrees, strict=True)
-            return tuple(Function(world.name(f), f, degree) for f, degree in both), found.searched
+            return named(world, known_casimirs(self.data.get("algebra"), Symbols(indices=self.sizes), world.variables))
         functions = []
         for keys, text, value in self.expressions("casimirs", formulas):
             if not world.used(value):

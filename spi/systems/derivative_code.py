@@ -1,6 +1,6 @@
 """Source of what a model says besides its flows: B v, H, gradients and what follows of them by differentiation."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -11,9 +11,12 @@ from .system import System
 
 
 class Derivatives:
-    """Writes these methods; `names` says how the symbols of formulas are called."""
+    """Writes these methods; `names` says how symbols are called, `frozen` what formulas are within a step."""
 
-    def __init__(self, system: System, names: Mapping[Any, str]) -> None:
+    def __init__(
+        self, system: System, names: Mapping[Any, str], frozen: Callable[[Iterable[Any]], list[Any]] = list
+    ) -> None:
+        self.given, self.frozen = names, frozen  # which names more where it freezes
         self.system, self.variables, self.bracket = system, system.world.variables, system.world.bracket
         count = range(self.bracket.dimension)
         self.v, self.u = ([sympy.Symbol(f"{c}{n + 1}", real=True) for n in count] for c in "νυ")
@@ -48,16 +51,15 @@ class Derivatives:
             lines = ["", "def structure(model, y, v):", f"    return {structure_code(self.bracket, self.names, every)}"]
             code = lie_bracket_code(self.bracket, self.names)
             return [*lines, "", "def lie_bracket(model, v, w):", f"    return {code}"]
-        moved = self.rows(every)
-        lines = self.word("structure(model, y, v)", [moved])
-        return lines + self.word("structure_derivative(model, y, u, v)", [self.along(moved, self.u)])
+        lines = self.word("structure(model, y, v)", [self.rows(every)])
+        return lines + self.word("structure_derivative(model, y, u, v)", [self.rows_along(every)])
 
     def noise_structure(self, supports: Sequence[Sequence[int]]) -> list[str]:
         """The same for v that are 0 outside of some components, one set of them for each noise."""
         heads = "noise_structure(model, k, y, v)", "noise_structure_derivative(model, k, y, u, v)"
         if not self.bracket.is_lie:
-            moved = [self.rows(support) for support in supports]
-            return self.word(heads[0], moved) + self.word(heads[1], [self.along(one, self.u) for one in moved])
+            lines = self.word(heads[0], [self.rows(support) for support in supports])
+            return lines + self.word(heads[1], [self.rows_along(support) for support in supports])
         lines = []
         for head, at in zip(heads, "yu", strict=True):
             lines += ["", f"def {head}:"]
@@ -71,15 +73,33 @@ class Derivatives:
 
         {y_i, y_j} is {w_i, w_j}, times y_i and y_j where their logarithms are coordinates.
         """
-        bracket, y, kept = self.bracket, self.variables, set(columns)
-        factor = [y[i] if i in bracket.logarithmic else sympy.Integer(1) for i in range(bracket.dimension)]
-        found: list[list[Any]] = [[] for _ in y]
-        for i, j, polynomial in bracket.entries(symbolic=True):
-            entry = sympy.Add(*(c * sympy.Mul(*(y[k] for k in monomial)) for monomial, c in polynomial.items()))
+        found = self._sums(columns, lambda entry, j: entry * self._factor(j))
+        return [self._factor(i) * sympy.Add(*terms) for i, terms in enumerate(found)]
+
+    def rows_along(self, columns: Iterable[int]) -> list[Any]:
+        """Those of the derivative of B along u, applied to v."""
+        kept = list(columns)
+        change = [u if i in self.bracket.logarithmic else sympy.Integer(0) for i, u in enumerate(self.u)]
+        still = self._sums(kept, lambda entry, j: entry * self._factor(j))
+        moved = self._sums(kept, lambda entry, j: entry * change[j] + self.along([entry], self.u)[0] * self._factor(j))
+        both = zip(still, moved, strict=True)
+        return [change[i] * sympy.Add(*a) + self._factor(i) * sympy.Add(*b) for i, (a, b) in enumerate(both)]
+
+    def _factor(self, i: int) -> Any:
+        """The derivative of y_i by its coordinate."""
+        return self.variables[i] if i in self.bracket.logarithmic else sympy.Integer(1)
+
+    def _sums(self, columns: Iterable[int], term: Callable[[Any, int], Any]) -> list[list[Any]]:
+        """For each i, the addends v_j term({w_i, w_j}, j) with j in some columns."""
+        kept: set[int] = set(columns)
+        found: list[list[Any]] = [[] for _ in self.variables]
+        for i, j, polynomial in self.bracket.entries(symbolic=True):
+            products = (c * sympy.Mul(*(self.variables[k] for k in monomial)) for monomial, c in polynomial.items())
+            entry = sympy.Add(*products)
             for row, column, sign in ((i, j, 1), (j, i, -1)):
                 if column in kept:
-                    found[row].append(sign * entry * factor[column] * self.v[column])
-        return [factor[i] * sympy.Add(*terms) for i, terms in enumerate(found)]
+                    found[row].append(sign * self.v[column] * term(entry, column))
+        return found
 
     # ---- formulas ----------------------------------------------------------------------------------------------------
 
@@ -98,7 +118,9 @@ class Derivatives:
         lines = ["", f"def {head}:"]
         numbered = cases if isinstance(cases, Mapping) else dict(enumerate(cases))
         for k, expressions in numbered.items():
-            inner, codes = Formula(self.names, [*self.variables, *self.v, *self.u]).lines(expressions)
+            frozen = self.frozen(expressions)
+            names = {**self.given, **self.names}
+            inner, codes = Formula(names, [*self.variables, *self.v, *self.u]).lines(frozen)
             value = codes[0] if scalar else as_tuple(codes)
             lines += case(k, max(numbered) + 1, [*inner, f"return {value}"])
         return lines if cases else [*lines, f"    return {'v' if head.endswith('v)') else 'y'}"]

@@ -8,7 +8,7 @@ import sympy
 from .brackets import Polynomial
 from .keys import DefinitionError
 from .symbolics import Symbolics
-from .text import FUNCTIONS, NumberError, Symbols
+from .text import TAKEN, NumberError, Symbols
 
 
 def degree_of(value: Any, world: Symbolics) -> int | None:
@@ -21,7 +21,7 @@ def degree_of(value: Any, world: Symbolics) -> int | None:
 def check_name(name: str, key: str) -> None:
     """DefinitionError if formulas cannot name a parameter or a size so."""
     is_name = name.isidentifier() and name.isascii() and not name.startswith("_")
-    if not is_name or name in FUNCTIONS or name in ("pi", "mod", "sum", "for"):
+    if not is_name or name in TAKEN:
         raise DefinitionError(
             "is not a valid name; use letters from a to z and digits, and not the name of a function", key, name
         )

@@ -7,7 +7,7 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING
-from .symbolics import Symbolics
+from .symbolics import Symbolics, numeric
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
 
@@ -36,11 +36,13 @@ def functionals_of(
         return coordinates, used  # a monomial
     numbers = {symbol: sympy.sqrt(7 + 4 * n) for n, symbol in enumerate(kept)}
     gradient = [world.slope(expression, i).xreplace(numbers) for i in used]
-    value = sympy.lambdify([world.variables[i] for i in used], gradient, "mpmath")
+    in_time = [] if world.time is None or world.time not in expression.free_symbols else [world.time]
+    symbols = [*(world.variables[i] for i in used), *in_time]
+    value = numeric(symbols, gradient)
     rows = []
     with mpmath.workdps(DIGITS + 20):
         for n in range(len(used) + 2):
-            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(used))]
+            point = [mpmath.frac(mpmath.sqrt(2 + 3 * n + 7 * j) * 17) + mpmath.mpf(1) / 4 for j in range(len(symbols))]
             try:
                 row = [mpmath.mpmathify(g) for g in value(*point)]
             except (TypeError, ZeroDivisionError, ValueError):

@@ -16,9 +16,10 @@ KEYS = MappingProxyType(
         "variables": "names of the components of the state",
         "sizes": "whole numbers for ranges, as in {n: 4}",
         "parameters": "numbers that formulas name, as in {I1: 2}",
-        "hamiltonian": "H, a formula in variables and parameters",
+        "hamiltonian": "H, a formula in variables, parameters and the time t",
         "pieces": "H as a list of pieces, in the order of their flows; found by the program if left out",
         "noises": "a list of Hamiltonians of the noises",
+        "initial_time": "the time t at the beginning, where formulas name it; 0 if left out",
         "inner": "how compositions move by terms that have no exact flow, midpoint or munthe_kaas",
         "casimirs": "a list of Casimir functions; polynomials up to degree 4 are found if left out",
     }

@@ -19,6 +19,8 @@ def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str,
     generated = generate(defined.system, name, vocabulary("model"), defined.sizes)
     values = {str(symbol): float(value) for symbol, value in defined.system.world.parameters.items()}
     fields = [(field, values[parameter]) for parameter, field in generated.fields]
+    if defined.system.driving:
+        fields.append(("time", defined.system.driving.initial))
     return generated.text, fields, list(generated.constants), _report(defined, generated)
 
 
@@ -45,7 +47,7 @@ def _report(defined: Defined, generated: Generated) -> list[str]:
         lines.append("compositions of flows need inner: midpoint or inner: munthe_kaas; other schemes need no flows")
     if system.inner and not lacking:
         lines.append(f"inner: {system.inner} is not needed, all flows are exact")
-    return [*lines, _casimirs(defined)]
+    return [*lines, *([generated.in_time] if generated.in_time else []), _casimirs(defined)]
 
 
 def _by_inner(method: str) -> str:

@@ -68,7 +68,7 @@ def factors_of(brackets: Brackets, count: int, names: Any, world: Symbolics) -> 
         if [monomial for monomial, _ in terms] != [monomial for monomial, _ in first] or len(ratios) != 1:
             return []
         found[pair] = ratios.pop()
-    if not found:
+    if not found or any(world.time in ratio.free_symbols for ratio in found.values()):
         return []
     codes = [
         Formula(names, ()).code(found.get(pair, sympy.Integer(0))) for pair in itertools.combinations(range(count), 2)

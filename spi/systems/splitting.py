@@ -13,6 +13,7 @@ import mpmath
 import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
+from .driving import by_factor, split_in_time
 from .forms import degree_of, merged_powers, shortened
 from .functionals import Functional, NoExactFlow, NowhereFinite, form_text, functionals_of, reduced
 from .kept import Quadratic, commuting, unmoved
@@ -128,11 +129,12 @@ def split(
             terms, crossing = terms + more, crossing + cross
     (more, cross), lacking = powers(lacking)
     terms, crossing = terms + more, crossing + cross
-    for component in connected(map(world.used, crossing)):
-        inside = [term for term in terms if not term.kept and _is_square_within(term.expression, component, world)]
-        terms = [term for term in terms if term not in inside]
-        form = sympy.Add(*crossing, *(term.expression for term in inside))
-        terms += _diagonalised(form, component, world, constants)
+    for factor, products in by_factor(crossing, world.time).items():
+        for component in connected(map(world.used, products)):
+            inside = [t for t in terms if not t.kept and _is_square_within(t.expression, component, factor, world)]
+            terms = [term for term in terms if term not in inside]
+            form = sympy.Add(*products, *(split_in_time(term.expression, world.time)[1] for term in inside))
+            terms += _diagonalised(form, component, factor, world, constants)
     flows = merged(terms, world.bracket)
     if lacking:
         whole, reason = sympy.Add(*(addend for addend, _ in lacking)), lacking[0][1]
@@ -234,17 +236,22 @@ def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
     return sorted((group for group in groups if group), key=min)
 
 
-def _is_square_within(expression: Any, components: set[int], world: Symbolics) -> bool:
-    """Whether an expression is a quadratic form of these components."""
-    used = world.used(expression)
+def _is_square_within(expression: Any, components: set[int], factor: Any, world: Symbolics) -> bool:
+    """Whether an expression is a quadratic form of these components times a factor that depends on time alone."""
+    used, (own, expression) = world.used(expression), split_in_time(expression, world.time)
+    if own != factor or (world.time is not None and world.time in expression.free_symbols):
+        return False
     if not set(used) <= components or not expression.is_polynomial(*world.variables):
         return False
     monomials = sympy.Poly(expression, *world.variables).monoms()
     return all(sum(monomial) == 2 for monomial in monomials)
 
 
-def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: Constants) -> list[Term]:
-    """The quadratic form, of these components only, as squares of linear functions: its principal axes."""
+def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics, constants: Constants) -> list[Term]:
+    """The quadratic form, of these components only, as squares of linear functions, its principal axes; with a factor.
+
+    The factor, 1 or a function of time alone, is that of all of them.
+    """
     order = sorted(components)
     poly = sympy.Poly(form, *world.variables)
     with mpmath.workdps(DIGITS + 20):
@@ -267,5 +274,5 @@ def _diagonalised(form: Any, components: set[int], world: Symbolics, constants: 
             scale = next(axes[r, n] for r, i in enumerate(order) if i == pivot)
             line = sympy.Add(*(constants.symbol(c) * world.variables[i] for i, c in functional.items()))
             weight = constants.symbol(weights[n] * scale**2)
-            terms.append(Term(weight * line**2, (functional,), (pivot,), True))
+            terms.append(Term(factor * weight * line**2, (functional,), (pivot,), True))
     return terms

@@ -1,7 +1,7 @@
 """Formulas of a system: what occurs in them, what they are called, whether they commute with everything."""
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import mpmath
@@ -16,11 +16,16 @@ class Symbolics(NamedTuple):
     bracket: Bracket
     variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
     parameters: Mapping[sympy.Symbol, Any]  #: -> value, an exact number
+    time: Any = None  #: the symbol of time, None where a parameter or variable is called t
 
     def used(self, expression: Any) -> tuple[int, ...]:
         """The components that occur in an expression."""
         free = expression.free_symbols
         return tuple(i for i, y in enumerate(self.variables) if y in free)
+
+    def at_a_time(self) -> dict[Any, Any]:
+        """What stands for time where a formula is looked at."""
+        return {self.time: sympy.sqrt(19) / 7} if self.time is not None else {}
 
     def varies(self, expression: Any) -> bool:
         """Whether a parameter occurs in it."""
@@ -50,10 +55,12 @@ class Symbolics(NamedTuple):
 
     def constant_bracket(self, f: Any, g: Any) -> bool:
         """Whether {f, g} is the same everywhere, so that the flows of f and g commute."""
+        first, second = ({i: self.slope(h, i) for i in self.used(h)} for h in (f, g))
         terms = [
-            c * sympy.Mul(*map(self.coordinate, monomial)) * (self.slope(f, i) * self.slope(g, j) * sign)
+            sign * c * sympy.Mul(*map(self.coordinate, monomial)) * first[i] * second[j]
             for m, n, polynomial in self.bracket.entries()
             for i, j, sign in ((m, n, 1), (n, m, -1))
+            if i in first and j in second
             for monomial, c in polynomial.items()
         ]
         return not self.used(sympy.expand(sympy.Add(*terms)))
@@ -63,13 +70,15 @@ class Symbolics(NamedTuple):
         found = {}
         for i in self.used(function):
             with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
-                found[i] = mpmath.mpmathify(sympy.lambdify(self.variables, self.slope(function, i), "mpmath")(*point))
+                slope = self.slope(function, i).xreplace(self.at_a_time())
+                found[i] = mpmath.mpmathify(numeric(self.variables, slope)(*point))
         return found
 
     def is_casimir(self, function: Any) -> bool:
         """Whether a function, polynomial or not, is a Casimir function: at random points, to 40 digits."""
         used = self.used(function)
-        value = sympy.lambdify(self.variables, [self.slope(function, i) for i in used], "mpmath")
+        slopes = [self.slope(function, i).xreplace(self.at_a_time()) for i in used]
+        value = numeric(self.variables, slopes)
         tried, d = 0, len(self.variables)
         with mpmath.workdps(DIGITS):
             for n in range(12):
@@ -99,6 +108,23 @@ class Symbolics(NamedTuple):
                     return False
                 tried += 1
         return tried > 0
+
+
+def numeric(variables: Sequence[Any], what: Any) -> Callable[..., Any]:
+    """Expressions as a function of numbers of mpmath."""
+    known = {"Heaviside": _step, "DiracDelta": _delta}
+    found: Callable[..., Any] = sympy.lambdify(variables, what, [known, "mpmath"])
+    return found
+
+
+def _step(x: Any, at_0: Any) -> Any:
+    """The derivative of max(x, 0)."""
+    return at_0 if x == 0 else mpmath.mpf(x > 0)
+
+
+def _delta(x: Any) -> Any:
+    """The second one, wherever it exists."""
+    return mpmath.mpf(0)
 
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import mpmath
 
+from .driving import Driving
 from .splitting import Flow
 from .symbolics import Symbolics
 
@@ -28,3 +29,4 @@ class System(NamedTuple):
     squared_length_first: bool  #: whether the first Casimir function is |y|^2
     constants: Mapping[Any, mpmath.mpf]  #: of the diagonalised forms: symbol -> value
     inner: str = ""  #: how compositions move by terms that have no exact flow
+    driving: Driving | None = None  #: how time enters; None where nothing depends on it

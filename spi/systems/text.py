@@ -4,6 +4,7 @@ The grammar is that of ``spi.expressions.arithmetic``, with the variables and pa
 
     x(i+1)                          a variable with an index, x(mod(i, n) + 1) on a ring of n
     sum(x(i)*x(i+1) for i = 1..n-1) a sum; "for i = 1..n, j = 1..i" runs over pairs
+    max(x(1), x(2), 0), min(a, b)   the largest or the least of several
     x(i), y(i) for i = 1..n         in a list, as many entries as the ranges say
 
 A text is parsed, never evaluated as Python.
@@ -21,9 +22,15 @@ import sympy
 from ..expressions.arithmetic import NumberError, in_parentheses, read
 
 FUNCTIONS = {
-    **{name: getattr(sympy, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt")},
+    **{
+        name: getattr(sympy, name)
+        for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "atan")
+    },
     "abs": sympy.Abs,
 }
+OF_SEVERAL = {"max": sympy.Max, "min": sympy.Min}
+#: What no variable, parameter or size can be called.
+TAKEN = (*FUNCTIONS, *OF_SEVERAL, "pi", "mod", "sum", "for")
 _MOST = 10_000  # entries that one range may stand for
 _LARGEST = sympy.Float(sys.float_info.max)
 _DEEPEST = 50  # functions within functions; the recursions of SymPy end somewhere above 100
@@ -40,28 +47,39 @@ class Symbols:
 
     longest = 20_000
     calls = True
-    functions = (*FUNCTIONS, "mod", "sum")
+    functions = (*FUNCTIONS, *OF_SEVERAL, "mod", "sum")
 
     def __init__(
         self,
         variables: Mapping[str, Any] | None = None,
         parameters: Mapping[str, Any] | None = None,
         indices: Mapping[str, int] | None = None,
+        time: Any = None,
     ) -> None:
         self.variables, self.parameters, self.indices = variables or {}, parameters or {}, indices or {}
         self.families = {name.partition("(")[0] for name in self.variables if "(" in name}
-        self.constants = {"pi": sympy.pi, **self.parameters, **self.variables}
+        self.time = time
+        in_time = {} if time is None else {"t": time}
+        self.constants = {"pi": sympy.pi, **in_time, **self.parameters, **self.variables}
         self.constants |= {name: sympy.Integer(value) for name, value in self.indices.items()}
 
     def within(self, indices: Mapping[str, int]) -> "Symbols":
         """The same with further indices."""
-        return Symbols(self.variables, self.parameters, {**self.indices, **indices})
+        return Symbols(self.variables, self.parameters, {**self.indices, **indices}, self.time)
+
+    def in_time(self, time: Any) -> "Symbols":
+        """The same with the word t for time, unless a variable, a parameter or a size is called so."""
+        if time is not None and "t" in self.constants:
+            return self
+        return Symbols(self.variables, self.parameters, self.indices, time)
 
     def number(self, literal: str) -> Any:
         """Decimals are exact: 0.1 is 1/10."""
         return sympy.Rational(literal)
 
     def unknown(self, word: str) -> NumberError:
+        if word == "t":
+            return NumberError("t, the time, stands in hamiltonian, pieces, noises and sigma alone")
         known = [*self.constants, *self.families, *self.functions]
         near = difflib.get_close_matches(word, known, 1)
         return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
@@ -93,12 +111,23 @@ class Symbols:
             if len(arguments) != 2 or arguments[1] <= 0:
                 raise NumberError("mod needs two whole numbers, as in mod(i, n)")
             return sympy.Integer(arguments[0] % arguments[1])
+        if word in OF_SEVERAL:
+            return self.largest(word, [read(part, self) for part in parts(inside)])
         if word in self.families:
             name = indexed(word, inside, self)
             if name not in self.variables:
                 raise NumberError(f"there is no {name}; on a ring of n write {word}(mod(i, n) + 1) for the next")
             return self.variables[name]
         return NotImplemented
+
+    def largest(self, word: str, arguments: list[Any]) -> Any:
+        """The largest or the least of some values."""
+        if len(arguments) < 2:
+            raise NumberError(f"{word} needs two values or more, as in {word}(a, b)")
+        try:
+            return OF_SEVERAL[word](*arguments)
+        except ValueError:
+            raise NumberError("it has no finite real value") from None
 
 
 def indexed(word: str, inside: str, algebra: Symbols) -> str:
@@ -188,7 +217,8 @@ def repeated(text: str, algebra: Symbols) -> Iterator[tuple[str, Symbols]]:
         if not (match := _RANGE.match(part)):
             raise NumberError(f"'{part.strip()}' is not a range such as i = 1..n")
         name, low, high = match.groups()
-        if name in algebra.constants or name in algebra.families or name in FUNCTIONS:
+        taken = name in algebra.constants and algebra.constants[name] is not algebra.time
+        if taken or name in algebra.families or name in TAKEN:
             raise NumberError(f"'{name}' is a variable, a parameter or a function; take another word as index")
         bound = [
             inner.within({name: value})
@@ -224,6 +254,6 @@ def parts(text: str, separators: str = ",") -> list[str]:
 
 
 __all__ = [
-    *("FUNCTIONS", "NumberError", "Symbols", "addends", "entries", "expression"),
+    *("TAKEN", "NumberError", "Symbols", "addends", "entries", "expression"),
     *("names", "parts", "repeated", "whole"),
 ]

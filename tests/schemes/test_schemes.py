@@ -95,6 +95,7 @@ def steps_of(name, model, h, dW, y, coins):
     )
 
 
+@pytest.mark.share(4)
 @pytest.mark.parametrize("name", SCHEMES)
 def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
     y, dW, h = random_states(generator), increments(generator, 0.1, steps=5), 0.05
@@ -117,6 +118,7 @@ def test_lanes_that_are_not_finite_do_not_disturb_others(name, generator):
         assert report[FAILURES] == 5 * 4 + 3
 
 
+@pytest.mark.share(4)
 @pytest.mark.parametrize("name", SCHEMES)
 def test_a_lane_does_not_depend_on_its_place(name, generator):
     """Lanes in another order give the same bits in another order."""

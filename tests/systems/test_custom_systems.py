@@ -44,7 +44,7 @@ def test_the_generic_checks_pass(custom, quick):
     assert check_model(system.record, [tuple(y) for y in states(len(c))]) == []
 
 
-@pytest.mark.parametrize("name", ["so(2,1) with cross terms", "spirals"])
+@pytest.mark.parametrize("name", ["so(2,1) with cross terms", "spirals", "kinks"])
 def test_the_compiler_takes_the_module(name):
     text, _ = SYSTEMS[name]
     assert model_checks.obstacle(made(text).record) is None

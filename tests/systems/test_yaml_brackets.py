@@ -13,6 +13,9 @@ from yaml_cases import (
     product,
     rigid,
     structure,
+    su_3,
+    symplectic,
+    traceless,
     turns,
     unit,
     with_translations,
@@ -50,6 +53,11 @@ BY_MATRICES = {
     "so(2,2)": commutators(turns(4, [1.0, 1.0, -1.0, -1.0])),
     "so(2,3)": commutators(turns(5, [1.0, 1.0, -1.0, -1.0, -1.0])),
     "sl(2)": commutators([np.diag([1.0, -1.0]), unit(2, 0, 1), unit(2, 1, 0)]),
+    "sl(3)": commutators(traceless(3)),
+    "sl(4)": commutators(traceless(4)),
+    "sp(2)": commutators(symplectic(1)),
+    "sp(4)": commutators(symplectic(2)),
+    "sp(2*n-2)": commutators(symplectic(3)),
     "gl(1)": commutators([unit(1, 0, 0)]),
     "gl(2)": commutators([unit(2, i, j) for i in range(2) for j in range(2)]),
     "gl(3)": commutators([unit(3, i, j) for i in range(3) for j in range(3)]),
@@ -79,7 +87,11 @@ def test_so_2_1_has_the_signs_that_its_head_says():
     assert sorted(np.linalg.eigvals(np.einsum("ijk,j->ik", c, [1.0, 0.0, 0.0])).real.round(12)) == [-1.0, 0.0, 1.0]
 
 
-@pytest.mark.parametrize("name", [*BY_MATRICES, "so(2,1)", "so(6)", "gl(4)", "se(5)", "so(3,2)"])
+def test_su_3_has_the_structure_constants_of_the_books():
+    assert np.allclose(constants("su(3)"), su_3(), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", [*BY_MATRICES, "so(2,1)", "so(6)", "gl(4)", "se(5)", "so(3,2)", "su(3)", "su(4)"])
 def test_jacobi_s_identity_holds_of_every_algebra(name):
     d, brackets = algebra(name, Symbols(indices={"n": 4}))
     checked([f"y{n}" for n in range(d)], [("", *one) for one in brackets])
@@ -106,7 +118,9 @@ def test_the_brackets_of_built_in_models(name, model):
         ("so(0,3)", "must be from 1 to 10"),
         ("so(3)^30", "it has more than 64 components"),
         ("so(9,9)", "it has more than 64 components"),
-        ("sl(3)", "the size in 'sl(3)' must be 2"),
+        ("sl(9)", "the size in 'sl(9)' must be from 2 to 8"),
+        ("sp(3)", "the size in 'sp(3)' must be even, that of its matrices"),
+        ("su(1)", "the size in 'su(1)' must be from 2 to 8"),
         ("so(2,1,1)", "'so(2,1,1)' is not a known algebra"),
         ("so(3) +so(3)", "is not an algebra"),
         ("so(3)*", "'' is not an algebra"),
@@ -226,11 +240,38 @@ def degrees(name):
         ("so(2)", [1]),
         ("so(3)^3", [2, 2, 2]),
         ("gl(2)*heisenberg*so(3)", [1, 1, 2, 2]),
+        ("sl(3)", [2, 3]),
+        ("su(3)", [2, 3]),
+        ("sp(4)", [2, 4]),
+        ("su(3)*so(3)", [2, 2, 3]),
     ],
 )
 def test_degrees(name, expected):
     """As many as there are, by the books; none is a product of others, or these would be more."""
     assert degrees(name) == expected
+
+
+@pytest.mark.parametrize("name", ["sl(3)", "sl(4)", "su(3)", "su(4)", "sp(4)"])
+def test_traces_of_powers_are_casimir_functions(name):
+    """As many as there are, all independent; one with a factor changed is none."""
+    found = define(definition(f"{{algebra: '{name}', hamiltonian: y1}}"))
+    known, there = found.independent
+    world, functions = found.system.world, [one.expression for one in found.system.casimirs]
+    assert known == there == len(functions)
+    assert all(map(world.is_casimir, functions))
+    polynomials = [sympy.Poly(one, *world.variables) for one in functions]
+    assert [one.degree for one in found.system.casimirs] == [one.total_degree() for one in polynomials]
+    assert not world.is_casimir(functions[-1].xreplace({world.variables[1]: 2 * world.variables[1]}))
+    assert found.system.squared_length_first == name.startswith("su")
+
+
+def test_the_cubic_of_su_3_is_that_of_the_books():
+    """d_abc y_a y_b y_c with d_118 = 1/sqrt(3) = -d_888, d_146 = d_157 = d_344 = 1/2."""
+    cubic = casimirs("{algebra: su(3), hamiltonian: y1}")[1]
+    one, root = lambda *places: [places.count(n + 1) for n in range(8)], 1 / sympy.sqrt(3)
+    expected = {(8, 8, 8): -root, (1, 1, 8): 3 * root, (1, 4, 6): sympy.Integer(3), (3, 4, 4): sympy.Rational(3, 2)}
+    for places, value in expected.items():
+        assert sympy.simplify(cubic.coeff_monomial(one(*places)) - value) == 0
 
 
 def test_those_of_a_bracket_without_an_algebra():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.linalg
 import sympy
 from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
 from yaml_cases import definition, made
@@ -158,6 +159,28 @@ def test_casimir_functions(name):
     system = made(text_of(name, functions[0])).system
     assert [one.text for one in system.casimirs] == expected
     assert made(text_of(name, functions[0])).defined.independent[1] == len(expected)
+
+
+@pytest.mark.parametrize("n", [5, 6])
+def test_casimir_functions_of_decimals_and_irrational_numbers(n):
+    """Exponents are in the kernel of a, by SciPy; polynomials with small fractions would not do."""
+    generator = np.random.default_rng(n)
+    a = np.round(generator.uniform(-1, 1, (n, n)), 2)
+    root = [("*sqrt(2)", np.sqrt(2)) if (i + j) % 3 == 0 else ("", 1.0) for i in range(n) for j in range(n)]
+    pairs = [(i, j) for i in range(n) for j in range(i + 1, n)]
+    entries = ", ".join(f"x{i} x{j}: {a[i, j]}*x{i}*x{j}{root[i * n + j][0]}" for i, j in pairs)
+    names = ", ".join(f"x{i}" for i in range(n))
+    system = made(f"{{variables: [{names}], bracket: {{{entries}}}, hamiltonian: 0, noises: [log(x0)]}}")
+    matrix = np.zeros((n, n))
+    for i, j in pairs:
+        matrix[i, j] = a[i, j] * root[i * n + j][1]
+    kernel = scipy.linalg.null_space(matrix - matrix.T)
+    assert len(system.system.casimirs) == kernel.shape[1] == n % 2
+    y = generator.uniform(0.5, 1.5, n)
+    for one in system.system.casimirs:
+        slopes = [sympy.diff(sympy.log(one.expression), v) * v for v in system.system.world.variables]
+        found = np.array([float(s.subs(dict(zip(system.system.world.variables, y, strict=True)))) for s in slopes])
+        assert np.allclose(found / np.linalg.norm(found), kernel[:, 0] * np.sign(found[0] * kernel[0, 0]), atol=1e-12)
 
 
 # --- what follows from the coordinates -------------------------------------------------------------------------------

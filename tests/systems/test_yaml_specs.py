@@ -295,6 +295,6 @@ def test_a_system_is_not_called_like_what_its_module_uses(top):
     """So named, its class would take the place of a function in its own flows."""
     cls = type(top().cases[0].model)
     used = {name for name in vars(sys.modules[cls.__module__]) if not name.startswith("_")} - {cls.__qualname__}
-    assert used == set(systems.USED)
+    assert used <= set(systems.USED)
     with pytest.raises(SpecError, match=r"model\.name: is 'exp'; must be a word of letters"):
         top("{a: 3}", "{a: 3}\n  name: exp")

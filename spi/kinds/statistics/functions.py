@@ -7,11 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.compiler.dispatch import answers
 from spi.ensemble.invariants import invariants_of
 from spi.ensemble.moments import energies
 from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, large
+from spi.ensemble.special import frozen
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
+from spi.models.damped import undamped
 from spi.numerics.rng import LANES
 
 Array = np.ndarray
@@ -90,6 +93,8 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
 def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
     """H, or a Casimir function by its number from 1 on, C being the only one."""
     count = conserved(model)
+    if found[0] == "H" and answers(frozen, undamped(model)):
+        raise NumberError("H depends on time; write it as a function of the state")
     if found[0] == "H":
         number = None
     elif not count or not (number := int(found[1] or (count == 1))) or number > count:
@@ -103,7 +108,8 @@ def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
             energies(model, by_block.reshape(*by_block.shape[:2], -1), energy)
             return energy
         if large(model):
-            energy, others = invariants_of(model, np.ascontiguousarray(states.reshape(len(states), -1).T))
+            rows = np.ascontiguousarray(states.reshape(len(states), -1).T)
+            energy, others = invariants_of(model, rows, np.zeros(len(rows)))
             return (energy if number is None else others[:, number - 1]).reshape(states.shape[1:])
         y = tuple(states)
         return np.asarray(hamiltonian(model, y) if number is None else casimirs(model, y)[number - 1])

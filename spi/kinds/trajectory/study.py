@@ -155,8 +155,8 @@ class TrajectoryPlan(PathsPlan):
         """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
         n = len(path.y)
-        energy, conserved = invariants_of(self.model, path.y)
         t = np.arange(n) * case.every * case.step
+        energy, conserved = invariants_of(self.model, path.y, t)
         lost = np.flatnonzero(~np.isfinite(path.y).all(axis=1))
         with np.errstate(invalid="ignore"):
             change = conserved * growth(self.model, t) - conserved[0]
