@@ -5,6 +5,7 @@ from typing import NamedTuple
 from ..compiler.dispatch import method
 from ..ensemble.inexact import piece_gradient, piece_hessian
 from ..ensemble.joint import bracket_angle, bracket_flow, joint_angle, joint_flow
+from ..ensemble.long_flows import drift_phases, drift_turned, noise_phases, noise_turned
 from ..ensemble.protocol import (
     drift_angle,
     drift_flow,
@@ -27,6 +28,16 @@ def flow(part, model, k, t, y, angles):
 @method
 def angle(part, model, k, t, y):
     """The largest |angle| in it."""
+
+
+@method
+def phases_in(part, model, k, t, y):
+    """The angles whose sines it takes, of a model that is asked for them."""
+
+
+@method
+def turned(part, model, k, s, y):
+    """The same flow, given their sines and versines."""
 
 
 @method
@@ -58,6 +69,12 @@ class Drift(NamedTuple):
     def angle(part, model, k, t, y):
         return drift_angle(model, k, t, y)
 
+    def phases_in(part, model, k, t, y):
+        return drift_phases(model, k, t, y)
+
+    def turned(part, model, k, s, y):
+        return drift_turned(model, k, s, y)
+
     def gradient(part, model, k, y):
         return piece_gradient(model, k, y)
 
@@ -79,6 +96,12 @@ class Noise(NamedTuple):
 
     def angle(part, model, k, t, y):
         return noise_angle(model, k, t, y)
+
+    def phases_in(part, model, k, t, y):
+        return noise_phases(model, k, t, y)
+
+    def turned(part, model, k, s, y):
+        return noise_turned(model, k, s, y)
 
     def gradient(part, model, k, y):
         return noise_gradient(model, k, y)

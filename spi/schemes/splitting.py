@@ -21,6 +21,7 @@ from ..numerics.elementary import REDUCIBLE, SMALL, TINY, bits
 from ..numerics.rng import LANES
 from .inner_steps import inner_size, inner_sweep
 from .large import run_stages_of_large, size_or
+from .long_sweeps import is_long, long_sweep
 from .parts import PARTS, Bracket, Symmetric, Together, angle, flow
 from .reporting import report_angle
 from .stages import flows, has_loops, is_reversed_by_coin, needs_coins, substeps
@@ -253,6 +254,17 @@ def sweep(part, index, model, y, t):
     largest = 0
     for lane in range(LANES):
         largest = max(largest, bits(angle(part, model, k, time_of(part, t, lane), load_lane(model, y, lane))))
+    sweep_up_to(largest, part, index, model, y, t)
+    return largest
+
+
+@device(by_type=True)
+def sweep_up_to(largest, part, index, model, y, t):
+    """The same, given these bits."""
+    return long_sweep if is_long(part, model) else _sweep_up_to
+
+
+def _sweep_up_to(largest, part, index, model, y, t):
     if largest <= _TINY_BITS:
         sweep_within(TINY_ANGLES, part, index, model, y, t)
     elif largest <= _SMALL_BITS:
@@ -261,7 +273,6 @@ def sweep(part, index, model, y, t):
         sweep_within(REDUCED_ANGLES, part, index, model, y, t)
     else:
         sweep_within(ANY_ANGLES, part, index, model, y, t)
-    return largest
 
 
 @device

@@ -14,6 +14,7 @@ from .derivative_code import Derivatives
 from .driving import Coefficients
 from .eigenspaces import Inseparable
 from .flow_code import Call, Writer, families
+from .function_code import divided_words, motion_functions, phases_of
 from .generators import Generator, generators, motions, rate
 from .head import head
 from .motion_code import Motion, motion
@@ -68,10 +69,12 @@ class _Generator:
         body = self.flow_words("drift", self.system.flows, drift)
         body += self.flow_words("noise", self.system.noises, noise)
         body += self.joint_words() + self.bracket_words()
+        divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
+        body += divided
         body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
         body += lines_of_solvable(self.system, Formula(self.names, ()).code)
         body = [*self.facts(lacking), *body]
-        functions = [self.function(*found) for found in self.motions.values()]
+        functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
         used = words_in("\n".join(line for lines in functions for line in lines))
         kind = "Lie-Poisson" if self.bracket.is_lie else "Poisson"
         parts = [head(kind, self.name, self.bracket.variables, self.sizes, self.inexact(lacking), used, self.numbers)]
@@ -124,37 +127,19 @@ class _Generator:
             self.motions[key] = f"_motion{len(self.motions) + 1}", made, found, uses
         return key, self.frozen(one.rate for one in found)
 
-    def function(self, name: str, made: Motion, found: Sequence[Generator], uses: bool) -> list[str]:
-        """A motion as a function of the angles a1, a2, ..."""
-        parameters = "".join(f"a{n + 1}, " for n in range(len(found)))
-        names = self.bracket.coordinates
-        if uses:  # without numbers, so that others make the same text
-            text = ", ".join(f"a {one.kind} function of {', '.join(names[i] for i in one.components)}" for one in found)
-        else:
-            text = ", ".join(one.text for one in found)
-        d = self.bracket.dimension
-        code = "\n".join(made.lines)
-        kinds = ", ".join(dict.fromkeys(made.kinds)) or "nothing moves"
-        used = [i for i in range(d) if f"y{i + 1}" in words_in(code) or i not in made.components]
-        zero = self.bracket.logarithmic.intersection(made.components)
-        result = ", ".join(f"z{i + 1}" if i in made.components else f"y{i + 1}" for i in range(d))
-        return [
-            "",
-            "@device",
-            f"def {name}({'model, ' if uses else ''}angles, {parameters}y):",
-            f'    """By a1, a2, ... along the fields of {text}: {kinds}."""',
-            *(f"    y{i + 1} = {'0.0' if i in zero else f'y[{i}]'}" for i in used),
-            *([f"    y{d + 1} = 1.0"] if d in made.components else []),
-            *("    " + line for line in made.lines),
-            f"    return {result}{',' if d == 1 else ''}",
-        ]
-
     def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
         """The words ``drift_flow`` and ``drift_angle``, or those of the noise."""
         heads = f"def {part}_flow(model, k, t, y, angles):", f"def {part}_angle(model, k, t, y):"
-        each = enumerate(zip(flows, moved, strict=True))
-        calls = [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
-        return self.writer.words(heads, calls) if flows else ["", heads[0], "    return y"]
+        return self.writer.words(heads, _calls(flows, moved)) if flows else ["", heads[0], "    return y"]
+
+    def divided(self, *moved: Sequence[tuple[Any, list[Any]]]) -> list[str]:
+        """What a model of long flows says besides; nothing if one of them cannot be divided."""
+        if not (phases := phases_of(self.motions)):
+            return []
+        calls = {"drift": _calls(self.system.flows, moved[0]), "noise": _calls(self.system.noises, moved[1])}
+        words = {part: divided_words(part, of, self.writer, phases) for part, of in calls.items()}
+        done = all(words[part] or not calls[part] for part in calls)
+        return ["", f"phases = {phases}", *words["drift"], *words["noise"]] if done else []
 
     def joint_words(self) -> list[str]:
         """The trait ``joint_noises`` and the words ``joint_flow`` and ``joint_angle``, where there are joint flows."""
@@ -229,6 +214,12 @@ class _Generator:
         noises = ", ".join(names(flow.expression) for flow in self.system.noises)
         text = f"H = {names(self.system.hamiltonian)}" + (f"; noises {noises}" if noises else "")
         return "\n    ".join(textwrap.wrap(text.replace("\\", ""), 110))
+
+
+def _calls(flows: Sequence[Flow], moved: Sequence[tuple[Any, list[Any]]]) -> list[Call]:
+    """Each flow by itself."""
+    each = enumerate(zip(flows, moved, strict=True))
+    return [Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
 
 
 def _texts(moved: Sequence[tuple[Any, list[Any]]]) -> dict[int, str]:

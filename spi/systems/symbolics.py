@@ -112,14 +112,19 @@ class Symbolics(NamedTuple):
 
 def numeric(variables: Sequence[Any], what: Any) -> Callable[..., Any]:
     """Expressions as a function of numbers of mpmath."""
-    special = {"Heaviside": _step, "DiracDelta": lambda *x: 0}
-    found: Callable[..., Any] = sympy.lambdify(variables, what, [special, "mpmath"])
+    known = {"Heaviside": _step, "DiracDelta": _delta}
+    found: Callable[..., Any] = sympy.lambdify(variables, what, [known, "mpmath"])
     return found
 
 
 def _step(x: Any, at_0: Any) -> Any:
     """The derivative of max(x, 0)."""
     return at_0 if x == 0 else mpmath.mpf(x > 0)
+
+
+def _delta(x: Any) -> Any:
+    """The second one, wherever it exists."""
+    return mpmath.mpf(0)
 
 
 def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -> tuple[dict[int, Any], Any]:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from yaml_cases import definition
 from spi import systems
 from spi.compiler import modules
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import drift_flow, drift_gradient
+from spi.ensemble.long_flows import drift_phases, drift_turned, noise_phases, noise_turned
+from spi.ensemble.protocol import drift_flow, drift_gradient, noise_flow
 from spi.models import MaxwellBloch, RigidBody, SineEuler
 from spi.numerics.angles import ANY_ANGLES
 
@@ -177,3 +179,36 @@ def test_where_nothing_can_be_kept_it_is_made_each_time(folder, monkeypatch):
     monkeypatch.setattr("spi.compiler.modules.write", refuse)
     assert as_plain(made()) == as_plain(made())
     assert list(folder.iterdir()) == []
+
+
+LONG = (Path(__file__).parents[2] / "experiments" / "systems" / "sine_euler_5.yaml").read_text().partition("sigma:")[0]
+
+
+def test_long_flows_are_divided_into_sines_and_what_is_done_with_them():
+    """Both ways give the same bits; flows that are short are whole."""
+    model = record(LONG)
+    count = type(model).phases
+    assert count > 0 and not hasattr(type(record(RIGID_BODY)), "phases")
+    y, t = tuple(np.random.default_rng(3).uniform(-1.0, 1.0, 25).tolist()), 0.3
+    parts = ((6, drift_phases, drift_turned, drift_flow), (2, noise_phases, noise_turned, noise_flow))
+    with uncompiled():
+        for flows, phases, turned, flow in parts:
+            for k in range(flows):
+                angles = phases(model, k, t, y)
+                sines = [ANY_ANGLES.sin_versine(x) for x in angles]
+                assert len(angles) == count and any(angles)
+                found = turned(model, k, tuple(s for s, _ in sines) + tuple(v for _, v in sines), y)
+                assert found == flow(model, k, t, y, ANY_ANGLES) != y
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not COMPILED, reason="is about compiled code")
+def test_long_flows_have_the_same_bits_in_kernels():
+    """From tiny to huge angles."""
+    made = systems.made(definition(LONG), "built_again")
+    divided = systems.record(made)
+    whole = systems.record(made._replace(text=made.text.replace("    phases = ", "    # ")))
+    y = np.random.default_rng(3).standard_normal((25, LANES)) * np.logspace(-3, 8, LANES)
+    dW = 0.1 * np.random.default_rng(4).standard_normal((20, 2, LANES))
+    found, expected = (take_steps(SPLITTING, model, 0.01, dW, y.copy())[0] for model in (divided, whole))
+    assert np.array_equal(found, expected, equal_nan=True) and not np.array_equal(found, y)
