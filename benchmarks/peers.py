@@ -184,7 +184,8 @@ def print_ratios(target, rows, errors, times):
 def main():
     cpus = sorted(os.sched_getaffinity(0)) if sys.platform == "linux" else []
     print(f"rigid body, three noises, to time 1; errors over {PATHS} paths, the same for all programs, against our")
-    print(f"splitting at h = 2^-{REFERENCE}; times are the best of {REPEATS} or more, on one thread", end=" ")
+    print(f"Munthe-Kaas with areas at h = 2^-{REFERENCE}; times are the best of {REPEATS} or more,", end=" ")
+    print("on one thread", end=" ")
     print("time of the processor" if cpus else "wall clock, and jax always has all threads")
     rows, reference = all_rows()
     increments = our_increments()

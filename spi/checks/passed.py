@@ -4,10 +4,12 @@ import contextlib
 import functools
 import hashlib
 
+import numpy as np
+
 from .. import digest_of, sources
 from ..compiler import modules
 from ..compiler.dispatch import answers
-from ..compiler.inlining import is_compiling
+from ..compiler.inlining import is_compiling, uncompiled
 from ..ensemble.protocol import dimension
 from ..ensemble.special import frozen
 from .model_checks import check_model
@@ -53,10 +55,12 @@ def check_once(record, initial):
 
 
 def _moving(record):
-    """A generated model with other numbers in place of functions of time, of which one may be 0 at the beginning."""
+    """A generated model at a time at which none of its functions of time vanishes, as one may at the beginning."""
     if not answers(frozen, record):
         return record
-    return record._replace(driving=tuple(0.6 + 0.1 * n for n in range(len(record.driving))))
+    with uncompiled(), np.errstate(all="ignore"):
+        at = [frozen(record, begin, 0.0) for begin in (0.618, 1.7, 2.9, 0.1)]
+    return max(at, key=lambda model: min(map(abs, model.driving), default=0.0))
 
 
 def _known(path):

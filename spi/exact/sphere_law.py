@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.dispatch import answers
-from ..ensemble.protocol import axis_inertias, hamiltonian, strengths
+from ..ensemble.protocol import axis_inertias, hamiltonian
+from .places import strengths_by_place
 
 #: Bins of equal probability.
 BINS = 20
@@ -31,7 +32,7 @@ def obstacle(model, initial):
     if not answers(axis_inertias, model):
         return f"no stationary law is known for {name}, which does not answer axis_inertias"
     noise_inertias = axis_inertias(model)[1]
-    turning = [s for s, i in zip(strengths(model), noise_inertias, strict=True) if s and np.isfinite(i)]
+    turning = [s for s, i in zip(strengths_by_place(model, 3), noise_inertias, strict=True) if s and np.isfinite(i)]
     if len(turning) < 2:
         return f"the stationary law of {name} is known with noises about at least two axes, not with {len(turning)}"
     if np.count_nonzero(initial) < 2:

@@ -59,7 +59,7 @@ class Damped(NamedTuple):
 
 #: Where a damped model answers as any model does that does not answer: it lacks what these say, or has no such need.
 _NOT_FORWARDED = (
-    *("squared_length_is_casimir", "axis_inertias", "rotation_shear_rates"),
+    *("squared_length_is_casimir", "axis_inertias", "rotation_shear_rates", "flow_places"),
     *("lie_bracket", "noise_bracket_gradient", "bracket_factors"),
     *("large", "in_kernels", "fault"),
 )

@@ -109,7 +109,7 @@ class Coefficients:
             return expression
         if expression.is_Add:
             return self.frozen(expression, kind)
-        key = expression, kind
+        key = sympy.powsimp(expression), kind  # one for exp(a) exp(b) and exp(a + b)
         if key not in self.entries:
             symbol = sympy.Symbol(f"δ{len(self.entries) + 1}", real=True)
             self.names[symbol] = f"model.driving[{len(self.entries)}]"

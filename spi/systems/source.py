@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import mpmath
 
 from .brackets import DIGITS
-from .code import Numbers, as_tuple, words_in
+from .code import Formula, Numbers, as_tuple, words_in
 from .derivative_code import Derivatives
 from .driving import Coefficients
 from .eigenspaces import Inseparable
@@ -19,6 +19,7 @@ from .generators import Generator, generators, motions, rate
 from .head import head
 from .motion_code import Motion, motion
 from .noise_brackets import brackets_of, factors_of, flows_of, poisson_bracket
+from .solvable import lines as lines_of_solvable
 from .splitting import Flow, commute
 from .system import System
 
@@ -71,6 +72,7 @@ class _Generator:
         divided = [] if any(lacking.values()) or self.coefficients else self.divided(drift, noise)
         body += divided
         body += Derivatives(self.system, self.names, self.frozen).lines(lacking["pieces"])
+        body += lines_of_solvable(self.system, Formula(self.names, ()).code)
         body = [*self.facts(lacking), *body]
         functions = motion_functions(self.motions, self.bracket, phases_of(self.motions) if divided else 0)
         used = words_in("\n".join(line for lines in functions for line in lines))

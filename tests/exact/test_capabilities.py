@@ -6,7 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from helpers import RIGID_BODY, composed
+from yaml_cases import definition
 
+from spi import systems
 from spi.checks.registration import check_class
 from spi.ensemble.protocol import hamiltonian, noises, squared_length_is_casimir
 from spi.exact import kolmogorov, sphere_law
@@ -204,3 +206,51 @@ def test_a_scheme_that_does_not_fit_is_refused_by_name():
     with pytest.raises(TypeError, match=r"scheme 'wrong' \(Midpoint\) lacks advance; .* did you mean advance\?"):
         check_class(altered(scheme, advance=None, advanse=scheme.advance), "scheme", "wrong")
     check_class(scheme, "scheme", "right")
+
+
+# --- systems written in YAML ------------------------------------------------------------------------------------------
+
+TURNED = "{algebra: so(3), parameters: {I: 2}, pieces: [y3^2, y1^2/(2*I)], noises: [y3^2/6, y1^2/2]}"
+DRIVEN_LASER = "{algebra: e(2), hamiltonian: 3*y1^2/4 - 0.6*y3, noises: [0.7*y3]}"
+
+
+def in_yaml(text, *sigma):
+    keys = definition(text)
+    return systems.record(systems.made(keys, "InYaml"), sigma)
+
+
+def test_a_rigid_body_and_a_maxwell_bloch_in_yaml_are_solved_like_the_built_in_ones():
+    """The same numbers in, so the same numbers out."""
+    body = "{algebra: so(3), parameters: {a: 2, b: 1, c: 2/3}, hamiltonian: y1^2/(2*a) + y2^2/(2*b) + y3^2/(2*c),"
+    body = in_yaml(body + " noises: [y1^2/2, y2^2/4, y3^2/6]}", 1.0, 1.0, 1.0)
+    laser = in_yaml("{algebra: e(2), hamiltonian: y1^2/2 + y3, noises: [y1^2/2, y3]}", 0.8, 0.6)
+    for model, same in ((body, RIGID_BODY), (laser, MaxwellBloch((0.8, 0.6)))):
+        assert kolmogorov.can_solve(model)
+        question = compositions(SCHEMES["splitting"].composition, same), INITIAL, 0.5, [0.25], [mixed], 1e-6
+        one, other = (kolmogorov.expectations(m, *question) for m in (model, same))
+        assert np.array_equal(one.value, other.value) and np.array_equal(one.limit, other.limit)
+
+
+@pytest.mark.parametrize("text", [TURNED, DRIVEN_LASER], ids=["sphere", "cylinder"])
+def test_pieces_in_another_order_and_fewer_noises(text):
+    model = in_yaml(text, *[0.9, 0.7][: 2 if text is TURNED else 1])
+    rows, h = SCHEMES["splitting"].composition, 0.25
+    found = kolmogorov.expectations(model, compositions(rows, model), INITIAL, h, [h], [mixed], 1e-7)
+    value = by_quadrature(model, rows, h, 40)
+    assert abs(found.value[0, 0] - value) < found.value_bound[0, 0] + 1e-13 < 1e-6
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{algebra: so(3), hamiltonian: y1^2 + y2}",
+        "{algebra: so(3), hamiltonian: y1^4}",
+        "{algebra: so(3), hamiltonian: y1^2, noises: [y2^2, 2*y2^2]}",
+        "{algebra: so(3), hamiltonian: cos(t)*y1^2}",
+        "{algebra: e(2), hamiltonian: y1^2 + y2}",
+        "{algebra: e(2), hamiltonian: y1^2, variables: [y3, y1, y2]}",
+        "{algebra: 'so(2,1)', hamiltonian: y1^2}",
+    ],
+)
+def test_what_is_neither(text):
+    assert not kolmogorov.can_solve(in_yaml(text, *[1.0] * len(definition(text).get("noises", []))))

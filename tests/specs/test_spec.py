@@ -842,7 +842,7 @@ def test_renormalised_schemes_need_a_sphere(spec):
         assert found.startswith(f"s.yaml:11: {SPHERES}") and found.endswith("; use another")
 
 
-SURFACES = "is for maxwell_bloch and rigid_body, whose Casimir surfaces are two-dimensional"
+SURFACES = "is for maxwell_bloch and rigid_body, also in YAML, whose Casimir surfaces are two-dimensional"
 
 
 @pytest.mark.parametrize(

@@ -122,6 +122,22 @@ def test_time_as_a_variable_is_another_road_to_the_same_limit():
     assert np.linalg.norm(y[:3, 0] - reference(1.0)) < 1e-3
 
 
+def test_damping_that_depends_on_time_is_a_hamiltonian_that_does():
+    """y = a z, a = exp(-0.3 (t + sin t)), obeys y' = y x grad H - 0.3 (1 + cos t) y where z has the Hamiltonian a H."""
+    text = "{algebra: so(3), hamiltonian: 'exp(-0.3*(t + sin(t)))*(y1^2/4 + y2^2/2 + 3*y3^2/4)'}"
+    z = steps_by_hand(SCHEMES["splitting_symmetric"].record, record(text), 1.0, 32)
+    solved = solve_ivp(
+        lambda t, y: np.cross(y, [y[0] / 2, y[1], 1.5 * y[2]]) - 0.3 * (1 + math.cos(t)) * y,
+        (0.0, 1.0),
+        INITIAL,
+        "DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+    )
+    assert np.linalg.norm(math.exp(-0.3 * (1 + math.sin(1.0))) * z - solved.y[:, -1]) < 1e-4
+    assert np.linalg.norm(math.exp(-0.3) * z - solved.y[:, -1]) > 0.1
+
+
 # --- what is frozen --------------------------------------------------------------------------------------------------
 
 #: All that moves is about one axis.

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from ...compiler.dispatch import answers
 from ...compiler.records import class_of
 from ...ensemble.protocol import axis_inertias, rotation_shear_rates
+from ..places import by_place
 from .result import Demands, Expectations
 
 __all__ = [
@@ -67,6 +68,7 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
 
     Found within milliseconds, from the grids that the solver would choose.
     """
+    compositions = by_place(model, compositions)
     return _solver(model).demands(model, compositions, initial, final_time, steps, functions, accuracy)
 
 
@@ -79,7 +81,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     error.  ValueError for a model that no solver is for (:func:`can_solve`).
     """
     solve = _solver(model).expectations
-    return solve(model, compositions, initial, final_time, steps, functions, accuracy)
+    return solve(model, by_place(model, compositions), initial, final_time, steps, functions, accuracy)
 
 
 def exact_expectations(model, initial, final_time, functions, accuracy):

@@ -32,7 +32,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble.protocol import rotation_shear_rates, strengths
+from ...ensemble.protocol import rotation_shear_rates
+from ..places import strengths_by_place
 from .backward import numbers_of_steps, plan, weak_order, words_of
 from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
 from .ladders import ladder_of_limit, ladder_of_scheme, limit_of_scheme, limit_on, prediction, weak_error
@@ -115,7 +116,7 @@ def _largest(problem):
 
 def _problem(model, initial, final_time, functions):
     rates, noise_rates = rotation_shear_rates(model)
-    sigma = tuple(s * rate for s, rate in zip(strengths(model), noise_rates, strict=True))
+    sigma = tuple(s * rate for s, rate in zip(strengths_by_place(model, 2), noise_rates, strict=True))
     return Problem(tuple(map(float, initial)), float(final_time), rates, sigma, tuple(functions))
 
 

@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...ensemble.protocol import axis_inertias, strengths
+from ...ensemble.protocol import axis_inertias
+from ..places import strengths_by_place
 from .backward import numbers_of_steps
 from .harmonics import CLASSES, harmonics_up_to
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
@@ -188,7 +189,8 @@ class _Problem(NamedTuple):
         r = float(np.linalg.norm(initial))
         point = initial / r if r > 0 else np.array([0.0, 0.0, 1.0])
         inertia, noise_inertia = axis_inertias(model)
-        spread = [(sigma * r / i) ** 2 / 2 for sigma, i in zip(strengths(model), noise_inertia, strict=True)]
+        sigma = strengths_by_place(model, 3)
+        spread = [(s * r / i) ** 2 / 2 for s, i in zip(sigma, noise_inertia, strict=True)]
         turn = [r / i for i in inertia]
         return cls(compositions, point, r, turn, spread, float(final_time), steps, counts, tuple(functions))
 

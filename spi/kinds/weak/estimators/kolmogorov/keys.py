@@ -37,7 +37,7 @@ def check(case: Any) -> None:
         what = "follows paths on a Casimir surface, which they leave with damping"
     elif not can_solve(case.model):
         able = [name for name, cls in MODELS.items() if can_solve(cls)]
-        what = f"is for {' and '.join(able)}, whose Casimir surfaces are two-dimensional"
+        what = f"is for {' and '.join(able)}, also in YAML, whose Casimir surfaces are two-dimensional"
     elif not any(case.row(s).solvable_without_sampling for s in case.schemes):
         rows = case.row(case.schemes[0]).composition
         without = " without loops and shared increments" if rows and (has_loops(rows) or has_shared(rows)) else ""

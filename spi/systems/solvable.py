@@ -1,0 +1,77 @@
+"""Systems that the solvers without sampling know: a rigid body, and Maxwell-Bloch, with any constants.
+
+On so(3) a Hamiltonian and noises that are sums of squares of the components, at most one for each; on e(2) with the
+variables (L, g1, g2) multiples of L^2 and of g2.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import sympy
+
+from .splitting import Flow
+from .system import System
+
+_E2 = {(0, 1): {2: -1}, (0, 2): {1: 1}}
+Rates = dict[int, Any]  #: place -> what the flow there has
+Read = Callable[[Flow, System], tuple[int, Any] | None]
+
+
+def lines(system: System, code: Callable[[Any], str]) -> list[str]:
+    """Lines of the class of a system by which a solver knows it; none if it is no such system."""
+    bracket = system.world.bracket
+    if system.driving or bracket.formulas:
+        return []
+    if bracket.is_cross_product:
+        word, count, nothing, read = "axis_inertias", 3, "np.inf", _inertia
+    elif dict(bracket.constants) == _E2:
+        word, count, nothing, read = "rotation_shear_rates", 2, "0.0", _rate
+    else:
+        return []
+    found = [_placed(flows, system, read) for flows in (system.flows, system.noises)]
+    drift, noise = found
+    if drift is None or noise is None:
+        return []
+    both = ", ".join(
+        f"({', '.join(code(rates[place]) if place in rates else nothing for place in range(count))})"
+        for rates in (drift, noise)
+    )
+    places = [tuple(rates) for rates in (drift, noise)]
+    return ["", f"flow_places = {tuple(places)!r}", "", f"def {word}(model):", f"    return {both}"]
+
+
+def _placed(
+    flows: Sequence[Flow], system: System, read: Callable[[Flow, System], tuple[int, Any] | None]
+) -> Rates | None:
+    """What each flow has, by its place, in the order of the flows; None if one has none, or two have the same."""
+    found: Rates = {}
+    for flow in flows:
+        one = None if flow.lacking else read(flow, system)
+        if one is None or one[0] in found:
+            return None
+        found[one[0]] = one[1]
+    return found
+
+
+def _power(flow: Flow, system: System) -> tuple[int, int, Any] | None:
+    """(component, exponent, factor) of a multiple of a power of one component."""
+    used = system.world.used(flow.expression)
+    variable = system.world.variables[used[0]] if len(used) == 1 else None
+    if variable is None or not flow.expression.is_polynomial(variable):
+        return None
+    powers = [(exponent, c) for (exponent,), c in sympy.Poly(flow.expression, variable).terms() if exponent]
+    return (used[0], *powers[0]) if len(powers) == 1 else None
+
+
+def _inertia(flow: Flow, system: System) -> tuple[int, Any] | None:
+    """(axis k, I) of y_k^2 / (2 I)."""
+    found = _power(flow, system)
+    return (found[0], 1 / (2 * found[2])) if found and found[1] == 2 else None
+
+
+def _rate(flow: Flow, system: System) -> tuple[int, Any] | None:
+    """(0, a) of a L^2 / 2, (1, c) of c g2."""
+    found = _power(flow, system)
+    if found and found[:2] == (0, 2):
+        return 0, 2 * found[2]
+    return (1, found[2]) if found and found[:2] == (2, 1) else None
