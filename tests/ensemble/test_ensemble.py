@@ -144,7 +144,8 @@ def test_compiled_equals_uncompiled():
         lengths = np.linalg.norm(slow_states, axis=2)
         assert np.all(np.linalg.norm(fast - slow_states, axis=2) <= 1e-13 * lengths)
         np.testing.assert_allclose(report[..., 4], slow_report[..., 4], rtol=1e-12)
-        assert report[..., 4].any() == (row.composition is not None or name.startswith("munthe_kaas"))
+        if name not in ("splitting_joint", "splitting_joint_areas"):  # which move by halves of these angles
+            assert report[..., 4].any() == (row.composition is not None or name.startswith("munthe_kaas"))
         if name in IMPLICIT:
             assert np.array_equal(report[..., :3], slow_report[..., :3])
             assert np.all(np.abs(report[..., 3] - slow_report[..., 3]) < 1e-14)

@@ -19,6 +19,7 @@ from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.kinds.statistics.results import Statistics
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
 from spi.report import views
@@ -26,7 +27,7 @@ from spi.running import run as runs
 from spi.specs import SpecError
 from spi.statistics import claims
 from spi.statistics.claims import AT_LEAST, AT_MOST, EQUAL, FAILED, INCONCLUSIVE, PASSED, Claim, Quantity, judge
-from spi.storage.records import Description, Order
+from spi.storage.records import Description, Order, Results
 from spi.storage.stored import by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
@@ -265,6 +266,22 @@ def test_claims_stand_in_the_schema(load):
 # What comes out of each kind
 # ---------------------------------------------------------------------------------------------------------------------
 
+MEANS = Statistics(
+    about=Description.of(strong_group("splitting")),
+    functions=("phi",),
+    texts=("y1",),
+    t=np.array([0.0, 1.0]),
+    mean=np.array([[1.0, 2.0]]),
+    mean_stderr=np.array([[0.0, 0.5]]),
+    band=np.array([2.0]),
+    variance=np.array([[0.0, 3.0]]),
+    variance_stderr=np.array([[0.0, 0.25]]),
+    reference=np.array([[1.0, 1.5]]),
+    nonfinite=0,
+    step=0.5,
+    samples=10,
+    ns_per_step=1.0,
+)
 PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
 WHOLE = {
     "strong": strong(strong_group("splitting")),
@@ -276,6 +293,7 @@ WHOLE = {
     "work_precision": work_results(),
     "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
     "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
+    "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
 }
 
 
