@@ -72,7 +72,7 @@ def test_increments_are_those_of_runs_and_add_up():
 
 @pytest.mark.slow
 def test_other_layouts_and_numbers_are_taken():
-    integrates = integrator()
+    integrates = integrator("splitting")
     y, dW = integrates.start(4), integrates.noise(4, 2).dW
     assert np.array_equal(
         integrates.steps(np.asfortranarray(y), dW[:, ::1, :]), integrates.steps(y.tolist(), dW.tolist())
@@ -147,8 +147,8 @@ def test_a_particle_filter_is_near_the_exact_one():
 @pytest.mark.slow
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_states_may_be_matrices():
-    model = {"name": "zeitlin", "n": 5, "sigma": 0.1}
-    initial = spi.running.load.load("zeitlin_strong", "quick").cases[0].initial
-    integrates = spi.Integrator(model, "splitting", H, initial=list(initial))
+    model = {"name": "zeitlin", "n": 5, "normalisation": "zeitlin"}
+    initial = {"random": {"spectrum": "k^4*exp(-k^2/8)", "energy": 0.1, "seed": 1}}
+    integrates = spi.Integrator(model, "splitting", H, initial=initial)
     noise = integrates.noise(3, 4)
     assert np.array_equal(integrates.steps(integrates.start(3), *noise), integrates.sample(integrates.start(3), 4))

@@ -144,6 +144,7 @@ SHORT = {
     "digests.py": ["experiments/rigid_body_strong.yaml"],
     "flops.py": ["lotka_volterra"],
     "integrator.py": ["640", "10"],
+    "joint.py": [],
     "kernels.py": ["lotka_volterra"],
     "normals_offline.py": ["--draws", "100000"],
     "peers.py": [],

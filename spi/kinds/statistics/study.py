@@ -167,8 +167,12 @@ class StatisticsPlan(BlocksPlan):
         mean, without = (np.moveaxis(each, -1, -2) for each in mean_over_paths(sums.values[0], groups))
         names = tuple(case.functions)
         stderr, count = jackknife_stderr(mean, without, groups), len(names)
-        bins = self.bins._replace(low=self.bins.low + self.origins.T) if sums.counts.size else self.bins
-        counted = sums.counts, bins, [function.functional != "passage" for function in self.functions[:count]]
+        bins = self.bins._replace(low=self.bins.low + self.origins.T) if sums.counts.size else None
+        counted: tuple[Any, Any, Any] = (
+            sums.counts,
+            bins,
+            [function.functional != "passage" for function in self.functions[:count]],
+        )
         return Statistics(
             **self.whole(state),
             functions=names,
