@@ -20,7 +20,7 @@ from damage import call
 EXPERIMENTS = [
     path
     for path in sorted((Path(__file__).parents[1] / "experiments").glob("*.yaml"))
-    if "system:" not in path.read_text(encoding="utf-8")
+    if not re.search("(system|python):", path.read_text(encoding="utf-8"))  # which name files of their own
 ]
 TEXTS = [path.read_text(encoding="utf-8") for path in EXPERIMENTS]
 
