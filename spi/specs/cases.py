@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
+from operator import ne
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
@@ -10,7 +12,7 @@ from ..ensemble.areas import HOW
 from ..ensemble.protocol import NonNegative, Positive, dimension
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -33,6 +35,7 @@ from .keys import (
     Eps,
     Functions,
     Keys,
+    OrInfinite,
     SchemeName,
     Schemes,
     Seed,
@@ -47,6 +50,7 @@ from .keys import (
 from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
+from .temperature import thermal_model
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -65,6 +69,7 @@ class BaseCase(Keys):
     title: str
     model: Model
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
+    temperature: key_of(OrInfinite, "T of the friction along the noises; inf is no friction", "energy") = math.inf
     initial: key_of(
         Initial,
         "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
@@ -135,23 +140,26 @@ class BaseCase(Keys):
         """Those of the model by name, and the damping where there is one."""
         model = undamped(self.model)
         own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
-        return own | ({"damping": self.damping} if self.damping else {})
+        added = {"damping": self.damping} if self.damping else {}
+        return own | added | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
 
     @property
     def last_time(self) -> float:
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition("damping", "model", "panels")
-    def _check_damping(self) -> Self:
-        """The case with its damping in the record of the model."""
+    @condition("damping", "temperature", "model", "panels")
+    def _check_dissipation(self) -> Self:
+        """The case with its damping or its temperature in the record of the model."""
+        if math.isfinite(self.temperature):
+            return self.model_copy(update={"model": thermal_model(self)})
         return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
-        said["areas"] = lambda word: word != "exact"
+        nothing = {"damping": 0, "temperature": math.inf, "every": 1, "times": (), "areas": "exact"}
+        said = {"extrapolate": any} | {key: partial(ne, value) for key, value in nothing.items()}
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")
@@ -291,10 +299,3 @@ class FunctionsCase(ErrorCase):
             right = f"must be an expression in {known} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
-
-
-def need(case: BaseCase, estimator: str, *keys: str) -> None:
-    """One of these keys must be given."""
-    if all(getattr(case, key) is None for key in keys):
-        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
-        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

@@ -3,7 +3,7 @@
     sweep: {s: [0.1, 1, 10]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
-The parameter may stand in the model, in ``damping``, in ``initial`` and in ``eps``.
+The parameter may stand in the model, in ``damping``, ``temperature``, ``initial`` and ``eps``.
 """
 
 import re
@@ -13,7 +13,7 @@ from ..expressions.arithmetic import Numbers
 from .keys import shown, wrong
 from .models import SOURCES
 
-PLACES = ("model", "damping", "initial", "eps")
+PLACES = ("model", "damping", "temperature", "initial", "eps")
 
 
 class Sweep(NamedTuple):

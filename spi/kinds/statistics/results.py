@@ -4,6 +4,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spi.kinds.solver import Acceptance
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
 
@@ -55,6 +56,7 @@ class Statistics(Stored):
     quantiles: Annotated[Quantiles | None, nested()] = None
     histogram: Annotated[Histogram | None, nested()] = None
     reference: Annotated[Array | None, array("function t", "what is known of the mean, NaN where nothing is")] = None
+    acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
     nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
     step: Annotated[float, fact("step size", "time")]
     samples: Annotated[int, fact("number of paths", column=True)]

@@ -12,8 +12,10 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
+from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
@@ -40,6 +42,7 @@ class Sums(NamedTuple):
     products: np.ndarray  #: (1, T, P, GROUPS) sums of products of pairs of functions
     counts: np.ndarray  #: (T, F, 2 + bins) int64: below all bins, in each, and above all or NaN
     nonfinite: int
+    report: np.ndarray  #: (SUMMED,) what the steps report that is summed up
 
     def plus(self, later: "Sums") -> "Sums":
         """These paths and some later ones."""
@@ -92,7 +95,7 @@ class StatisticsPlan(BlocksPlan):
     @cached_property
     def bins(self) -> Bins:
         """Bins that hold what the first paths do, with half of their range beside it."""
-        values, _ = self.rows(0, 0, _PILOT, _PILOT * LANES)
+        values, _, _ = self.rows(0, 0, _PILOT, _PILOT * LANES)
         return Bins.around(np.moveaxis(values, 0, -2).reshape(*values.shape[1:3], -1), self.case.fine_bins)
 
     def empty(self, number: int) -> Sums:
@@ -107,6 +110,7 @@ class StatisticsPlan(BlocksPlan):
             products=np.zeros((1, times, len(self.pairs[0]), GROUPS)),
             counts=np.zeros((times, functions if fine else 0, 2 + fine), np.int64),
             nonfinite=0,
+            report=np.zeros(SUMMED),
         )
 
     def most_blocks(self, number: int) -> int:
@@ -114,20 +118,21 @@ class StatisticsPlan(BlocksPlan):
         times = self.grid.reference_steps // self.case.stride + 1
         return max(1, int(_BATCH_BYTES / (8 * LANES * times * (len(self.initial) + 4 * len(self.functions)))))
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """Values of functions less their origins (blocks, T, F, LANES), and which paths diverged (blocks, LANES)."""
+    def rows(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, ...]:
+        """Values of functions less origins (blocks, T, F, LANES), which paths diverged (blocks, LANES), and reports."""
         d, stride = len(self.initial), self.case.stride
         y = np.empty((blocks, self.grid.reference_steps // stride + 1, d * LANES))
         y[:, 0] = np.repeat(self.initial, LANES)
         recorder = state_recorder(self.grid, y, stride)
-        integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
+        what = self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder
+        _, report = integrated(*what)
         states = np.moveaxis(y.reshape(blocks, -1, d, LANES), 2, 0)
         values = np.empty((blocks, len(self.places), len(self.functions), LANES))
         few = max(1, _CACHED // (states.shape[2] * LANES))
         pieces = [slice(begin, begin + few) for begin in range(0, blocks, few)]
         with ThreadPoolExecutor(min(thread_count(), len(pieces))) as threads:
             list(threads.map(lambda piece: self._evaluate(states[:, piece], values[piece]), pieces))
-        return values, np.logical_not(np.isfinite(states[:, :, -1]).all(axis=0))
+        return values, np.logical_not(np.isfinite(states[:, :, -1]).all(axis=0)), report[:, 0, :SUMMED]
 
     def _evaluate(self, states: np.ndarray, values: np.ndarray) -> None:
         """Put the functions of states (d, blocks, stored, LANES) into values (blocks, T, F, LANES)."""
@@ -142,15 +147,16 @@ class StatisticsPlan(BlocksPlan):
                     along = function.values(chosen)
                 np.subtract(along, self.origins[f], out=values[:, :, f])
 
-    def added(self, sums: Sums, rows: tuple[np.ndarray, np.ndarray], at: slice, first: int, end: int) -> Sums:
+    def added(self, sums: Sums, rows: tuple[np.ndarray, ...], at: slice, first: int, end: int) -> Sums:
         """The sums with the rows `at`, of which the first is that of block `first`."""
-        values, lost = (of_all[at] for of_all in rows)
+        values, lost, report = (of_all[at] for of_all in rows)
         added = sums._replace(values=sums.values.copy(), products=sums.products.copy(), counts=sums.counts.copy())
         add_moments(values, first, end, added.values, *self.pairs, added.products)
         if sums.counts.size:
             count_values(values, first, end, self.bins.low, 1 / self.bins.width, added.counts)
         counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
-        return added._replace(nonfinite=sums.nonfinite + int((lost & counted).sum()))
+        diverged = sums.nonfinite + int((lost & counted).sum())
+        return added._replace(nonfinite=diverged, report=sums.report + report.sum(axis=0))
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error of the first mean at the last time."""
@@ -187,6 +193,7 @@ class StatisticsPlan(BlocksPlan):
             quantiles=quantiles(*counted, case.quantiles) if "quantiles" in case.statistics else None,
             histogram=histogram(*counted, case.bins) if "histogram" in case.statistics else None,
             reference=case.reference_means if case.reference else None,
+            acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             nonfinite=sums.nonfinite,
             step=case.step,
             samples=self.samples,
