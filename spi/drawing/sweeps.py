@@ -121,5 +121,5 @@ def _legend(curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[st
         handles = [Line2D([], [], color="#777777", linestyle=DASHES[i % len(DASHES)]) for i in range(len(estimators))]
         rows.append(list(zip(handles, map(style.plain, estimators), strict=True)))
     if any(np.isfinite(curve.of("expected")).any() for curve in curves):
-        rows.append([(Line2D([], [], color="#777777", **KNOWN), "what is known or expected")])
+        rows.append([(Line2D([], [], color="#777777", **KNOWN), "stated by theory, or known")])
     return rows

@@ -35,7 +35,8 @@ def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
 def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
     swept: Any = cases[0][0].about.swept
     quantities = [one for case in cases for one in KINDS[kind].claims.quantities(case)]
-    names = swept.of or KINDS[kind].keys.Case.shown_over
+    keys = KINDS[kind].keys.Case
+    names = swept.of or keys.shown_over or tuple(keys.quantities)[:1]
     readings = [reading for case in cases for reading in case]
     return Whole(owner, swept.title, readings, curves(quantities, names))
 

@@ -90,9 +90,8 @@ def check_shown(case: Any) -> None:
     """What is shown over the parameter is among what comes out of a kind; there are values to draw a curve through."""
     if case.sweep is None:
         return
-    if not case.shown_over:
-        what = "is for results of many paths or of several step sizes, which this kind of experiment does not have"
-        raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
+    if not case.quantities:
+        raise wrong("is not possible for this kind of experiment, which shows no quantities", "remove it", "sweep")
     for name in case.sweep.of:
         if name not in case.quantities:
             raise wrong(f"has '{name}'", suggestion(name, case.quantities), "sweep", "of")
