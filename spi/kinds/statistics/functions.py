@@ -48,16 +48,16 @@ class PathFunction(NamedTuple):
 
     def along(self, values: Array, between: float) -> Array:
         """What it makes of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
+        if self.functional in ("passage", COARSER):
+            met = np.where(np.isfinite(values), values > 0, np.nan)
+            if self.functional == COARSER:
+                met[:, 1::2] = 0.0
+            return np.maximum.accumulate(met, axis=1)
         match self.functional:
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)
             case "minimum":
                 return np.minimum.accumulate(values, axis=1)
-            case "passage" | "passage at every second time":
-                met = np.where(np.isfinite(values), values > 0, np.nan)
-                if self.functional == COARSER:
-                    met[:, 1::2] = 0.0
-                return np.maximum.accumulate(met, axis=1)
             case "start":
                 return np.broadcast_to(values[:, :1], values.shape)
             case "integral":
