@@ -1,6 +1,7 @@
 """What follows from the sums over paths, with standard errors by the jackknife over groups of paths."""
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -8,10 +9,12 @@ import numpy as np
 from spi.statistics.estimators import group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
 
-from .results import Corrected
+from .results import Passages
 
 Array = np.ndarray
 
+#: Passages are also looked for at every so many of the times, which tells the bias of looking at some times only.
+COARSER = 2, 4
 _DRAWS = 4000  # for the factor of simultaneous bands
 
 
@@ -79,33 +82,69 @@ class Moments(NamedTuple):
         before = np.arange(value.shape[1]) < since[:, np.newaxis]
         return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
-    def corrected(self, passages: list[int], coarser: list[int], count: int) -> Corrected:
-        """Shares of passages (F, T) without the bias of looking at some times only, which is of order 1/2 in them."""
-        value, error = np.full((2, count, self.mean.shape[1]), np.nan)
-        factor = 1 + math.sqrt(2)
-        for f, c in zip(passages, coarser, strict=True):
-            value[f] = self.mean[f] + factor * (self.mean[f] - self.mean[c])
-            without = self.mean_without
-            error[f] = self.stderr(value[f], without[:, f] + factor * (without[:, f] - without[:, c]))
-            value[f, 1::2] = error[f, 1::2] = np.nan  # where every second time is the one before
-        return Corrected(share=value, share_stderr=error)
+    def passages(self, functions: list[int], count: int, t: Array, looks: Array) -> Passages:
+        """What the shares of paths tell that have met a condition, (F, T) or (F,), NaN for other functions.
+
+        Looking at some times only makes shares too small by an amount of order 1/2 in the time between two looks, of
+        which those that look at every second and fourth time, the columns from `count` on, show the order.  `looks`
+        are the numbers of looks at a path until t, at t = 0 not counted.
+        """
+        even, fourth = np.flatnonzero(looks % 2 == 0), np.flatnonzero(looks % 4 == 0)
+        share, share_stderr = np.full((2, count, len(t)), np.nan)
+        order, order_stderr, mean, mean_stderr = np.full((4, count), np.nan)
+        for i, f in enumerate(functions):
+            columns = [f, count + i, count + len(functions) + i]
+
+            def told(of_shares: Callable[[Array], Array], columns: list[int] = columns) -> Estimate:
+                value = of_shares(self.mean[columns])
+                return Estimate(value, self.stderr(value, of_shares(self.mean_without[:, columns])))
+
+            share[f, even], share_stderr[f, even] = told(lambda shares: _extrapolated(shares[..., even]))
+            if len(fourth):
+                order[f], order_stderr[f] = told(lambda shares: _order(shares[..., fourth[-1]]))
+            if len(even) > 1:
+                mean[f], mean_stderr[f] = told(lambda shares: _mean_time(_extrapolated(shares[..., even]), t[even]))
+        return Passages(
+            share=share,
+            share_stderr=share_stderr,
+            order=order,
+            order_stderr=order_stderr,
+            time=mean,
+            time_stderr=mean_stderr,
+        )
 
     def band(self, count: int) -> Array:
-        """(count,) the factor c by which mean -+ c stderr holds all true means at once in 95 % of cases."""
-        mean, without = self.mean[:count], self.mean_without[:, :count]
-        return simultaneous(mean, without)
+        """(count,) of the first columns the factor of :func:`simultaneous`."""
+        return simultaneous(self.mean_without[:, :count])
 
 
-def simultaneous(mean: Array, without: Array) -> Array:
+def _extrapolated(shares: Array) -> Array:
+    """Shares without time between two looks, (..., T), from those with some, with 2 and 4 times that, (..., 3, T)."""
+    return shares[..., 0, :] + (1 + math.sqrt(2)) * (shares[..., 0, :] - shares[..., 1, :])
+
+
+def _order(shares: Array) -> Array:
+    """The order of the bias, (...,), of such shares (..., 3) at a time that all look at."""
+    fine, middle, rough = np.moveaxis(shares, -1, 0)
+    with np.errstate(all="ignore"):
+        return np.log2((middle - rough) / (fine - middle))
+
+
+def _mean_time(share: Array, t: Array) -> Array:
+    """The mean of the first time or, where that is later, of the last: the integral of 1 - share from 0 to there."""
+    return t[0] * (1 - 0.5 * share[..., 0]) + np.trapezoid(1 - share, t, axis=-1)
+
+
+def simultaneous(without: Array) -> Array:
     """(F,) the factor c by which mean -+ c stderr holds all true means (F, T) at once in 95 % of cases.
 
-    The largest of correlated normal variables, of which the correlations are those of the leave-one-out values; with
-    normal weights for these, drawn from a fixed seed.
+    The largest of correlated normal variables, of which the correlations are those of the leave-one-out values
+    `without` (groups, F, T); with normal weights for these, drawn from a fixed seed.
     """
     spread = without - without.mean(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         units = spread / np.sqrt((spread**2).sum(axis=0))
     units[~np.isfinite(units)] = 0.0
     weights = np.random.default_rng(1).standard_normal((_DRAWS, len(units)))
-    found = [np.abs(weights @ units[:, f]).max(axis=1) for f in range(len(mean))]
+    found = [np.abs(weights @ units[:, f]).max(axis=1) for f in range(units.shape[1])]
     return np.maximum(np.quantile(found, 0.95, axis=1), 1.96)

@@ -1,6 +1,7 @@
 """The keys of an experiment of kind statistics."""
 
 import math
+from collections.abc import Callable
 from functools import reduce
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -20,7 +21,7 @@ from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .functions import FUNCTIONALS, PathFunction, path_function
 from .maps import SPHERE, on_sphere
-from .references import EXACT, STATIONARY, Known, check
+from .references import EXACT, STATIONARY, check, curve
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -36,6 +37,23 @@ Times = tuple[NonNegative, ...]
 _Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 _MOST_MAPS = 8
 _WHICH = "; ".join(f"{name}: {meaning}" for name, meaning in FUNCTIONALS.items())
+
+
+class InFile(Keys):
+    """Known means in a file."""
+
+    file: key_of(str, "a CSV file with columns t and value, and stderr where that is known")
+
+
+def _read(value: Any, handler: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
+    """A text as it is, and a file as the numbers in it."""
+    if not isinstance(value, dict):
+        return handler(value)
+    given = InFile.model_validate(value)
+    return () if info.context is None else curve(info.context.text(given.file, "file"), given.file)
+
+
+Known = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
 
 
 class Density(Keys):

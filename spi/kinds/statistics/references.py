@@ -4,23 +4,20 @@ import csv
 import functools
 import io
 import re
-from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import pydantic
 
 from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations
 from spi.exact.sphere_law import obstacle, stationary_means
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.specs.checks import ROUNDING
-from spi.specs.keys import Keys, key_of, shown, wrong
+from spi.specs.keys import shown, wrong
 
 from .functions import path_function
 
 EXACT, STATIONARY = "exact", "stationary"
-_COLUMNS = ("t", "value", "stderr")  #: of a file, the last where it is known
 _RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"
 _ACCURACY = 1e-6  # numerical error that exact expectations may have
 
@@ -28,29 +25,11 @@ _ACCURACY = 1e-6  # numerical error that exact expectations may have
 Curve = tuple[tuple[float, float, float], ...]
 
 
-class InFile(Keys):
-    """Known means in a file."""
-
-    file: key_of(str, "a CSV file with columns t and value, and stderr where that is known")
-
-
-def _read(value: Any, handler: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
-    """A text as it is, and a file as a :data:`Curve`."""
-    if not isinstance(value, dict):
-        return handler(value)
-    given = InFile.model_validate(value)
-    return value if info.context is None else _curve(info.context.text(given.file, "file"), given.file)
-
-
-#: The annotation of what is known of a mean.
-Known = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
-
-
-def _curve(text: str, path: str) -> Curve:
+def curve(text: str, path: str) -> Curve:
     """What a file says, by t; raises the error about the key ``file``."""
     lines = [line for line in csv.reader(io.StringIO(text)) if any(line)]
     names = [name.strip() for name in lines[0]] if lines else []
-    if not {"t", "value"} <= set(names) <= set(_COLUMNS) or len(set(names)) < len(names):
+    if not {"t", "value"} <= set(names) <= {"t", "value", "stderr"} or len(set(names)) < len(names):
         what = f"is {shown(path)}, with the columns {', '.join(names) or 'of an empty file'}"
         raise wrong(what, "must have t and value, and may have stderr", "file")
     rows = []
@@ -72,17 +51,18 @@ def check(case: Any, name: str, known: str | Curve) -> None:
     """Raise the error about what is said to be known of the function `name`, if it cannot be."""
     if name not in case.functions:
         raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
-    if not isinstance(known, str):
-        if isinstance(known, tuple) and not np.isfinite(_in_curve(known, case.t, case.step)[0]).any():
+    if isinstance(known, tuple):
+        if not np.isfinite(_in_curve(known, case.t, case.step)[0]).any():
             what = f"has a file with t = {known[0][0]:g} to {known[-1][0]:g}, none of the times of the statistics"
             raise wrong(what, "give values at some of these times", "reference", name)
-        if not isinstance(known, tuple):
-            raise wrong(f"is {shown(known)}", _RIGHT, "reference", name)
-        return
-    if known in (EXACT, STATIONARY):
+    elif known in (EXACT, STATIONARY):
         if reason := _unknown(case, name, known):
             raise wrong(f"is '{known}', but {reason}", "leave it out, or use a formula or a file", "reference", name)
-        return
+    else:
+        _check_formula(name, known)
+
+
+def _check_formula(name: str, known: str) -> None:
     try:
         if re.search(r"\by1\b", known):
             raise NumberError("unknown name 'y1'")

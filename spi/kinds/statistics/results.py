@@ -29,13 +29,17 @@ class Histogram(Described):
     outside: Annotated[Array, array("function t", "share of the paths outside of all bins")]
 
 
-class Corrected(Described):
-    """Shares of passages, extrapolated in the root of the time between two looks at a path."""
+class Passages(Described):
+    """First times at which conditions are met, up to the last time of the statistics; NaN for other functions."""
 
     share: Annotated[
-        Array, array("function t", "share without the bias of looking at some times only; NaN where not known")
+        Array, array("function t", "share that has passed, corrected for looking at given times; NaN where not known")
     ]
     share_stderr: Annotated[Array, array("function t", "standard error of the corrected share")]
+    order: Annotated[Array, array("function", "order of that correction in the time between two looks, as observed")]
+    order_stderr: Annotated[Array, array("function", "standard error of this order")]
+    time: Annotated[Array, array("function", "mean time of passage, the last time where it has not come", "time")]
+    time_stderr: Annotated[Array, array("function", "standard error of the mean time of passage", "time")]
 
 
 class DensityMap(Described):
@@ -66,7 +70,7 @@ class Statistics(Stored):
     band: Annotated[
         Array, array("function", "so many standard errors are a band that holds all means at once with 95 %")
     ]
-    corrected: Annotated[Corrected | None, nested(prefix="corrected_")] = None
+    passages: Annotated[Passages | None, nested(prefix="passage_")] = None
     variance: Annotated[Array | None, array("function t", "variance over the paths")] = None
     variance_stderr: Annotated[Array | None, array("function t", "standard error of the variance")] = None
     covariance: Annotated[Array | None, array("function other t", "covariance of two functions")] = None

@@ -1,7 +1,7 @@
 """Statistics of functions of paths at many times: sums over paths, and what follows from them.
 
-What is summed up stands in columns: the functions of the case, for each passage the one that looks at every second
-time, for each autocorrelation the value at its first time, and differences from finer paths on the same noise.
+What is summed up stands in columns: the functions of the case, for each passage those that look at fewer times, for
+each autocorrelation the value at its first time, and differences from finer paths on the same noise.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -23,8 +23,8 @@ from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
 from spi.storage.records import Part
 
-from .estimates import Moments
-from .functions import COARSER, origin_of
+from .estimates import COARSER, Moments
+from .functions import origin_of
 from .maps import SPHERE, Cells
 from .quantiles import Bins, histogram, quantiles
 from .references import known_means
@@ -62,9 +62,10 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def functions(self) -> tuple[Any, ...]:
-        """The functions of the case, and behind them for each passage the one that looks at every second time."""
+        """Those of the case, and behind them for each passage those that look at every second and fourth time."""
         found = self.case.path_functions
-        return *found, *(one._replace(functional=COARSER) for one in found if one.functional == "passage")
+        passages = [one for one in found if one.functional == "passage"]
+        return *found, *(one._replace(every=every) for every in COARSER for one in passages)
 
     @cached_property
     def since(self) -> list[tuple[int, int]]:
@@ -233,7 +234,7 @@ class StatisticsPlan(BlocksPlan):
             mean=mean,
             mean_stderr=(stderr := found.stderr(found.mean, found.mean_without))[:count],
             band=found.band(count),
-            corrected=found.corrected(passages, list(range(count, len(functions))), count) if passages else None,
+            passages=found.passages(passages, count, case.t, self.places) if passages else None,
             **self._second_moments(found),
             quantiles=quantiles(*counted, case.quantiles) if "quantiles" in case.statistics else None,
             histogram=histogram(*counted, case.bins) if "histogram" in case.statistics else None,
@@ -247,7 +248,8 @@ class StatisticsPlan(BlocksPlan):
 
     def _second_moments(self, found: Moments) -> dict[str, Any]:
         """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that are asked for."""
-        case, count, told = self.case, len(self.case.functions), {}
+        case, count = self.case, len(self.case.functions)
+        told: dict[str, Any] = {}
         if "variance" in case.statistics:
             told["variance"], told["variance_stderr"] = found.variances(count)
         one, other = self.pairs

@@ -9,7 +9,7 @@ from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, short, with_interval
 
-from .results import DensityMap, Statistics
+from .results import DensityMap, Passages, Statistics
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -62,8 +62,8 @@ def _further(reading: Statistics) -> list[tuple[str, Any, Any]]:
 
 def _cells(reading: Statistics, f: int, i: int) -> Iterator[str]:
     yield _cell(reading.mean[f, i], reading.mean_stderr[f, i])
-    if (deviation := reading.deviation) is not None and reading.difference is not None:
-        yield _cell(reading.difference[f, i], reading.difference_stderr[f, i])
+    if (deviation := reading.deviation) is not None:
+        yield _cell(*(each[f, i] for each in (reading.difference, reading.difference_stderr) if each is not None))
         yield f"{deviation[f, i]:.1f}" if np.isfinite(deviation[f, i]) else "-"
     for _, values, errors in _further(reading):
         if values is not None:
@@ -85,19 +85,27 @@ def _remarks(readings: Sequence[Statistics]) -> Iterator[str]:
         lost = f", {one.nonfinite} of them diverged" * bool(one.nonfinite)
         speed = f"{one.ns_per_step:.1f} ns per step and path"
         yield f"{one.about.label}: {one.samples} paths with h = {one.step:g}{lost}, {speed}"
-        if one.corrected:
-            for f in np.flatnonzero(np.isfinite(one.corrected.share).any(axis=1)):
-                last = np.flatnonzero(np.isfinite(one.corrected.share[f]))[-1]
-                value, error = (float(each[f, last]) for each in (one.corrected.share, one.corrected.share_stderr))
-                told = f"{with_interval(value, INTERVAL * error)} at t = {one.t[last]:.5g}"
-                yield f"    {one.functions[f]}: {told}, corrected for looking at given times only (extrapolated)"
+        if one.passages:
+            yield from _passages_told(one, one.passages)
         if one.reference_step:
-            yield f"    differences are from paths on the same noise with h = {one.reference_step:g}, or from what is known"
+            known = f"from paths on the same noise with h = {one.reference_step:g}, or from what is known"
+            yield f"    differences are {known}"
         if (found := one.density_map) is not None:
             yield f"    {_map_told(found)}"
         if one.quantiles:
             width = np.nanmax(one.quantiles.quantile_high - one.quantiles.quantile_low, initial=0.0)
             yield f"    intervals of quantiles, one bin on either side included, are at most {short(float(width))} wide"
+
+
+def _passages_told(one: Statistics, found: Passages) -> Iterator[str]:
+    """Of each passage the share of the paths until the last time, with its bias, and the mean time."""
+    for f in np.flatnonzero(np.isfinite(found.share).any(axis=1)):
+        last = np.flatnonzero(np.isfinite(found.share[f]))[-1]
+        share, error = found.share[f, last], found.share_stderr[f, last]
+        end, order = f"{one.t[last]:.5g}", f"order {_cell(found.order[f], found.order_stderr[f])}"
+        yield f"    {one.functions[f]}: {_cell(share, error)} of the paths until t = {end}, the others never by then,"
+        yield f"        corrected for looking at given times only (observed {order} in the time between two looks);"
+        yield f"        mean time, {end} where it has not come: {_cell(found.time[f], found.time_stderr[f])}"
 
 
 def _map_told(found: DensityMap) -> str:

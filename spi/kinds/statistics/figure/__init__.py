@@ -53,7 +53,7 @@ def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.P
     told: dict[str, Any] = {"readings": readings, "looks": looks}
     every = range(len(first.functions))
     panels: list[layout.Panel] = [partial(_over_time, f=f, **told) for f in every]
-    of_values = [f for f in every if first.corrected is None or np.isnan(first.corrected.share[f]).all()]
+    of_values = [f for f in every if first.passages is None or np.isnan(first.passages.share[f]).all()]
     panels += [partial(_differences, f=f, **told) for f in every if _known(first.difference, f)]
     if first.histogram:
         panels += [partial(_densities, f=f, **told) for f in of_values]
@@ -91,7 +91,7 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
     if (quantiles := readings[0].quantiles) is not None:
         levels = ", ".join(f"{level:g}" for level in quantiles.level)
         found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle=":"), f"quantiles {levels}"))
-    if readings[0].corrected:
+    if readings[0].passages:
         text = "passages, corrected for looking at given times only"
         found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle="-."), text))
     if readings[0].reference is not None:
@@ -113,8 +113,8 @@ def _over_time(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
         look, t = _look(reading, looks), reading.t
         half = reading.band[f] * reading.mean_stderr[f]
         ax.plot(t, reading.mean[f], linewidth=1.1, **look)
-        if reading.corrected and (known := np.isfinite(reading.corrected.share[f])).any():
-            ax.plot(t[known], reading.corrected.share[f, known], color=look["color"], linewidth=0.8, linestyle="-.")
+        if reading.passages and (known := np.isfinite(reading.passages.share[f])).any():
+            ax.plot(t[known], reading.passages.share[f, known], color=look["color"], linewidth=0.8, linestyle="-.")
         ax.fill_between(t, reading.mean[f] - half, reading.mean[f] + half, color=look["color"], alpha=0.3, linewidth=0)
         if reading.quantiles:
             ax.plot(t, reading.quantiles.quantile[f], color=look["color"], linewidth=0.8, linestyle=":")
@@ -205,6 +205,6 @@ def _correlations(ax: Axes, reading: Statistics) -> None:
         colour = "white" if abs(matrix[i, j]) > 0.6 else "black"
         ax.text(j, i, text, color=colour, ha="center", va="center", fontsize=7)
     names = [style.plain(name) for name in reading.functions]
-    ax.set_xticks(range(count), names)
+    ax.set_xticks(range(count), names, rotation=30, ha="right", rotation_mode="anchor")
     ax.set_yticks(range(count), names)
     ax.set_title(f"correlations at $t={reading.t[-1]:.4g}$, {style.label(reading.about)}")

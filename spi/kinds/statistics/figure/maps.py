@@ -29,7 +29,9 @@ def map_panel(ax: Axes, reading: Statistics, m: int, highest: float) -> None:
         mesh, label = _plane(ax, found, m, look), "density"
     bar = ax.figure.colorbar(mesh, ax=ax, label=label, shrink=0.8 if found.is_sphere else 1.0, pad=0.02)
     bar.outline.set_linewidth(0.4)
-    ax.set_title(f"{style.label(reading.about)}, $t={style.number(float(found.t[m]))}$")
+    ax.set_title(
+        f"{style.label(reading.about)}, $t={style.number(float(found.t[m]))}$", pad=14 if found.is_sphere else None
+    )
 
 
 def _sphere(ax: Axes, found: DensityMap, m: int, names: list[str], look: dict[str, Any]) -> QuadMesh:
@@ -39,7 +41,8 @@ def _sphere(ax: Axes, found: DensityMap, m: int, names: list[str], look: dict[st
         low + width * np.linspace(0, number, _FINER * number + 1)
         for low, width, number in zip(found.low[m], found.width[m], (rows, columns), strict=True)
     )
-    density = np.repeat(np.repeat(found.density[m], _FINER, axis=0), _FINER, axis=1)
+    density = np.where(found.density[m] > 0, found.density[m], np.nan)
+    density = np.repeat(np.repeat(density, _FINER, axis=0), _FINER, axis=1)
     mesh = ax.pcolormesh(*mollweide(*np.meshgrid(z, longitude, indexing="ij")), density, **look)
     thin: dict[str, Any] = {"color": _LINES, "linewidth": 0.4, "alpha": 0.6}
     whole = np.linspace(-1, 1, 201)
@@ -84,11 +87,9 @@ def _plane(ax: Axes, found: DensityMap, m: int, look: dict[str, Any]) -> QuadMes
         for low, width, number in zip(found.low[m], found.width[m], density.shape, strict=True)
     ]
     mesh = ax.pcolormesh(*edges, np.where(density > 0, density, np.nan).T, **look)
-    for limits, edge, used in zip(
-        (ax.set_xlim, ax.set_ylim), edges, (density.any(axis=1), density.any(axis=0)), strict=True
-    ):
-        if used.any():
-            first, last = np.flatnonzero(used)[[0, -1]]
-            limits(edge[first], edge[last + 1])
+    used = [np.flatnonzero(density.any(axis=across)) for across in (1, 0)]
+    if used[0].size:
+        xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))
+        ax.set(xlim=xlim, ylim=ylim)
     ax.set(xlabel=style.plain(found.sides[0]), ylabel=style.plain(found.sides[1]))
     return mesh
