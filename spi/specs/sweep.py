@@ -29,6 +29,7 @@ _NUMBERS = ("damping", "eps", "final_time", "step", "reference_step", "step_coun
 PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[2:])  #: the same elsewhere
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them"
+_NO_FORMULAS = (*SOURCES, "file", "results")
 _LISTS = {"steps": "which gives results at each of them", "schemes": "which gives results of each of them"}
 
 
@@ -214,7 +215,7 @@ def _names(part: Any, word: str) -> bool:
 
 def _replaced(part: Any, word: str, value: str) -> Any:
     if isinstance(part, dict):
-        return {key: inner if key in SOURCES else _replaced(inner, word, value) for key, inner in part.items()}
+        return {key: inner if key in _NO_FORMULAS else _replaced(inner, word, value) for key, inner in part.items()}
     if isinstance(part, list):
         return [_replaced(inner, word, value) for inner in part]
     if isinstance(part, str):
