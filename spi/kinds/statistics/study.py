@@ -12,6 +12,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
+from spi.ensemble.random_states import first_states, in_blocks
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
@@ -118,7 +119,7 @@ class StatisticsPlan(BlocksPlan):
         """Values of functions less their origins (blocks, T, F, LANES), and which paths diverged (blocks, LANES)."""
         d, stride = len(self.initial), self.case.stride
         y = np.empty((blocks, self.grid.reference_steps // stride + 1, d * LANES))
-        y[:, 0] = np.repeat(self.initial, LANES)
+        y[:, 0] = in_blocks(first_states(self.initial, self.stream, first, blocks), blocks)
         recorder = state_recorder(self.grid, y, stride)
         integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
         states = np.moveaxis(y.reshape(blocks, -1, d, LANES), 2, 0)
