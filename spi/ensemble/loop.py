@@ -21,7 +21,7 @@ from .given import coins_of_step, noise_of_steps
 from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
-from .random_states import RandomState, first_states, in_blocks
+from .random_states import RandomState, block_states
 from .scheme_protocol import REPORT, SUMMED
 from .special import frozen
 from .steppers import advance_path, kept_of_steps, largest_sizes
@@ -116,7 +116,7 @@ def brownian(seed):
 
 def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
     """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
-    y = in_blocks(first_states(initial, noise, first, blocks), blocks)
+    y = block_states(initial, noise, first, blocks)
     memory = largest_sizes(times.reference_scheme, scheme, model)[1]
     states = np.zeros((blocks, len(times.doublings), y.shape[1] + memory))
     states[..., : y.shape[1]] = y[:, np.newaxis]
@@ -234,9 +234,7 @@ def arguments_of(scheme, model, initial, times, noise, first, blocks, end, obser
     """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left."""
     given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
     states = np.array(initial, float) if given else states_at(initial, scheme, model, times, blocks, noise, first)
-    observer = last_states_only(times) if observer is None else observer
-    if isinstance(initial, RandomState) and observer.extremes.size:
-        observer = beginning_at(observer, model, paths_of(states, len(initial))[0])
+    observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
     return scheme, model, states, times, noise, observer, empty_report(blocks, len(times.doublings)), first, end
 
 

@@ -12,6 +12,7 @@ from .fields import scaled_square, smallest_component, squared_distance
 from .invariants import casimirs_of_states
 from .lanes import load_lane
 from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, large, populations
+from .random_states import RandomState
 
 #: What ``Observer.rows`` hold: sums of squared distances to the reference, or states.
 SQUARES, STATES = range(2)
@@ -47,12 +48,17 @@ def last_states_only(times):
 
 
 def state_recorder(times, rows, every, lane=0):
-    """The observer that puts states of lanes from `lane` on after every so many steps of the only level into `rows`.
+    """The observer that puts states of lanes from `lane` on into `rows`, after every so many steps of the largest size.
 
-    These are (blocks, stored + 1, d * lanes), the first of which, the initial ones, are left as they are.
+    These are (blocks, levels * (stored + 1), d * lanes), level after level, of each of which the first, the initial
+    ones, are left as they are.
     """
     nothing = last_states_only(times)
-    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=np.array([[1, every, nothing.levels[0, 2]]]))
+    steps = nothing.levels[:, 2]
+    stored = steps[-1] // every
+    places = 1 + np.arange(len(steps)) * (stored + 1)
+    levels = np.stack([places, every * (steps // steps[-1]), steps], axis=1)
+    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 
 
 def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
@@ -73,8 +79,16 @@ def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
     return nothing._replace(rows=rows, levels=levels, extremes=extremes, start=start, rates=decay)
 
 
-def beginning_at(observer, model, y):
-    """The observer of paths of which each has an initial state of its own, y (d, paths)."""
+def beginning_at(observer, model, initial, states):
+    """The observer of paths that begin at `states` (blocks, levels, d * LANES or more), which differ at random."""
+    if not isinstance(initial, RandomState) or not observer.extremes.size:
+        return observer
+    y = (
+        states[:, 0, : len(initial) * LANES]
+        .reshape(len(states), -1, LANES)
+        .transpose(1, 0, 2)
+        .reshape(len(initial), -1)
+    )
     with np.errstate(divide="ignore"):
         start = np.concatenate([casimirs_of_states(model, y), 1.0 / np.sqrt((y**2).sum(axis=0, keepdims=True))])
     return observer._replace(start=np.ascontiguousarray(start.reshape(len(start), -1, LANES).transpose(1, 0, 2)))

@@ -186,8 +186,9 @@ def first_states(initial, noise, first, blocks):
     return np.array(initial, float)[:, np.newaxis]
 
 
-def in_blocks(states, blocks):
-    """(blocks, d * LANES): states (d, paths) or (d, 1) of some blocks, component by component."""
+def block_states(initial, noise, first, blocks):
+    """(blocks, d * LANES): the same, block by block and component by component."""
+    states = first_states(initial, noise, first, blocks)
     d = len(states)
     lanes = np.broadcast_to(states, (d, blocks * LANES)).reshape(d, blocks, LANES)
     return lanes.transpose(1, 0, 2).reshape(blocks, d * LANES)

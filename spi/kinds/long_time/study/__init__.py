@@ -26,7 +26,6 @@ from spi.ensemble.loop import (
     thread_count,
 )
 from spi.ensemble.protocol import casimirs
-from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
@@ -54,8 +53,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "LongTimePlan":
     """The plan for one scheme of a case."""
-    on_one = not isinstance(case.initial, RandomState) or case.initial.law.surface is not None
-    law = SphereLaw.of(case.model, case.initial) if on_one and not obstacle(case.model, case.initial) else None
+    law = None if obstacle(case.model, case.initial) else SphereLaw.of(case.model, case.initial)
     return LongTimePlan(case=case, part=part, law=law)
 
 
