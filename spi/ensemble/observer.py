@@ -83,12 +83,8 @@ def beginning_at(observer, model, initial, states):
     """The observer of paths that begin at `states` (blocks, levels, d * LANES or more), which differ at random."""
     if not isinstance(initial, RandomState) or not observer.extremes.size:
         return observer
-    y = (
-        states[:, 0, : len(initial) * LANES]
-        .reshape(len(states), -1, LANES)
-        .transpose(1, 0, 2)
-        .reshape(len(initial), -1)
-    )
+    d = len(initial)
+    y = np.moveaxis(states[:, 0, : d * LANES].reshape(-1, d, LANES), 1, 0).reshape(d, -1)
     with np.errstate(divide="ignore"):
         start = np.concatenate([casimirs_of_states(model, y), 1.0 / np.sqrt((y**2).sum(axis=0, keepdims=True))])
     return observer._replace(start=np.ascontiguousarray(start.reshape(len(start), -1, LANES).transpose(1, 0, 2)))
