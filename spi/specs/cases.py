@@ -2,8 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
-from operator import ne
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import pydantic
@@ -28,7 +26,6 @@ from .checks import (
     check_word_of_areas,
 )
 from .compositions import Compositions, weak_order
-from .damping import damped_model
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
@@ -51,7 +48,7 @@ from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
 from .sweep import PLACES, SWEEP, Swept, check_shown
-from .temperature import thermal_model
+from .temperature import dissipation, dissipative_model
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -73,7 +70,7 @@ class BaseCase(Keys):
     temperature: key_of(OrInfinite, "T of the friction along the noises; inf is no friction", "energy") = math.inf
     initial: key_of(
         Initial,
-        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
         "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
@@ -146,11 +143,10 @@ class BaseCase(Keys):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those of the model by name, and the damping where there is one."""
+        """Those of the model by name, and the damping or temperature where there is one."""
         model = undamped(self.model)
         own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
-        added = {"damping": self.damping} if self.damping else {}
-        return own | added | ({"temperature": self.temperature} if math.isfinite(self.temperature) else {})
+        return own | dissipation(self)
 
     @property
     def last_time(self) -> float:
@@ -160,15 +156,13 @@ class BaseCase(Keys):
     @condition("damping", "temperature", "model", "panels")
     def _check_dissipation(self) -> Self:
         """The case with its damping or its temperature in the record of the model."""
-        if math.isfinite(self.temperature):
-            return self.model_copy(update={"model": thermal_model(self)})
-        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+        return self.model_copy(update={"model": dissipative_model(self)})
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        nothing = {"temperature": math.inf, "every": 1, "areas": "exact"}
-        said = {"extrapolate": any} | {key: partial(ne, value) for key, value in nothing.items()}
+        said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
+        said["temperature"] = lambda temperature: temperature < math.inf
         said |= dict.fromkeys(("damping", "times", "autocorrelation", "density", "reference_step"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 

@@ -1,13 +1,27 @@
 """What a temperature asks of a case."""
 
+import math
 from typing import Any
 
 import numpy as np
 
 from ..ensemble.protocol import casimirs, conserved, dimension, large, noise_indices, squared_length_is_casimir
 from ..models.thermal import thermal
-from .damping import LAWS
+from .damping import LAWS, damped_model
 from .keys import quantity, wrong
+
+
+def dissipation(case: Any) -> dict[str, float]:
+    """The keys about dissipation that a case has, by name."""
+    told = {"damping": bool, "temperature": math.isfinite}
+    return {key: getattr(case, key) for key, is_there in told.items() if is_there(getattr(case, key))}
+
+
+def dissipative_model(case: Any) -> Any:
+    """The record of the model of a case with its damping or at its temperature."""
+    if math.isfinite(case.temperature):
+        return thermal_model(case)
+    return damped_model(case) if case.damping else case.model
 
 
 def thermal_model(case: Any) -> Any:

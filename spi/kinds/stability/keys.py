@@ -6,6 +6,7 @@ import pydantic
 from annotated_types import MinLen
 
 from spi.ensemble.protocol import Positive, large
+from spi.ensemble.random_states import Points, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.conversion import Given
 from spi.specs.keys import Samples, condition, key_of, wrong
@@ -50,7 +51,8 @@ class Case(FunctionsCase):
 
     @condition("initial")
     def _check_not_zero(self) -> Self:
-        if not any(self.initial):
+        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Points)
+        if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
@@ -70,7 +72,7 @@ def of_another(given: Given) -> dict[str, Any]:
     if large(given.case.model):
         raise wrong(f"is {given.case.model_name}", "choose a parameter to sweep, in a file of your own", "model")
     written = given.keys["initial"]
-    plain = len(written) == len(given.case.initial)  # else ranges or complex numbers
+    plain = isinstance(written, list) and len(written) == len(given.case.initial)  # else ranges or complex numbers
     return {
         "initial": [f"scale*({y})" for y in (written if plain else given.case.initial)],
         "sweep": {"scale": [0.01, 0.1, 1, 10, 100]},
