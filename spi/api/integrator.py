@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,14 +29,6 @@ from .specs import whole
 Array = npt.NDArray[np.float64]
 
 _NO_AREAS, _NO_COINS = np.zeros((0, 0, 0)), np.zeros((0, 0))  # for schemes that need none
-
-
-class Noise(NamedTuple):
-    """The noise of some steps of some paths, see :meth:`Integrator.noise`."""
-
-    dW: Array  #: (n * steps, paths, noises): increments over sub-steps, n = ``Integrator.substeps`` of them a step
-    areas: Array  #: (steps, paths, pairs): Lévy areas over steps, of ``Integrator.pairs``; empty where not needed
-    coins: Array  #: (steps, paths): 1.0 or -1.0; empty where not needed
 
 
 def increments(
@@ -146,8 +138,8 @@ class Integrator:
                 raise SpecError(f"{name}: is {value}; must be a multiple of {unit}")
         return self._moved(self._states(y), brownian(whole("seed", seed, 0)), steps, first_step, first_path, out)
 
-    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
-        """What :meth:`sample` uses, as arrays: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
+    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Given:
+        """What :meth:`sample` uses, arrays dW, areas, coins: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
         areas = np.zeros((*shape, len(self.pairs))) if self.pairs else _NO_AREAS
         coins = np.zeros(shape) if "coins" in self.needs else _NO_COINS
@@ -155,7 +147,7 @@ class Integrator:
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
         stream = brownian(whole("seed", seed, 0))
         draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
-        return Noise(*given)
+        return given
 
     def _states(self, y: Any) -> Array:
         return _array("y", y, self.dimension)
@@ -179,7 +171,7 @@ class Integrator:
         blocks = -(-paths // LANES)
         if paths < blocks * LANES:
             y = np.pad(y, ((0, blocks * LANES - paths), (0, 0)), "edge")
-        states = y.reshape(blocks, LANES, d).transpose(0, 2, 1).reshape(blocks, 1, d * LANES)
+        states = np.array(y.reshape(blocks, LANES, d).transpose(0, 2, 1), order="C").reshape(blocks, 1, d * LANES)
         times = self._grid._replace(reference_steps=steps, first_step=first_step, start=time)
         first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
         with limited_threads(self.threads) if self.threads else nullcontext():

@@ -83,6 +83,12 @@ def label(about: Description, with_eps: bool = True) -> str:
     return ", ".join([text, *[about.extrapolation] * (about.extrapolate > 0)])
 
 
+def word(name: str) -> str:
+    """What a parameter is called on an axis, in mathtext if there is a symbol for it."""
+    symbol = SYMBOLS.get(name, name if len(name) == 1 else None)
+    return f"${symbol}$" if symbol else plain(name.replace("_", " "))
+
+
 def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:
     """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them.
 
