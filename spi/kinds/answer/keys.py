@@ -54,6 +54,14 @@ class Case(FunctionKeys, BaseCase):
         """A step that resolves the paths, for an experiment of another kind."""
         return self.final_time / 64
 
+    @condition("schemes", "model", "compositions")  # in the place of that of all cases, before claims name schemes
+    def _check_names(self) -> Self:
+        """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
+        if self.schemes:
+            return super()._check_names()
+        found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
+        return self.model_copy(update={"schemes": found, "compositions": {}})
+
     @condition("extrapolate")
     def _check_extrapolate(self) -> Self:
         check_once(self.extrapolate, "extrapolate")
@@ -72,11 +80,7 @@ class Case(FunctionKeys, BaseCase):
 
     @condition("final_time", "schemes", "model")
     def _check_schemes(self) -> Self:
-        """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
-        if not self.schemes:
-            found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
-            return self.model_copy(update={"schemes": found})
         check_once(self.schemes, "schemes")
         for name in self.schemes:
             if self.row(name).needs_truncation:

@@ -43,9 +43,11 @@ class Answer(Stored):
     half: Annotated[Array, array("function", "half the width of the 95 % interval, the bias included", "value")]
     bias: Annotated[Array, array("function", "of it the bias at most, or the numerical error", "value")]
     stderr: Annotated[Array, array("function", "standard error of sampling", "value")]
-    accuracy: Annotated[float, fact("half the width that was asked for", "value")]
+    accuracy: Annotated[float, fact("half the width that was asked for", "value", column=True)]
     aim: Annotated[float, fact("half the width that was aimed at, larger where time does not allow more", "value")]
-    reached: Annotated[bool, fact("whether the interval is as narrow as was aimed at, and the check passed")]
+    reached: Annotated[
+        bool, fact("whether the interval is as narrow as was aimed at, and the check passed", column=True)
+    ]
     why: Annotated[str, fact("what else might have been chosen, and what it would have taken")]
     warnings: Annotated[tuple[str, ...], fact("what a person should know")] = ()
     formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]

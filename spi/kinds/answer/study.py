@@ -66,6 +66,12 @@ def parts(case: Any) -> list[Part]:
     return [Part(case.schemes[0])]
 
 
+def remarks(case: Any) -> Iterator[str]:
+    """How a person learns what an answer takes."""
+    if not plan(case, parts(case)[0]).solvable:
+        yield "`spi answer --dry` runs the pilot and predicts how long it takes"
+
+
 def plan(case: Any, part: Part) -> "AnswerPlan":
     """The plan of a case."""
     return AnswerPlan(case=case, part=part)
