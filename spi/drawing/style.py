@@ -190,6 +190,8 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
             told[f"model_{name}"] = f"${symbol}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         told["initial"] = f"${initial_value(about)}$"
+    if about.initial_law is not None:
+        told["initial"] = plain(f"initial states: {about.initial_law}")
     if about.final_time is not None:
         told["final_time"] = f"$T={number(about.final_time)}$"
     for name, symbol in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
+from ..ensemble.random_states import RandomState
 from .fitting import check_fact
 
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
@@ -110,6 +111,7 @@ class Description(NamedTuple):
     truncate_noise: bool
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
     areas: str = "exact"  #: how Lévy areas were drawn, if they were
+    initial_law: str | None = None  #: the law of initial states, where each path has its own
     swept: Swept | None = None  #: where the case has one of the values of a swept parameter
 
     @property
@@ -144,11 +146,12 @@ class Description(NamedTuple):
             model=case.model_name,
             parameters={name: value for name, value in case.parameters.items() if name != "constants"},
             variables=tuple(getattr(case, "variables", ())),
-            initial=case.initial,
+            initial=None if isinstance(case.initial, RandomState) else case.initial,
             final_time=getattr(case, "final_time", None),
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,
             areas=getattr(case, "areas", "exact"),
+            initial_law=case.initial.text if isinstance(case.initial, RandomState) else None,
             swept=_swept_of(getattr(case, "sweep", None)),
         )
 
@@ -186,6 +189,7 @@ class Description(NamedTuple):
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=a.get("extrapolate") or 0,
             areas=a.get("areas") or "exact",
+            initial_law=a.get("initial_law"),
             swept=_swept(a),
         )
         for name, hint in get_type_hints(cls).items():

@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
+from spi.ensemble.friction import has_friction
 from spi.ensemble.protocol import dimension
+from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve, demands
 from spi.expressions import canonical, functions_of
 from spi.kinds.blocks import Blockwise
@@ -85,7 +87,8 @@ class AnswerPlan(Blockwise, PartPlan):
     def solvable(self) -> bool:
         """Whether the expectation is found without sampling."""
         case = self.case
-        if case.sampling or case.damping or not can_solve(case.model):
+        unknown = case.damping or has_friction(case.model) or isinstance(case.initial, RandomState)
+        if case.sampling or unknown or not can_solve(case.model):
             return False
         acting = compositions(SCHEMES[_SOLVING].composition, case.model)
         texts = tuple(canonical(one) for one in case.expressions)

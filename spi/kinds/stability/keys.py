@@ -6,6 +6,7 @@ import pydantic
 from annotated_types import MinLen
 
 from spi.ensemble.protocol import Positive, large
+from spi.ensemble.random_states import Points, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.conversion import Given
 from spi.specs.keys import Samples, condition, key_of, wrong
@@ -21,7 +22,10 @@ Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 class Case(FunctionsCase):
     """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
 
-    sweep: key_of(Swept, "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, initial or eps")
+    sweep: key_of(
+        Swept,
+        "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, temperature, initial or eps",
+    )
     samples: key_of(Samples, "number of Brownian paths")
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
@@ -47,7 +51,8 @@ class Case(FunctionsCase):
 
     @condition("initial")
     def _check_not_zero(self) -> Self:
-        if not any(self.initial):
+        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Points)
+        if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
@@ -67,7 +72,7 @@ def of_another(given: Given) -> dict[str, Any]:
     if large(given.case.model):
         raise wrong(f"is {given.case.model_name}", "choose a parameter to sweep, in a file of your own", "model")
     written = given.keys["initial"]
-    plain = len(written) == len(given.case.initial)  # else ranges or complex numbers
+    plain = isinstance(written, list) and len(written) == len(given.case.initial)  # else ranges or complex numbers
     return {
         "initial": [f"scale*({y})" for y in (written if plain else given.case.initial)],
         "sweep": {"scale": [0.01, 0.1, 1, 10, 100]},
