@@ -1,4 +1,4 @@
-"""What is summed up of paths, and what blocks of them contribute."""
+"""What is summed up of paths."""
 
 from typing import NamedTuple
 
@@ -21,15 +21,3 @@ class Sums(NamedTuple):
         """These paths and some later ones."""
         mine, others = self._asdict(), later._asdict()
         return Sums(**{name: mine[name] + others[name] for name in self._fields})
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute."""
-
-    values: np.ndarray  #: (blocks, T, columns, LANES) values less their origins
-    cells: np.ndarray  #: (blocks, maps, 1, LANES) in which cells of a map they are
-    lost: np.ndarray  #: (blocks, LANES) whether a path diverged
-
-    def at(self, some: slice) -> "Rows":
-        """Those of some of the blocks."""
-        return Rows(*(each[some] for each in self))
