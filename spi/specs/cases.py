@@ -18,10 +18,10 @@ from ..systems.keys import MOST
 from .checks import (
     ROUNDING,
     check_count,
+    check_eps,
     check_multiple,
     check_names,
     check_needs,
-    check_once,
     check_schemes,
     check_word_of_areas,
 )
@@ -47,6 +47,7 @@ from .keys import (
 from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
+from .sweep import PLACES, SWEEP, Swept, check_shown
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -67,7 +68,7 @@ class BaseCase(Keys):
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
     initial: key_of(
         Initial,
-        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
         "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
@@ -77,6 +78,7 @@ class BaseCase(Keys):
     )
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+    sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
     neutral: ClassVar[frozenset[str]] = frozenset(
@@ -85,6 +87,8 @@ class BaseCase(Keys):
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
+    swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
+    shown_over: ClassVar[tuple[str, ...]] = ()  #: the quantities that are shown over it by default; () for the first
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -113,8 +117,13 @@ class BaseCase(Keys):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """What a claim may be limited by: the step size, and eps where there is one."""
-        return ("h", *["eps"] * (self.eps is not None))
+        """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
+        return ("h", *["eps"] * (self.eps is not None), *([self.sweep.word] if self.sweep else []))
+
+    @property
+    def owner(self) -> str:
+        """The name of the case, or of that which is swept if it is one of its values."""
+        return (self.sweep and self.sweep.case) or self.name
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -186,17 +195,12 @@ class BaseCase(Keys):
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:
-        multiscale = [s for s in self.schemes if self.row(s).multiscale]
-        if multiscale and self.eps is None:
-            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-        if self.eps is not None:
-            if not multiscale:
-                known = [name for name, row in SCHEMES.items() if row.multiscale]
-                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-            check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
-            for name in multiscale:
-                if self.row(name).needs_eps and 0 in self.eps:
-                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        check_eps(self)
+        return self
+
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        check_shown(self)
         return self
 
     @condition("expect", "schemes")
@@ -291,10 +295,3 @@ class FunctionsCase(ErrorCase):
             right = f"must be an expression in {known} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
-
-
-def need(case: BaseCase, estimator: str, *keys: str) -> None:
-    """One of these keys must be given."""
-    if all(getattr(case, key) is None for key in keys):
-        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
-        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

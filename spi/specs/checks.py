@@ -41,6 +41,21 @@ def check_once(listed: Sequence[Any], key: str) -> None:
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
 
 
+def check_eps(case: Any) -> None:
+    """There is an eps where a scheme needs one, and else none."""
+    multiscale = [s for s in case.schemes if case.row(s).multiscale]
+    if multiscale and case.eps is None:
+        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+    if case.eps is not None:
+        if not multiscale:
+            known = [name for name, row in SCHEMES.items() if row.multiscale]
+            raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
+        for name in multiscale:
+            if case.row(name).needs_eps and 0 in case.eps:
+                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+
+
 def check_step(case: Any, key: str = "step") -> None:
     """What the step of a case of one step size must be, which stands under `key`."""
     check_count(case.final_time, case.step, key)
@@ -197,3 +212,10 @@ def check_extrapolate(case: Any) -> None:
     if not len(places(case.steps, most)):
         needed = ", ".join(["h", *(f"{2**i}h" for i in range(1, most + 1))])
         raise wrong(f"has {most}, which combines the steps {needed}", "add them to steps", "extrapolate")
+
+
+def need(case: Any, estimator: str, *keys: str) -> None:
+    """One of these keys must be given."""
+    if all(getattr(case, key) is None for key in keys):
+        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
+        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

@@ -11,6 +11,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
+from spi.ensemble.random_states import block_states
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
@@ -120,7 +121,7 @@ class StatisticsPlan(BlocksPlan):
     def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         """States (blocks, levels * stored, d * LANES), level after level."""
         y = np.empty((blocks, self.columns.levels * self.columns.stored, len(self.initial) * LANES))
-        y[:, :: self.columns.stored] = np.repeat(self.initial, LANES)
+        y[:, :: self.columns.stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
         recorder = state_recorder(self.grid, y, self.case.stride)
         integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
         return y
