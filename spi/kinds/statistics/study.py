@@ -12,8 +12,10 @@ from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
+from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
@@ -26,7 +28,7 @@ from .maps import SPHERE, Cells
 from .quantiles import Bins, histogram, quantiles
 from .references import known_means
 from .results import SPHERE_SIDES, DensityMap, Statistics
-from .sums import Sums
+from .sums import Rows, Sums
 
 _BATCH_BYTES = 64e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
@@ -73,7 +75,7 @@ class StatisticsPlan(BlocksPlan):
     @cached_property
     def _pilot(self) -> np.ndarray:
         """(T, F, paths) what the first paths do."""
-        y = self.rows(0, 0, _PILOT, _PILOT * LANES)
+        y = self.rows(0, 0, _PILOT, _PILOT * LANES).states
         values = np.empty((_PILOT, len(self.case.places), self.columns.number, LANES))
         with in_threads() as each:
             self.columns.evaluate(each, y, values)
@@ -111,6 +113,7 @@ class StatisticsPlan(BlocksPlan):
             counts=np.zeros((times, len(columns.functions) if case.fine_bins else 0, 2 + case.fine_bins), np.int64),
             cells=np.zeros((len(self.map_times), 1, 2 + (case.density.count if case.density else 0)), np.int64),
             nonfinite=0,
+            report=np.zeros(SUMMED),
         )
 
     def most_blocks(self, number: int) -> int:
@@ -118,33 +121,35 @@ class StatisticsPlan(BlocksPlan):
         columns = self.columns
         return max(1, int(_BATCH_BYTES / (8 * LANES * columns.levels * columns.stored * len(self.initial))))
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """States (blocks, levels * stored, d * LANES), level after level."""
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """What some blocks contribute; see :class:`Blockwise`."""
         y = np.empty((blocks, self.columns.levels * self.columns.stored, len(self.initial) * LANES))
         y[:, :: self.columns.stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
         recorder = state_recorder(self.grid, y, self.case.stride)
-        integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
-        return y
+        what = self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder
+        _, report = integrated(*what)
+        return Rows(y, report[:, -1, :SUMMED])
 
-    def added(self, sums: Sums, rows: np.ndarray, at: slice, first: int, end: int) -> Sums:
+    def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
         """The sums with the rows `at`, of which the first is that of block `first`.
 
         As many blocks at once as caches hold, if memory does.
         """
-        rows, times, columns = rows[at], len(self.case.places), self.columns
+        (states, report), times, columns = rows.at(at), len(self.case.places), self.columns
         copied = ("values", "products", "counts", "cells")
         added = sums._replace(**{name: getattr(sums, name).copy() for name in copied})
         few = max(1, _CACHED // (columns.stored * LANES)) * thread_count()
         few = max(1, min(few, int(_BATCH_BYTES / (8 * LANES * times * columns.number))))
-        values = np.empty((min(few, len(rows)), times, columns.number, LANES))
+        values = np.empty((min(few, len(states)), times, columns.number, LANES))
         with in_threads() as each:
-            for begin in range(0, len(rows), few):
-                some = rows[begin : begin + few]
+            for begin in range(0, len(states), few):
+                some = states[begin : begin + few]
                 columns.evaluate(each, some, values[: len(some)])
                 self._add(each, added, some, values[: len(some)], first + begin, end)
-        lost = np.logical_not(np.isfinite(rows[:, -1]).reshape(len(rows), -1, LANES).all(axis=1))
+        lost = np.logical_not(np.isfinite(states[:, -1]).reshape(len(states), -1, LANES).all(axis=1))
         counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
-        return added._replace(nonfinite=sums.nonfinite + int((lost & counted).sum()))
+        diverged = sums.nonfinite + int((lost & counted).sum())
+        return added._replace(nonfinite=diverged, report=sums.report + report.sum(axis=0))
 
     def _add(self, each: Map, sums: Sums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
         """Add the values of some blocks with states y to sums, in each thread at other times."""
@@ -196,6 +201,7 @@ class StatisticsPlan(BlocksPlan):
             histogram=histogram(*counted, case.bins) if "histogram" in case.statistics else None,
             density_map=self._map(sums.cells, names),
             **self._differences(found, mean, stderr),
+            acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             nonfinite=sums.nonfinite,
             step=case.step,
             samples=self.samples,
