@@ -19,6 +19,7 @@ BROWNIAN = 0  # increments of the Wiener processes, channel = process
 COINS = 1  # what is added to the stream of the increments: the coins of the same paths
 BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
 AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.area_series
+DRIVERS = 2**13  # what is added to it, and up to 2 more: further numbers of drivers that are no Brownian motion
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
@@ -94,13 +95,20 @@ def draw_normals(seed, stream, channel, draw, block, words, normals):
 
 
 @device
-def toss(seed, stream, draw, block, words):
-    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+def draw_words(seed, stream, channel, draw, block, words):
+    """The four words of the LANES paths of a block, word r of lane l at [r * LANES + l]."""
     k0, k1 = seed & _LOW, seed >> _32
+    c1 = (stream << np.uint64(16)) | channel
     c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
     for lane in range(LANES):
-        w = philox(draw, stream << np.uint64(16), c2 + np.uint64(lane), c3, k0, k1)
+        w = philox(draw, c1, c2 + np.uint64(lane), c3, k0, k1)
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+
+
+@device
+def toss(seed, stream, draw, block, words):
+    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+    draw_words(seed, stream, np.uint64(0), draw, block, words)
 
 
 @device

@@ -18,15 +18,16 @@ from ..systems.keys import MOST
 from .checks import (
     ROUNDING,
     check_count,
+    check_eps,
     check_multiple,
     check_names,
     check_needs,
-    check_once,
     check_schemes,
     check_word_of_areas,
 )
 from .compositions import Compositions, weak_order
 from .damping import damped_model
+from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
@@ -75,6 +76,7 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
+    noise: key_of(Noise, "what drives the noises, as in {kind: levy, alpha: 1.5}; default: Brownian motion") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
 
@@ -82,6 +84,7 @@ class BaseCase(Keys):
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
@@ -127,6 +130,11 @@ class BaseCase(Keys):
         return variables(undamped(self.model))
 
     @property
+    def driver(self) -> str:
+        """What drives the noises in place of Brownian motion; empty if that does."""
+        return told(self.noise)
+
+    @property
     def model_name(self) -> str:
         return name_of(self.model)
 
@@ -150,7 +158,7 @@ class BaseCase(Keys):
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
+        said = {"damping": bool, "noise": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
         said["areas"] = lambda word: word != "exact"
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
@@ -186,17 +194,13 @@ class BaseCase(Keys):
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:
-        multiscale = [s for s in self.schemes if self.row(s).multiscale]
-        if multiscale and self.eps is None:
-            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-        if self.eps is not None:
-            if not multiscale:
-                known = [name for name, row in SCHEMES.items() if row.multiscale]
-                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-            check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
-            for name in multiscale:
-                if self.row(name).needs_eps and 0 in self.eps:
-                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        check_eps(self)
+        return self
+
+    @condition("noise", "schemes", "reference_scheme", "model")
+    def _check_noise(self) -> Self:
+        if self.noise is not None:
+            check_noise(self)
         return self
 
     @condition("expect", "schemes")
@@ -291,10 +295,3 @@ class FunctionsCase(ErrorCase):
             right = f"must be an expression in {known} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
-
-
-def need(case: BaseCase, estimator: str, *keys: str) -> None:
-    """One of these keys must be given."""
-    if all(getattr(case, key) is None for key in keys):
-        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
-        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

@@ -86,7 +86,7 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
         row, where = case.row(name), "schemes" if name in listed else "reference_scheme"
-        if row.needs_truncation and name in used and not truncated:
+        if row.needs_truncation and name in used and not truncated and case.noise is None:
             raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", where)
         if pairs > MOST and needs_areas(row.record):
             what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
@@ -122,6 +122,21 @@ def check_word_of_areas(case: Any) -> None:
     if not any(needs_areas(case.row(name).record) for name in case.schemes_used):
         known = ", ".join(name for name, row in SCHEMES.items() if needs_areas(row.record))
         raise wrong(f"is '{case.areas}', but no scheme needs Lévy areas", f"leave it out, or use {known}", "areas")
+
+
+def check_eps(case: Any) -> None:
+    """Schemes for the multiscale system have a scale, and no other has one."""
+    multiscale = [s for s in case.schemes if case.row(s).multiscale]
+    if multiscale and case.eps is None:
+        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+    if case.eps is not None:
+        if not multiscale:
+            known = [name for name, row in SCHEMES.items() if row.multiscale]
+            raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
+        for name in multiscale:
+            if case.row(name).needs_eps and 0 in case.eps:
+                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
 
 
 def check_large(case: Any) -> None:
@@ -163,3 +178,10 @@ def check_extrapolate(case: Any) -> None:
     if not len(places(case.steps, most)):
         needed = ", ".join(["h", *(f"{2**i}h" for i in range(1, most + 1))])
         raise wrong(f"has {most}, which combines the steps {needed}", "add them to steps", "extrapolate")
+
+
+def need(case: Any, estimator: str, *keys: str) -> None:
+    """One of these keys must be given."""
+    if all(getattr(case, key) is None for key in keys):
+        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
+        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

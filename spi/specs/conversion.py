@@ -14,7 +14,7 @@ from .sweep import versions
 from .writing import as_yaml
 
 #: The keys that say what is integrated.
-_KEPT = ("model", "damping", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
+_KEPT = ("model", "damping", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise", "noise")
 
 
 class Given(NamedTuple):
@@ -70,7 +70,7 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], kind: str, keys
 
 
 def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
-    if any(case.row(name).needs_truncation for name in case.schemes):
+    if case.noise is None and any(case.row(name).needs_truncation for name in case.schemes):
         keys["truncate_noise"] = True
     h = max(getattr(case, "steps", None) or (case.step,))  # type: ignore[attr-defined]
     length = max(round(case.last_time / h), 1)

@@ -100,6 +100,7 @@ class Description(NamedTuple):
     truncate_noise: bool
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
     areas: str = "exact"  #: how Lévy areas were drawn, if they were
+    driver: str = ""  #: what drove the noises in place of Brownian motion
 
     @property
     def label(self) -> str:
@@ -133,13 +134,14 @@ class Description(NamedTuple):
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,
             areas=getattr(case, "areas", "exact"),
+            driver=getattr(case, "driver", ""),
         )
 
     def attributes(self) -> dict[str, Any]:
         """What a group keeps of it besides the names of the case and the variant."""
         plain = self._asdict()
         parameters = {f"{_MODEL}{name}": value for name, value in plain.pop("parameters").items()}
-        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator")}
+        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator", "driver")}
         empty["areas"] = None if self.areas == "exact" else self.areas
         return {name: value for name, value in (plain | empty | parameters).items() if name not in ("case", "variant")}
 
@@ -165,6 +167,7 @@ class Description(NamedTuple):
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=a.get("extrapolate") or 0,
             areas=a.get("areas") or "exact",
+            driver=a.get("driver") or "",
         )
         for name, hint in get_type_hints(cls).items():
             check_fact(name, getattr(found, name), hint)

@@ -66,7 +66,7 @@ class StabilityPlan(PartPlan):
     @property
     def has_truth(self) -> bool:
         """Whether there are test functions, and their true expectations can be found without a scheme."""
-        return bool(self.case.functions) and can_solve_equation(self.model)
+        return bool(self.case.functions) and self.case.noise is None and can_solve_equation(self.model)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""

@@ -4,8 +4,7 @@ from typing import Any
 
 from spi.ensemble.protocol import Positive
 from spi.exact.kolmogorov import can_solve
-from spi.specs.cases import need
-from spi.specs.checks import check_areas
+from spi.specs.checks import check_areas, need
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of, wrong
 
