@@ -164,7 +164,7 @@ class Integrator:
         return self._moved(self._states(y), self._stream(seed), steps, first_step, first_path, out)
 
     def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
-        """What :meth:`sample` uses, as arrays: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
+        """What :meth:`sample` uses, arrays dW, areas, coins: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
         areas = np.zeros((*shape, len(self.pairs))) if self.pairs else _NO_AREAS
         coins = np.zeros(shape) if "coins" in self.needs else _NO_COINS
@@ -204,7 +204,7 @@ class Integrator:
         blocks = -(-paths // LANES)
         if paths < blocks * LANES:
             y = np.pad(y, ((0, blocks * LANES - paths), (0, 0)), "edge")
-        states = y.reshape(blocks, LANES, d).transpose(0, 2, 1).reshape(blocks, 1, d * LANES)
+        states = np.array(y.reshape(blocks, LANES, d).transpose(0, 2, 1), order="C").reshape(blocks, 1, d * LANES)
         times = self._grid._replace(reference_steps=steps, first_step=first_step, start=time)
         first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
         with limited_threads(self.threads) if self.threads else nullcontext():

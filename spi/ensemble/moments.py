@@ -46,11 +46,11 @@ def add_moments(values, first_block, end, sums, one, other, products):
 def count_values(values, first_block, end, low, inverse_width, counts):
     """Count values (blocks, T, F, LANES) in `counts` (T, F, 2 + bins): below all bins, in each, and above all or NaN.
 
-    The first bin of function f at time t begins at low[t, f]; their width is 1 / inverse_width[t, f].
+    The first bin of function f at time t begins at low[t, f]; their width is 1 / inverse_width[t, f].  Values of
+    further functions are not counted.
     """
-    blocks, times, functions, _ = values.shape
-    bins = counts.shape[2] - 2
-    for row in range(blocks):
+    times, functions, bins = counts.shape[0], counts.shape[1], counts.shape[2] - 2
+    for row in range(len(values)):
         paths = min(LANES, end - (first_block + row) * LANES)
         for t in range(times):
             for f in range(functions):

@@ -44,12 +44,17 @@ def last_states_only(times):
 
 
 def state_recorder(times, rows, every, lane=0):
-    """The observer that puts states of lanes from `lane` on after every so many steps of the only level into `rows`.
+    """The observer that puts states of lanes from `lane` on into `rows`, after every so many steps of the largest size.
 
-    These are (blocks, stored + 1, d * lanes), the first of which, the initial ones, are left as they are.
+    These are (blocks, levels * (stored + 1), d * lanes), level after level, of each of which the first, the initial
+    ones, are left as they are.
     """
     nothing = last_states_only(times)
-    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=np.array([[1, every, nothing.levels[0, 2]]]))
+    steps = nothing.levels[:, 2]
+    stored = steps[-1] // every
+    places = 1 + np.arange(len(steps)) * (stored + 1)
+    levels = np.stack([places, every * (steps // steps[-1]), steps], axis=1)
+    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 
 
 def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):

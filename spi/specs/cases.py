@@ -158,8 +158,8 @@ class BaseCase(Keys):
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"damping": bool, "noise": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
-        said["areas"] = lambda word: word != "exact"
+        said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
+        said |= dict.fromkeys(("damping", "noise", "times", "autocorrelation", "density", "reference_step"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")

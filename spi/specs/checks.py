@@ -41,6 +41,40 @@ def check_once(listed: Sequence[Any], key: str) -> None:
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
 
 
+def check_step(case: Any, key: str = "step") -> None:
+    """What the step of a case of one step size must be, which stands under `key`."""
+    check_count(case.final_time, case.step, key)
+    check_multiple(case.final_time, case.step, key, "is")
+    check_schemes(case, case.schemes, [case.step], key)
+
+
+def check_every(case: Any) -> None:
+    """The key `every` must divide the number of steps."""
+    steps = round(case.final_time / case.step)
+    if steps % case.every:
+        what = f"is {case.every}, of which the number of steps, {steps}, is not a multiple"
+        raise wrong(what, f"take {math.gcd(steps, case.every)}, which divides both", "every")
+
+
+def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
+    """The key `times` in its order, as exact multiples of `between`; `of` stands before and behind it in a message."""
+    before, behind = of.split("{}")
+
+    def check(i: int, t: float) -> None:
+        if t > case.final_time * (1 + ROUNDING):
+            right = f"must not exceed final_time, which is {quantity(case.final_time)}"
+            raise wrong(f"is {quantity(t)}", right, "times", i)
+        if abs(round(t / between) * between - t) > ROUNDING * max(t, between):
+            lower = math.floor(t / between) * between
+            right = f"the nearest are {quantity(lower)} and {quantity(lower + between)}"
+            raise wrong(f"is {quantity(t)}, no multiple of {before}{quantity(between)}{behind}", right, "times", i)
+
+    every(check, enumerate(case.times))
+    numbers = [round(t / between) for t in case.times]
+    check_once([quantity(n * between) for n in numbers], "times")
+    return tuple(n * between for n in sorted(numbers))
+
+
 def check_names(case: Any) -> None:
     """All schemes are in the table of schemes or among the compositions of the case."""
     known = (*SCHEMES, *case.compositions)

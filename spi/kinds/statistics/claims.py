@@ -1,4 +1,4 @@
-"""What a spec may expect of statistics: means and variances at the last time, and deviations from what is known."""
+"""What a spec may expect of statistics: what they are at the last time, and deviations from what is known."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,14 +11,13 @@ from .results import Statistics
 
 
 def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
-    """For each function its mean and variance at the last time, and the largest deviation in standard errors."""
+    """For each function what is known at the last time, and the largest deviation in standard errors."""
     for one in readings:
         deviation = one.deviation
         for f, name in enumerate(one.functions):
-            half = INTERVAL * one.mean_stderr[f, -1]
-            yield quantity("mean", one.about, one.mean[f, -1], half, name)
-            if one.variance is not None and one.variance_stderr is not None:
-                half = INTERVAL * one.variance_stderr[f, -1]
-                yield quantity("variance", one.about, one.variance[f, -1], half, name)
+            for quantity_name in ("mean", "variance", "autocorrelation", "difference"):
+                values, errors = getattr(one, quantity_name), getattr(one, f"{quantity_name}_stderr")
+                if values is not None and not np.isnan(values[f, -1]):
+                    yield quantity(quantity_name, one.about, values[f, -1], INTERVAL * errors[f, -1], name)
             if deviation is not None and np.isfinite(deviation[f]).any():
                 yield quantity("deviation", one.about, np.nanmax(np.abs(deviation[f])), 0.0, name)
