@@ -94,7 +94,7 @@ def test_more_paths_go_on_from_fewer(plan_of):
 def test_kinds_have_the_same_paths(plan_of):
     plan = plan_of(PATH, FRACTIONAL)
     path = plan.results(finished(plan)).y
-    values, _ = plan_of(STATISTICS, FRACTIONAL).rows(0, 1, 1, 70)
+    values, *_ = plan_of(STATISTICS, FRACTIONAL).rows(0, 1, 1, 70)
     assert np.array_equal(values[0, :, :, 1], (path - path[0])[::64])
 
 
