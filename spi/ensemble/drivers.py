@@ -40,13 +40,13 @@ class Driver:
     """
 
     def __init__(self, law: Any, stream: Any, last_time: float, parts: int = 1) -> None:
-        self.law, self.stream, self.last_time, self.parts = law, stream, last_time, parts
+        self.law, self.keys, self.last_time, self.parts = law, stream, last_time, parts
         self._memory: dict[Any, Any] = {}
 
     @property
     def for_a_trial(self):
         """A driver whose increments are 0, for calls that only have kernels compiled."""
-        return Driver(_Nothing(), self.stream, self.last_time, self.parts)
+        return Driver(_Nothing(), self.keys, self.last_time, self.parts)
 
     def most_blocks(self, model, times):
         """How many blocks fit into memory, as far as their noise is concerned."""
@@ -68,16 +68,14 @@ class Driver:
     def coins(self, first, steps, first_path, paths):
         """(steps, paths) those of steps from number `first` on."""
         coins = np.empty((steps, paths))
-        draw_all_coins(self.stream, first, first_path, coins)
+        draw_all_coins(self.keys, first, first_path, coins)
         return coins
 
     def increments(self, h, first, steps, first_path, paths, noises_of_model, parts=1):
         """(parts * steps, paths, noises): those over sub-steps of the steps of size h from number `first` on."""
         fine = max(parts, self.parts)
         total = max(round(self.last_time / h), first + steps)
-        asked = Asked(
-            self.stream, h / fine, fine * first, fine * steps, fine * total, first_path, paths, noises_of_model
-        )
+        asked = Asked(self.keys, h / fine, fine * first, fine * steps, fine * total, first_path, paths, noises_of_model)
         dW = self.law.draw(asked, self._memory)
         while fine > parts:
             dW, fine = dW[0::2] + dW[1::2], fine // 2

@@ -19,7 +19,8 @@ from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .given import coins_of_step, noise_of_steps
 from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
-from .observer import last_states_only, observe
+from .observer import beginning_at, last_states_only, observe
+from .random_states import RandomState, block_states
 from .scheme_protocol import REPORT, SUMMED
 from .special import frozen
 from .steppers import advance_path, kept_of_steps, largest_sizes
@@ -97,6 +98,11 @@ class RandomStream(NamedTuple):
     stream: np.uint64
 
     @property
+    def keys(self):
+        """Of what the random numbers of these paths are functions: itself."""
+        return self
+
+    @property
     def for_a_trial(self):
         """A stream of the same type whose numbers are quickly made."""
         return self
@@ -115,11 +121,12 @@ def brownian(seed):
     return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
-def states_at(initial, scheme, model, times, blocks):
+def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
     """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
+    y = block_states(initial, noise, first, blocks)
     memory = largest_sizes(times.reference_scheme, scheme, model)[1]
-    states = np.zeros((blocks, len(times.doublings), len(initial) * LANES + memory))
-    states[..., : len(initial) * LANES] = np.repeat(initial, LANES)
+    states = np.zeros((blocks, len(times.doublings), y.shape[1] + memory))
+    states[..., : y.shape[1]] = y[:, np.newaxis]
     return states
 
 
@@ -241,10 +248,9 @@ def arguments_of(*what):
 
 def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=None):
     """The arguments of one call after the other, on the same states and with the same report."""
-    states = np.array(initial, float)
-    if states.ndim == 1:
-        states = states_at(states, scheme, model, times, blocks)
-    observer = last_states_only(times) if observer is None else observer
+    given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
+    states = np.array(initial, float) if given else states_at(initial, scheme, model, times, blocks, noise, first)
+    observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
     report = empty_report(blocks, len(times.doublings))
     for piece, given, begin, last in noise.pieces(scheme, model, times, first, blocks, end):
         yield scheme, model, states, piece, given, observer, report, begin, last

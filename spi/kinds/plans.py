@@ -13,9 +13,11 @@ from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from spi.ensemble.invariants import empty_invariants, invariants
+from spi.ensemble.given import draw_paths
+from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.loop import Grid, arguments_of, integrate, thread_count
-from spi.ensemble.protocol import in_kernels, large
+from spi.ensemble.protocol import casimirs, in_kernels, large
+from spi.ensemble.random_states import RandomState, first_states
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
@@ -140,8 +142,18 @@ class PartPlan:
 
     @property
     def initial(self) -> Any:
-        """y_0, a tuple of floats or of a large model an array."""
+        """y_0, a tuple of floats or of a large model an array; or what stands for states at random."""
         return np.array(self.case.initial) if large(self.model) else self.case.initial
+
+    def initial_states(self, first: int, blocks: int) -> np.ndarray:
+        """(d, 1), or (d, paths): y_0 of the paths of some blocks, of which each has its own where that is random."""
+        return first_states(self.initial, self.stream, first, blocks)
+
+    def initial_casimirs(self, first: int, blocks: int) -> np.ndarray:
+        """(C, 1), or (C, paths): the Casimir functions of the initial states."""
+        if isinstance(self.initial, RandomState):
+            return casimirs_of_states(self.model, self.initial_states(first, blocks))
+        return np.array(casimirs(self.model, self.initial))[:, np.newaxis]
 
     @property
     def row(self) -> Scheme:
@@ -200,9 +212,11 @@ class PartPlan:
     def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
         """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
         shortest = times._replace(reference_steps=1 << int(times.doublings[-1]))  # a step of each size
-        what = self.scheme, self.model, self.initial, shortest, stream.for_a_trial
+        what = self.scheme, self.model, np.array(self.initial), shortest, stream.for_a_trial
         step = arguments_of(*what, 0, 1, LANES)
-        return [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
+        calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
+        drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
+        return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
 
     def initial_extra(self) -> Any:
         """Nothing."""

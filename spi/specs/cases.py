@@ -1,6 +1,5 @@
 """What several kinds of experiment have in common: keys, and conditions between them."""
 
-import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
@@ -16,14 +15,13 @@ from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
 from ..systems.keys import MOST
 from .checks import (
-    ROUNDING,
     check_count,
     check_eps,
-    check_multiple,
     check_names,
     check_needs,
     check_schemes,
     check_word_of_areas,
+    dyadic,
 )
 from .compositions import Compositions, weak_order
 from .damping import damped_model
@@ -48,6 +46,7 @@ from .keys import (
 from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
+from .sweep import PLACES, SWEEP, Swept, check_shown
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -68,7 +67,7 @@ class BaseCase(Keys):
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
     initial: key_of(
         Initial,
-        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
         "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
@@ -79,6 +78,7 @@ class BaseCase(Keys):
     noise: key_of(Noise, "what drives the noises, as in {kind: levy, alpha: 1.5}; default: Brownian motion") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+    sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
     neutral: ClassVar[frozenset[str]] = frozenset(
@@ -88,6 +88,8 @@ class BaseCase(Keys):
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
+    swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
+    shown_over: ClassVar[tuple[str, ...]] = ()  #: the quantities that are shown over it by default; () for the first
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -116,8 +118,13 @@ class BaseCase(Keys):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """What a claim may be limited by: the step size, and eps where there is one."""
-        return ("h", *["eps"] * (self.eps is not None))
+        """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
+        return ("h", *["eps"] * (self.eps is not None), *([self.sweep.word] if self.sweep else []))
+
+    @property
+    def owner(self) -> str:
+        """The name of the case, or of that which is swept if it is one of its values."""
+        return (self.sweep and self.sweep.case) or self.name
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -203,6 +210,11 @@ class BaseCase(Keys):
             check_noise(self)
         return self
 
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        check_shown(self)
+        return self
+
     @condition("expect", "schemes")
     def _check_expect(self) -> Self:
         _ = self.claims
@@ -230,7 +242,7 @@ class ErrorCase(BaseCase):
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
-        steps = [self._dyadic(h) for h in self.steps]
+        steps = [dyadic(self, h) for h in self.steps]
         if len(set(steps)) < len(steps):
             raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
         check_schemes(self, self.schemes_used if self.bounded_increments else (), steps, "steps")
@@ -242,20 +254,6 @@ class ErrorCase(BaseCase):
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
         return self
-
-    def _dyadic(self, h: float) -> float:
-        """h as exactly the reference step times a power of two that divides the final time."""
-        end, reference = self.final_time, self.reference_step
-        if h > end * (1 + ROUNDING):
-            raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
-        doublings = math.log2(h) - math.log2(reference)
-        exact = reference * 2.0 ** round(doublings)
-        if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
-            lower = reference * 2.0 ** max(1, math.floor(doublings))
-            what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
-            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
-        check_multiple(end, h, "steps", "has")
-        return exact
 
 
 class FunctionsCase(ErrorCase):

@@ -36,9 +36,39 @@ def check_multiple(end: float, h: float, key: str, has: str) -> None:
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 
+def dyadic(case: Any, h: float) -> float:
+    """h as exactly the reference step times a power of two that divides the final time."""
+    end, reference = case.final_time, case.reference_step
+    if h > end * (1 + ROUNDING):
+        raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
+    doublings = math.log2(h) - math.log2(reference)
+    exact: float = reference * 2.0 ** round(doublings)
+    if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
+        lower = reference * 2.0 ** max(1, math.floor(doublings))
+        what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
+        raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
+    check_multiple(end, h, "steps", "has")
+    return exact
+
+
 def check_once(listed: Sequence[Any], key: str) -> None:
     if len(set(listed)) < len(listed):
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
+def check_eps(case: Any) -> None:
+    """There is an eps where a scheme needs one, and else none."""
+    multiscale = [s for s in case.schemes if case.row(s).multiscale]
+    if multiscale and case.eps is None:
+        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+    if case.eps is not None:
+        if not multiscale:
+            known = [name for name, row in SCHEMES.items() if row.multiscale]
+            raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
+        for name in multiscale:
+            if case.row(name).needs_eps and 0 in case.eps:
+                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
 
 
 def check_step(case: Any, key: str = "step") -> None:
@@ -156,21 +186,6 @@ def check_word_of_areas(case: Any) -> None:
     if not any(needs_areas(case.row(name).record) for name in case.schemes_used):
         known = ", ".join(name for name, row in SCHEMES.items() if needs_areas(row.record))
         raise wrong(f"is '{case.areas}', but no scheme needs Lévy areas", f"leave it out, or use {known}", "areas")
-
-
-def check_eps(case: Any) -> None:
-    """Schemes for the multiscale system have a scale, and no other has one."""
-    multiscale = [s for s in case.schemes if case.row(s).multiscale]
-    if multiscale and case.eps is None:
-        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-    if case.eps is not None:
-        if not multiscale:
-            known = [name for name, row in SCHEMES.items() if row.multiscale]
-            raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
-        for name in multiscale:
-            if case.row(name).needs_eps and 0 in case.eps:
-                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
 
 
 def check_large(case: Any) -> None:

@@ -15,6 +15,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
+from spi.ensemble.random_states import block_states
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
 from spi.numerics.rng import LANES
@@ -161,7 +162,7 @@ class StatisticsPlan(BlocksPlan):
         d, steps, levels = len(self.initial), self.steps, len(self.steps)
         each = int(steps[-1]) // self.case.stride + 1  # states of a level
         y = np.empty((blocks, levels * each, d * LANES))
-        y[:, ::each] = np.repeat(self.initial, LANES)
+        y[:, ::each] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
         recorder = state_recorder(self.grid, y, self.case.stride)
         integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
         states = np.moveaxis(y.reshape(blocks, levels * each, d, LANES), 2, 0)
