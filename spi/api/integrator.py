@@ -16,13 +16,12 @@ from ..ensemble.loop import (
     empty_report,
     integrate,
     limited_threads,
-    report_columns,
 )
 from ..ensemble.moving import move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises
 from ..ensemble.random_states import first_states
-from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, substeps, tosses
+from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, report_columns, substeps, tosses
 from ..numerics.rng import LANES, STEPS_PER_TOSS
 from ..specs import SpecError
 from ..specs.drivers import law_of, stream_of

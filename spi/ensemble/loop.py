@@ -17,7 +17,7 @@ from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .given import coins_of_step, noise_of_steps
-from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
+from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
 from .random_states import RandomState, block_states
@@ -149,7 +149,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     owned = (
         aligned(states.size).reshape(states.shape),  # because another block's row may share a line of the cache
         aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
-        aligned((flipped + 1) * LANES).reshape(flipped + 1, -1),
+        aligned((flipped + 1) * coins_length(kept.coins, model)).reshape(flipped + 1, -1),
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
@@ -294,10 +294,3 @@ def add_reports(total, reports):
     added = total + reports.sum(axis=0)
     added[:, SUMMED:] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, SUMMED:]
     return added
-
-
-def report_columns(report):
-    """What there is in a report (..., columns), by name: of solvers if there was one, of angles if any was large."""
-    solver, angle = REPORT[:-1], REPORT[-1]
-    columns = {name: report[..., i] for i, name in enumerate(solver)} if report[..., 0].any() else {}
-    return columns | ({angle: report[..., -1]} if report[..., -1].any() else {})

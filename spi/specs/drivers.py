@@ -10,6 +10,7 @@ with the spec, and a digest of them is among what decides results.
 """
 
 import hashlib
+import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -161,8 +162,10 @@ def parts_of(case: Any) -> int:
 
 
 def check_noise(case: Any) -> None:
-    """What another driver than Brownian motion asks of a case; it has one."""
+    """What another driver than Brownian motion asks of a case."""
     law = case.noise
+    if law is None:
+        return
     if not case.driven:
         raise wrong("is given, but this kind of experiment is for Brownian motion", "leave it out", "noise")
     for name in case.schemes_used:
@@ -173,6 +176,8 @@ def check_noise(case: Any) -> None:
         listed = getattr(case, key, None) or ()
         if entry in listed if entry else any(listed):
             raise wrong(f"has {entry or max(listed)}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
+    if case.temperature < math.inf:
+        raise wrong(f"is {case.temperature:g}, which is kept by {_BROWNIAN}", "leave it out", "temperature")
     if case.truncate_noise:
         raise wrong(f"is true, whose bound is that for {_BROWNIAN}", "leave it out", "truncate_noise")
     if isinstance(law, Fractional) and law.hurst <= 0.25 and area_pairs(case.model):

@@ -11,11 +11,11 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import growth, invariants_of
 from spi.ensemble.laws import at_once
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import decay_rates, large
 from spi.ensemble.random_states import RandomState
-from spi.ensemble.scheme_protocol import REPORT
+from spi.ensemble.scheme_protocol import REPORT, report_columns
 from spi.kinds.plans import Cost, Done, PathsPlan, State
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
