@@ -54,7 +54,7 @@ _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/entries.py", "schemes/table.py", "schemes/costs.py"}
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
-_SHOWING = {"claims", "comparisons", "figure", "keys", "losses", "results", "table"}
+_SHOWING = {"claims", "comparisons", "curves", "figure", "keys", "losses", "results", "table"}
 
 
 def sources(*rooms):

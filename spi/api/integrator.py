@@ -20,6 +20,7 @@ from ..ensemble.loop import (
 from ..ensemble.moving import move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises
+from ..ensemble.random_states import first_states
 from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, substeps, tosses
 from ..numerics.rng import LANES, STEPS_PER_TOSS
 from ..specs import SpecError
@@ -78,7 +79,7 @@ class Integrator:
     ) -> None:
         plan = plan_of(model, scheme, {"initial": initial, "final_time": step, "step": step, **options})
         self._scheme, self._model, self._grid = plan.scheme, plan.model, plan.grid
-        self._initial = np.array(plan.initial, float)
+        self._initial = plan.initial
         if memory_size(self._scheme, self._model):
             raise SpecError(f"scheme: is {scheme!r}, which has a fast process besides the states; use spi.trajectory")
         self.step_size = plan.case.step
@@ -91,9 +92,11 @@ class Integrator:
         self._report = empty_report(1, 1)
         self._observer = last_states_only(self._grid)
 
-    def start(self, paths: int) -> Array:
-        """The initial state of so many paths, (paths, dimension)."""
-        return np.tile(self._initial, (whole("paths", paths, 1), 1))
+    def start(self, paths: int, *, seed: int = 1) -> Array:
+        """The initial state of so many paths, (paths, dimension); at random those of a run with this seed."""
+        count = whole("paths", paths, 1)
+        y = first_states(self._initial, brownian(whole("seed", seed, 0)), 0, -(-count // LANES))
+        return np.array(np.broadcast_to(y, (len(y), max(count, y.shape[1]))).T[:count], order="C")
 
     def step(
         self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0

@@ -18,9 +18,10 @@ from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .given import coins_of_step, noise_of_steps
-from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
+from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
-from .observer import last_states_only, observe
+from .observer import beginning_at, last_states_only, observe
+from .random_states import RandomState, block_states
 from .scheme_protocol import REPORT, SUMMED
 from .special import frozen
 from .steppers import advance_path, kept_of_steps, largest_sizes
@@ -113,11 +114,12 @@ def brownian(seed):
     return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
-def states_at(initial, scheme, model, times, blocks):
+def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
     """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
+    y = block_states(initial, noise, first, blocks)
     memory = largest_sizes(times.reference_scheme, scheme, model)[1]
-    states = np.zeros((blocks, len(times.doublings), len(initial) * LANES + memory))
-    states[..., : len(initial) * LANES] = np.repeat(initial, LANES)
+    states = np.zeros((blocks, len(times.doublings), y.shape[1] + memory))
+    states[..., : y.shape[1]] = y[:, np.newaxis]
     return states
 
 
@@ -140,7 +142,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     owned = (
         aligned(states.size).reshape(states.shape),  # because another block's row may share a line of the cache
         aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
-        aligned((flipped + 1) * LANES).reshape(flipped + 1, -1),
+        aligned((flipped + 1) * coins_length(kept.coins, model)).reshape(flipped + 1, -1),
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
@@ -230,10 +232,9 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
 
 def arguments_of(scheme, model, initial, times, noise, first, blocks, end, observer=None):
     """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left."""
-    states = np.array(initial, float)
-    if states.ndim == 1:
-        states = states_at(states, scheme, model, times, blocks)
-    observer = last_states_only(times) if observer is None else observer
+    given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
+    states = np.array(initial, float) if given else states_at(initial, scheme, model, times, blocks, noise, first)
+    observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
     return scheme, model, states, times, noise, observer, empty_report(blocks, len(times.doublings)), first, end
 
 
@@ -293,7 +294,10 @@ def add_reports(total, reports):
 
 
 def report_columns(report):
-    """What there is in a report (..., columns), by name: of solvers if there was one, of angles if any was large."""
-    solver, angle = REPORT[:-1], REPORT[-1]
-    columns = {name: report[..., i] for i, name in enumerate(solver)} if report[..., 0].any() else {}
-    return columns | ({angle: report[..., -1]} if report[..., -1].any() else {})
+    """What there is in a report (..., columns), by name: of solvers or of flows judged if there were any, and the rest.
+
+    That is the largest angle, if any was large.
+    """
+    by_name = {name: report[..., i] for i, name in enumerate(REPORT)}
+    groups = (*REPORT[:3], REPORT[7]), REPORT[3:7], REPORT[8:]
+    return {name: by_name[name] for names in groups if by_name[names[0]].any() for name in names}

@@ -19,6 +19,7 @@ import numpy as np
 
 from ..compiler.dispatch import answers
 from ..ensemble.protocol import axis_inertias, hamiltonian
+from ..ensemble.random_states import RandomState
 from .places import strengths_by_place
 
 #: Bins of equal probability.
@@ -36,6 +37,8 @@ def obstacle(model, initial):
     turning = [s for s, i in zip(strengths_by_place(model, 3), noise_inertias, strict=True) if s and np.isfinite(i)]
     if len(turning) < 2:
         return f"the stationary law of {name} is known with noises about at least two axes, not with {len(turning)}"
+    if isinstance(initial, RandomState) and initial.law.surface is None:
+        return "paths begin on several spheres"
     if np.count_nonzero(initial) < 2:
         return "on an axis nothing moves"
     return None

@@ -12,9 +12,11 @@ from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from spi.ensemble.invariants import empty_invariants, invariants
+from spi.ensemble.given import draw_paths
+from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest, thread_count
-from spi.ensemble.protocol import in_kernels, large
+from spi.ensemble.protocol import casimirs, in_kernels, large
+from spi.ensemble.random_states import RandomState, first_states
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.statistics.tallies import Chunk, PathSet, Sums
@@ -138,8 +140,18 @@ class PartPlan:
 
     @property
     def initial(self) -> Any:
-        """y_0, a tuple of floats or of a large model an array."""
+        """y_0, a tuple of floats or of a large model an array; or what stands for states at random."""
         return np.array(self.case.initial) if large(self.model) else self.case.initial
+
+    def initial_states(self, first: int, blocks: int) -> np.ndarray:
+        """(d, 1), or (d, paths): y_0 of the paths of some blocks, of which each has its own where that is random."""
+        return first_states(self.initial, self.stream, first, blocks)
+
+    def initial_casimirs(self, first: int, blocks: int) -> np.ndarray:
+        """(C, 1), or (C, paths): the Casimir functions of the initial states."""
+        if isinstance(self.initial, RandomState):
+            return casimirs_of_states(self.model, self.initial_states(first, blocks))
+        return np.array(casimirs(self.model, self.initial))[:, np.newaxis]
 
     @property
     def row(self) -> Scheme:
@@ -195,8 +207,11 @@ class PartPlan:
 
     def calls_of_a_step(self, times: Grid, stream: RandomStream) -> list[KernelCall]:
         """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
-        step = arguments_of(self.scheme, self.model, self.initial, shortest(times), stream, 0, 1, LANES)
-        return [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
+        start = np.array(self.initial)
+        step = arguments_of(self.scheme, self.model, start, shortest(times), stream, 0, 1, LANES)
+        calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
+        drawing = KernelCall(draw_paths, (stream, 1.0, 0, 0, np.empty((1, 1, 1))))
+        return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
 
     def initial_extra(self) -> Any:
         """Nothing."""

@@ -34,14 +34,14 @@ def array_in(files: Files, path: str) -> np.ndarray:
     """The array in a file, real, of one dimension or two; raises the error about the key ``file``."""
     data = content(files.text(path, "file", _MOST_BYTES, binary=True))
     try:
-        values = _array_of(data)
+        values = array_of(data)
     except (ValueError, SyntaxError, RecursionError, MemoryError):
         raise wrong(f"is {shown(path)}, which is no array", _RIGHT, "file") from None
-    _check_finite(values, shown(path), "file")
+    check_finite(values, shown(path), "file")
     return values
 
 
-def _array_of(data: bytes) -> np.ndarray:
+def array_of(data: bytes) -> np.ndarray:
     """What ``numpy.load`` would return, without trust in the size that a file claims; ValueError if it is damaged."""
     file = io.BytesIO(data)
     version = np.lib.format.read_magic(file)
@@ -60,7 +60,7 @@ def _array_of(data: bytes) -> np.ndarray:
     return values.astype(float)
 
 
-def _check_finite(values: np.ndarray, what: str, key: str) -> None:
+def check_finite(values: np.ndarray, what: str, key: str) -> None:
     if not np.isfinite(values).all():
         place = ", ".join(str(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise wrong(f"is {what}, which is not finite at [{place}]", "all numbers must be finite", key)
@@ -86,8 +86,8 @@ def state_in(files: Files, path: str, case: str | None, scheme: str | None, time
             known = _states_kept(files, kept)
     if asked not in known:
         raise wrong(f"is {shown(path)}, of which {kept} lacks the state", "add the results file", "results")
-    values = _array_of(content(known[asked]))
-    _check_finite(values, f"{shown(path)} at time {time:g}", "results")
+    values = array_of(content(known[asked]))
+    check_finite(values, f"{shown(path)} at time {time:g}", "results")
     return values
 
 
@@ -96,7 +96,7 @@ def _states_kept(files: Files, kept: str) -> dict[str, str]:
     try:
         known = json.loads(files.text(kept, "results", _MOST_BYTES))
         for one in known.values():
-            _array_of(content(one))
+            array_of(content(one))
     except (ValueError, RecursionError, AttributeError, TypeError):
         raise wrong(f"is kept in {kept}, which is damaged", "delete it and add the results file", "results") from None
     return known

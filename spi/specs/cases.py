@@ -10,7 +10,7 @@ from ..ensemble.areas import HOW
 from ..ensemble.protocol import NonNegative, Positive, dimension
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -18,21 +18,21 @@ from ..systems.keys import MOST
 from .checks import (
     ROUNDING,
     check_count,
+    check_eps,
     check_multiple,
     check_names,
     check_needs,
-    check_once,
     check_schemes,
     check_word_of_areas,
 )
 from .compositions import Compositions, weak_order
-from .damping import damped_model
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
     Eps,
     Functions,
     Keys,
+    OrInfinite,
     SchemeName,
     Schemes,
     Seed,
@@ -47,6 +47,8 @@ from .keys import (
 from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
+from .sweep import PLACES, SWEEP, Swept, check_shown
+from .temperature import dissipation, dissipative_model
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -65,9 +67,10 @@ class BaseCase(Keys):
     title: str
     model: Model
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
+    temperature: key_of(OrInfinite, "T of the friction along the noises; inf is no friction", "energy") = math.inf
     initial: key_of(
         Initial,
-        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
         "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
@@ -77,6 +80,7 @@ class BaseCase(Keys):
     )
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+    sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
     neutral: ClassVar[frozenset[str]] = frozenset(
@@ -85,6 +89,8 @@ class BaseCase(Keys):
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
+    swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
+    shown_over: ClassVar[tuple[str, ...]] = ()  #: the quantities that are shown over it by default; () for the first
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -113,8 +119,13 @@ class BaseCase(Keys):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """What a claim may be limited by: the step size, and eps where there is one."""
-        return ("h", *["eps"] * (self.eps is not None))
+        """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
+        return ("h", *["eps"] * (self.eps is not None), *([self.sweep.word] if self.sweep else []))
+
+    @property
+    def owner(self) -> str:
+        """The name of the case, or of that which is swept if it is one of its values."""
+        return (self.sweep and self.sweep.case) or self.name
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -132,25 +143,26 @@ class BaseCase(Keys):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those of the model by name, and the damping where there is one."""
+        """Those of the model by name, and the damping or temperature where there is one."""
         model = undamped(self.model)
         own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
-        return own | ({"damping": self.damping} if self.damping else {})
+        return own | dissipation(self)
 
     @property
     def last_time(self) -> float:
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition("damping", "model", "panels")
-    def _check_damping(self) -> Self:
-        """The case with its damping in the record of the model."""
-        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+    @condition("damping", "temperature", "model", "panels")
+    def _check_dissipation(self) -> Self:
+        """The case with its damping or its temperature in the record of the model."""
+        return self.model_copy(update={"model": dissipative_model(self)})
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
         said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
+        said["temperature"] = lambda temperature: temperature < math.inf
         said |= dict.fromkeys(("damping", "times", "autocorrelation", "density", "reference_step"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
@@ -186,17 +198,12 @@ class BaseCase(Keys):
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:
-        multiscale = [s for s in self.schemes if self.row(s).multiscale]
-        if multiscale and self.eps is None:
-            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-        if self.eps is not None:
-            if not multiscale:
-                known = [name for name, row in SCHEMES.items() if row.multiscale]
-                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-            check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
-            for name in multiscale:
-                if self.row(name).needs_eps and 0 in self.eps:
-                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        check_eps(self)
+        return self
+
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        check_shown(self)
         return self
 
     @condition("expect", "schemes")
@@ -291,10 +298,3 @@ class FunctionsCase(ErrorCase):
             right = f"must be an expression in {known} such as {example}"
             raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
         return tree
-
-
-def need(case: BaseCase, estimator: str, *keys: str) -> None:
-    """One of these keys must be given."""
-    if all(getattr(case, key) is None for key in keys):
-        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
-        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

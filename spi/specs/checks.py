@@ -6,11 +6,12 @@ from typing import Any
 
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
+from ..ensemble.friction import has_friction
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import area_pairs, large
 from ..ensemble.scheme_protocol import needs_areas
 from ..models import MODELS
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
 from ..systems import inexact
@@ -39,6 +40,21 @@ def check_multiple(end: float, h: float, key: str, has: str) -> None:
 def check_once(listed: Sequence[Any], key: str) -> None:
     if len(set(listed)) < len(listed):
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
+def check_eps(case: Any) -> None:
+    """There is an eps where a scheme needs one, and else none."""
+    multiscale = [s for s in case.schemes if case.row(s).multiscale]
+    if multiscale and case.eps is None:
+        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+    if case.eps is not None:
+        if not multiscale:
+            known = [name for name, row in SCHEMES.items() if row.multiscale]
+            raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
+        for name in multiscale:
+            if case.row(name).needs_eps and 0 in case.eps:
+                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
 
 
 def check_step(case: Any, key: str = "step") -> None:
@@ -174,6 +190,11 @@ def check_needs(case: Any) -> None:
         check_large(case)
     for name in case.schemes_used:
         needs = case.row(name).needs
+        if has_friction(case.model) and case.row(name).multiscale:
+            what = f"has '{name}', whose noise is a fast process, for which no friction is known"
+            raise wrong(what, "leave out the scheme or temperature", "schemes")
+        if needs is has_friction and not needs(case.model):
+            raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
         if needs and not needs(case.model):
             able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
             listed = name in case.schemes
@@ -197,3 +218,10 @@ def check_extrapolate(case: Any) -> None:
     if not len(places(case.steps, most)):
         needed = ", ".join(["h", *(f"{2**i}h" for i in range(1, most + 1))])
         raise wrong(f"has {most}, which combines the steps {needed}", "add them to steps", "extrapolate")
+
+
+def need(case: Any, estimator: str, *keys: str) -> None:
+    """One of these keys must be given."""
+    if all(getattr(case, key) is None for key in keys):
+        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
+        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

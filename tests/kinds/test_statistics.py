@@ -92,9 +92,11 @@ def test_results_are_written_and_read_and_judged(case_of):
     assert np.array_equal(again.mean, found.mean) and again.histogram is not None
     assert np.array_equal(again.reference, found.reference, equal_nan=True)
     told = {(one.name, one.function): one for one in quantities([again])}
-    assert told.keys() == {(name, f) for name in ("mean", "variance") for f in case.functions} | {
-        (name, "length") for name in ("difference", "deviation")
-    }
+    of_values = {(name, f) for name in ("mean", "variance") for f in case.functions}
+    known = {(name, "length") for name in ("difference", "deviation")}
+    assert told.keys() == of_values | known | {("quantile", name) for name in case.quantile_names}
+    median = told["quantile", "square, 0.5-quantile"]
+    assert median.low < median.value == again.quantiles.quantile[1, -1, 1] < median.high
     assert told["mean", "square"].value == found.mean[1, -1]
     assert told["difference", "length"].value == found.mean[0, -1] - 1
 

@@ -19,7 +19,7 @@ from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.kinds.statistics.results import Statistics
+from spi.kinds.statistics.results import Quantiles, Statistics
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
 from spi.report import views
@@ -266,6 +266,7 @@ def test_claims_stand_in_the_schema(load):
 # What comes out of each kind
 # ---------------------------------------------------------------------------------------------------------------------
 
+HALF = np.array([[[1.0], [1.75]]])
 MEANS = Statistics(
     about=Description.of(strong_group("splitting")),
     functions=("phi",),
@@ -277,6 +278,7 @@ MEANS = Statistics(
     variance=np.array([[0.0, 3.0]]),
     variance_stderr=np.array([[0.0, 0.25]]),
     reference=np.array([[1.0, 1.5]]),
+    quantiles=Quantiles(level=np.array([0.5]), **dict.fromkeys(("quantile", "quantile_low", "quantile_high"), HALF)),
     autocorrelation=np.array([[np.nan, 1.0]]),
     autocorrelation_stderr=np.array([[np.nan, 0.0]]),
     since=np.ones(1),

@@ -7,7 +7,7 @@ import numpy as np
 from spi.statistics.claims import Quantity, quantity
 from spi.storage.records import INTERVAL
 
-from .results import Statistics
+from .results import Quantiles, Statistics
 
 
 def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
@@ -17,7 +17,18 @@ def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
         for f, name in enumerate(one.functions):
             for quantity_name in ("mean", "variance", "autocorrelation", "difference"):
                 values, errors = getattr(one, quantity_name), getattr(one, f"{quantity_name}_stderr")
+                known = one.reference[f, -1] if quantity_name == "mean" and one.reference is not None else np.nan
                 if values is not None and not np.isnan(values[f, -1]):
-                    yield quantity(quantity_name, one.about, values[f, -1], INTERVAL * errors[f, -1], name)
+                    half = INTERVAL * errors[f, -1]
+                    yield quantity(quantity_name, one.about, values[f, -1], half, name, expected=known)
             if deviation is not None and np.isfinite(deviation[f]).any():
                 yield quantity("deviation", one.about, np.nanmax(np.abs(deviation[f])), 0.0, name)
+            if one.quantiles:
+                yield from _quantiles(one, one.quantiles, f)
+
+
+def _quantiles(one: Statistics, known: Quantiles, f: int) -> Iterator[Quantity]:
+    """The quantiles of a function at the last time, each as that of ``function, level``."""
+    for i, level in enumerate(known.level.tolist()):
+        value, low, high = (float(each[f, -1, i]) for each in (known.quantile, known.quantile_low, known.quantile_high))
+        yield Quantity("quantile", one.about, value, low, high, f"{one.functions[f]}, {level:g}-quantile")

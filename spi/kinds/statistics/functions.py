@@ -14,7 +14,7 @@ from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, l
 from spi.ensemble.special import frozen
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.models.damped import undamped
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 
 Array = np.ndarray

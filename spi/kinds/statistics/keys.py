@@ -109,10 +109,11 @@ class Case(BaseCase):
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     quantities: ClassVar = {
-        **dict.fromkeys(("mean", "variance", "autocorrelation", "difference"), Sort(EQUAL)),
+        **dict.fromkeys(("mean", "variance", "quantile", "autocorrelation", "difference"), Sort(EQUAL)),
         "deviation": Sort(AT_MOST),
     }
-    scoping: ClassVar = ("functions",)
+    scoping: ClassVar = ("functions", "quantile_names")
+    shown_over: ClassVar = ("mean", "variance", "quantile")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
 
     @property
@@ -124,6 +125,11 @@ class Case(BaseCase):
     def path_functions(self) -> tuple[PathFunction, ...]:
         """The functions, in the order of their names."""
         return tuple(path_function(self.model, self.variables, entry) for entry in self.functions.values())
+
+    @property
+    def quantile_names(self) -> tuple[str, ...]:
+        """What claims about single quantiles are under."""
+        return tuple(f"{name}, {level:g}-quantile" for name in self.functions for level in self.quantiles)
 
     @property
     def stride(self) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations
 from spi.exact.sphere_law import obstacle, stationary_means
 from spi.expressions import as_numpy, parse_expression
@@ -80,6 +81,8 @@ def _unknown(case: Any, name: str, known: str) -> str | None:
         return "that is known on a Casimir surface, which paths leave with damping"
     if known == STATIONARY:
         return obstacle(case.model, case.initial)
+    if isinstance(case.initial, RandomState):
+        return "that is known for one initial state, and here each path has its own"
     if not can_solve_equation(case.model):
         return f"no equation is solved for {case.model_name}, only for systems on spheres with flows about the axes"
     asked = case.model, ((1.0, ()),), case.initial, case.final_time, (case.final_time,), (function.values,)

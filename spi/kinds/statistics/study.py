@@ -15,8 +15,11 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
+from spi.ensemble.random_states import block_states
+from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
@@ -139,6 +142,7 @@ class StatisticsPlan(BlocksPlan):
             counts=np.zeros((times, len(self.functions) if case.fine_bins else 0, 2 + case.fine_bins), np.int64),
             cells=np.zeros((len(self.map_times), 1, 2 + (case.density.count if case.density else 0)), np.int64),
             nonfinite=0,
+            report=np.zeros(SUMMED),
         )
 
     def most_blocks(self, number: int) -> int:
@@ -149,28 +153,29 @@ class StatisticsPlan(BlocksPlan):
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """What some blocks contribute; see :class:`Blockwise`."""
-        values, states = self._evaluated(first, blocks, end)
+        values, states, report = self._evaluated(first, blocks, end)
         maps = np.empty((blocks, 0, 1, LANES))
         if self.cells is not None:
             pair = np.moveaxis(values[:, self.map_times][:, :, list(self.cells.pair)], 2, 0)
             maps = np.ascontiguousarray(self.cells.places(states[:, :, self.places[self.map_times]], pair))
-        return Rows(values, maps, np.logical_not(np.isfinite(states[:, :, -1]).all(axis=0)))
+        return Rows(values, maps, np.logical_not(np.isfinite(states[:, :, -1]).all(axis=0)), report)
 
-    def _evaluated(self, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """Values (blocks, T, columns, LANES) less their origins, and states (d, blocks, stored, LANES)."""
+    def _evaluated(self, first: int, blocks: int, end: int) -> tuple[np.ndarray, ...]:
+        """Values (blocks, T, columns, LANES) less their origins, states (d, blocks, stored, LANES), and reports."""
         d, steps, levels = len(self.initial), self.steps, len(self.steps)
         each = int(steps[-1]) // self.case.stride + 1  # states of a level
         y = np.empty((blocks, levels * each, d * LANES))
-        y[:, ::each] = np.repeat(self.initial, LANES)
+        y[:, ::each] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
         recorder = state_recorder(self.grid, y, self.case.stride)
-        integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
+        what = self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder
+        _, report = integrated(*what)
         states = np.moveaxis(y.reshape(blocks, levels * each, d, LANES), 2, 0)
         values = np.empty((blocks, len(self.places), self.columns, LANES))
         few = max(1, _CACHED // (each * LANES))
         pieces = [slice(begin, begin + few) for begin in range(0, blocks, few)]
         with ThreadPoolExecutor(min(thread_count(), len(pieces))) as threads:
             list(threads.map(lambda piece: self._evaluate(states[:, piece], values[piece]), pieces))
-        return values, states[:, :, -each:]
+        return values, states[:, :, -each:], report[:, -1, :SUMMED]
 
     def _evaluate(self, states: np.ndarray, values: np.ndarray) -> None:
         """Put the columns of states (d, blocks, levels * stored, LANES) into values (blocks, T, columns, LANES)."""
@@ -205,7 +210,8 @@ class StatisticsPlan(BlocksPlan):
             begin = np.zeros((rows.cells.shape[1], 1))
             count_values(rows.cells, first, end, begin, begin + 1, added.cells)
         counted = first * LANES + np.arange(rows.lost.size).reshape(rows.lost.shape) < end
-        return added._replace(nonfinite=sums.nonfinite + int((rows.lost & counted).sum()))
+        diverged = sums.nonfinite + int((rows.lost & counted).sum())
+        return added._replace(nonfinite=diverged, report=sums.report + rows.report.sum(axis=0))
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error of the first mean at the last time."""
@@ -240,6 +246,7 @@ class StatisticsPlan(BlocksPlan):
             histogram=histogram(*counted, case.bins) if "histogram" in case.statistics else None,
             density_map=self._map(sums.cells, names),
             **self._differences(found, mean, stderr),
+            acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             nonfinite=sums.nonfinite,
             step=case.step,
             samples=self.samples,

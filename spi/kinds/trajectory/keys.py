@@ -12,6 +12,7 @@ from spi.specs.checks import check_every, check_step, times_on_grid
 from spi.specs.conversion import Given
 from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
 from spi.specs.mistakes import every
+from spi.specs.sweep import Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
 #: What the figure can show.
@@ -43,6 +44,10 @@ class Case(BaseCase):
         Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
     ) = ()
 
+    sweep: key_of(Swept, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
+        default=None, exclude=True
+    )
+
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
@@ -58,6 +63,13 @@ class Case(BaseCase):
     def steps_stored(self) -> int:
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
+
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        if self.sweep:
+            what = "is for results of many paths or of several step sizes, and a trajectory is one path"
+            raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
+        return self
 
     @condition("step", "schemes")
     def _check_step(self) -> Self:

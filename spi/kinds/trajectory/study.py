@@ -13,6 +13,7 @@ from spi.ensemble.invariants import growth, invariants_of
 from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import decay_rates, large
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.plans import Cost, Done, PathsPlan, State
 from spi.models.zeitlin.fields import lattice_of
@@ -119,7 +120,7 @@ class TrajectoryPlan(PathsPlan):
         block, lane = divmod(self.case.path, LANES)
         path = known or self.empty(0)
         y = np.empty((self.case.steps_stored + 1, len(self.initial)))
-        y[0] = self.initial
+        y[0] = self.initial_states(block, 1)[:, lane if isinstance(self.initial, RandomState) else 0]
         y[: len(path.y)] = path.y
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
