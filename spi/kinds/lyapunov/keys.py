@@ -33,6 +33,7 @@ class Case(BaseCase):
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     quantities: ClassVar = dict.fromkeys(("largest_exponent", "exponent_sum"), Sort(EQUAL))
+    shown_over: ClassVar = tuple(quantities)
 
     @property
     def last_time(self) -> float:

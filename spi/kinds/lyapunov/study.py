@@ -111,8 +111,11 @@ class LyapunovPlan(BlocksPlan):
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The exponents of some blocks of paths."""
         m, d = self.basis.shape
-        y = states_at(self.initial, self.scheme, self.model, self.grid, blocks)[:, 0].reshape(blocks, d, LANES)
+        y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
+        y = y.reshape(blocks, d, LANES)
         q = np.broadcast_to(self.basis[:, np.newaxis, :, np.newaxis], (m, blocks, d, LANES)).copy()
+        make_tangent(self.model, y, q)  # random initial states have tangent spaces of their own
+        orthonormalise(q)
         near = NEAR * np.linalg.norm(self.initial)
         total, change = np.zeros((m, blocks, LANES)), np.zeros(blocks)
         values = np.empty((blocks, len(self.known), m + 1, LANES))
