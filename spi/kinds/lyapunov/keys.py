@@ -6,6 +6,7 @@ import pydantic
 from annotated_types import Ge, Le
 
 from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension, large
+from spi.ensemble.scheme_protocol import memory_size
 from spi.numerics.rng import STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import check_count, check_multiple, check_schemes
@@ -52,26 +53,25 @@ class Case(BaseCase):
         check_count(self.final_time, self.step, "step")
         check_multiple(self.final_time, self.step, "step", "is")
         check_schemes(self, self.schemes, [self.step], "step")
-        if any(self.row(name).multiscale for name in self.schemes):
-            raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
+        if any(self.row(name).multiscale or memory_size(self.row(name).record, self.model) for name in self.schemes):
+            raise wrong("has a scheme that keeps more than the state", "use one such as splitting_symmetric", "schemes")
         return self
 
-    @condition("warm_up", "final_time", "every")
+    @condition("warm_up", "final_time")
     def _check_warm_up(self) -> Self:
-        least = self.warm_up + self.every * self.step
-        if least > self.final_time:
-            right = f"must be at most {quantity(self.final_time - self.every * self.step)}, so that some steps are left"
+        if self.warm_up >= self.final_time:
+            right = f"must be less than final_time, which is {quantity(self.final_time)}"
             raise wrong(f"is {quantity(self.warm_up)}", right, "warm_up")
         return self
 
     @condition("exponents", "model", "initial")
     def _check_exponents(self) -> Self:
         most, known = leaf_dimension(self.model, self.initial), conserved(self.model)
+        if most == 0:
+            raise wrong("is a point that no flow moves", "take one where the bracket does not vanish", "initial")
         if most + known != dimension(self.model):
             why = f"has {known} known Casimir functions, but surfaces of dimension {most} of {dimension(self.model)}"
             raise wrong(why, "take a model, or an initial state, with as many as there are", "model")
-        if most == 0:
-            raise wrong("is a point that no flow moves", "take one where the bracket does not vanish", "initial")
         if self.exponents and self.exponents > most:
             raise wrong(f"is {self.exponents}", f"must be at most {most}, the Casimir surface's dimension", "exponents")
         return self

@@ -92,7 +92,7 @@ class LyapunovPlan(BlocksPlan):
     def known(self) -> np.ndarray:
         """The numbers of stops until which averages are stored, the last among them."""
         count = len(self.stops)
-        return np.unique(np.linspace(count, self.begin, _TIMES, endpoint=False).round().astype(int))
+        return np.unique(np.ceil(np.linspace(count, self.begin, _TIMES, endpoint=False)).astype(int))
 
     def cost(self) -> Cost:
         """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
