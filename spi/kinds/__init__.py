@@ -107,4 +107,5 @@ KINDS = {
     "long_time": Kind("spi.kinds.long_time"),
     "statistics": Kind("spi.kinds.statistics"),
     "lyapunov": Kind("spi.kinds.lyapunov"),
+    "answer": Kind("spi.kinds.answer"),
 }

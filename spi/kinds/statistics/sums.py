@@ -1,4 +1,4 @@
-"""What is summed up of paths, and what blocks of them contribute."""
+"""What is summed up of paths."""
 
 from typing import NamedTuple
 
@@ -27,9 +27,7 @@ class Sums(NamedTuple):
 class Rows(NamedTuple):
     """What some blocks contribute."""
 
-    values: np.ndarray  #: (blocks, T, columns, LANES) values less their origins
-    cells: np.ndarray  #: (blocks, maps, 1, LANES) in which cells of a map they are
-    lost: np.ndarray  #: (blocks, LANES) whether a path diverged
+    states: np.ndarray  #: (blocks, levels * stored, d * LANES), level after level
     report: np.ndarray  #: (blocks, SUMMED)
 
     def at(self, some: slice) -> "Rows":
