@@ -153,7 +153,8 @@ class LyapunovPlan(BlocksPlan):
         """The sums with the rows `at`, of which the first is that of block `first`."""
         added = sums._replace(values=sums.values.copy())
         none = np.zeros((1, len(self.known), 0, GROUPS))
-        add_moments(rows.values[at], first, end, added.values, _NO_PAIRS, _NO_PAIRS, none)
+        all_times = (0, len(self.known))
+        add_moments(rows.values[at], first, end, added.values, _NO_PAIRS, _NO_PAIRS, none, all_times)
         counted = first * LANES + np.arange(rows.lost[at].size).reshape(rows.lost[at].shape) < end
         change = max(sums.change, float(rows.change[at].max(initial=0.0)))
         return added._replace(change=change, nonfinite=sums.nonfinite + int((rows.lost[at] & counted).sum()))
