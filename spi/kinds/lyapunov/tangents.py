@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import casimirs, conserved, dimension, structure
-from spi.numerics.arrays import Logarithm, of_array
+from spi.numerics.arrays import log
 
 #: Near paths are so far away, relative to |y_0|: what is left out is of this size, and roundings are 1e-9 of it.
 NEAR = 1e-7
@@ -59,4 +59,4 @@ def orthonormalise(vectors: np.ndarray) -> np.ndarray:
                 vector -= (before * vector).sum(axis=1, keepdims=True) * before
             sizes[i] = np.sqrt((vector * vector).sum(axis=1))
             vector /= sizes[i][:, np.newaxis]
-    return of_array(Logarithm(), sizes)
+    return log(sizes)
