@@ -40,6 +40,7 @@ class Case(FunctionKeys, BaseCase):
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
 
     truncate_noise: ClassVar[bool] = False
+    driven: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
     scoping: ClassVar = ("functions",)
