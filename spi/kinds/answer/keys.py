@@ -41,7 +41,6 @@ class Case(FunctionKeys, BaseCase):
 
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
-    driven: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
     scoping: ClassVar = ("functions",)
