@@ -20,6 +20,7 @@ COINS = 1  # what is added to the stream of the increments: the coins of the sam
 BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
 AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.area_series
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
+POINTS = 4096  # scrambles of quasi-random points, and what is keyed beside them
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
