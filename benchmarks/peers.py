@@ -13,8 +13,9 @@ torchsde: g_prod and no matrix, fresh normals at each step; plain: the matrix, a
 
     python benchmarks/peers.py [error ...]
 
-A time at an error is interpolated between step sizes; outside them the table says so.  It goes as error^-2, so that
-the errors' standard errors count twice in it.
+A time at an error is interpolated between step sizes.  Where the smallest step does not reach the error, it follows
+from the order over the four smallest steps, and has a star; it goes as error^-2 for order 1/2, so that the errors'
+standard errors count twice in it.
 """
 
 import math
@@ -159,14 +160,15 @@ def print_table(rows, errors, times):
 
 
 def at_error(target, errors, values):
-    """The value where the error is `target`, linear in logarithms between step sizes; NaN outside."""
-    x, y = np.log(errors[0, ::-1]), np.log(values[::-1])
-    return math.exp(np.interp(math.log(target), x, y, left=np.nan, right=np.nan))
+    """The value where the error is `target`, linear in logarithms between step sizes; by the order below, NaN above."""
+    x, y, at = np.log(errors[0, ::-1]), np.log(values[::-1]), math.log(target)
+    below = np.polyval(np.polyfit(x[:4], y[:4], 1), at) if at < x[0] else np.nan
+    return math.exp(np.interp(at, x, y, left=below, right=np.nan))
 
 
 def print_ratios(target, rows, errors, times):
     """Times at one error, and their ratios to those of our splitting and of our cheapest scheme there."""
-    print(f"\n{f'at error {target:g}':32}{'h':>9}", end="")
+    print(f"\n{f'at error {target:g}':32}{'h':>9} ", end="")
     print("".join(f"{f'us, threads: {n}':>17}{'/ splitting':>13}{'/ cheapest':>12}" for n in times))
     all_h = [at_error(target, e, 2.0 ** -np.array(EXPONENTS)) for e in errors]
     values = [[at_error(target, e, t) for e, t in zip(errors, ts, strict=True)] for ts in times.values()]
@@ -176,7 +178,7 @@ def print_ratios(target, rows, errors, times):
         if math.isnan(h):
             print("not within these steps")
             continue
-        print(f"{h:9.5f}", end="")
+        print(f"{h:9.2g}{'*' if target < errors[i][0].min() else ' '}", end="")
         ratios = ((vs[i], vs[i] / vs[0], vs[i] / best) for vs, best in zip(values, cheapest, strict=True))
         print("".join(f"{us:17.3f}{first:13.2f}{best:12.2f}" for us, first, best in ratios))
 

@@ -30,7 +30,8 @@ DISTRIBUTION = "stochastic-poisson-integrators"
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
     **dict.fromkeys(
-        ("Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"), "api"
+        ("Integrator", "Results", "answer", "expectations", "experiments", "increments", "load", "run", "trajectory"),
+        "api",
     ),
     "SpecError": "specs",
     "StorageError": "storage",
@@ -54,7 +55,7 @@ _COMPILED = ("compiler", "numerics", "ensemble", "models", "schemes")
 _LISTS = {"models/__init__.py", "schemes/__init__.py", "schemes/entries.py", "schemes/table.py", "schemes/costs.py"}
 #: The other rooms on which numbers depend, and what there only reads, names, judges or shows.
 _COMPUTING = ("exact", "expressions", "statistics", "kinds")
-_SHOWING = {"claims", "comparisons", "figure", "keys", "losses", "results", "table"}
+_SHOWING = {"claims", "comparisons", "curves", "figure", "keys", "losses", "results", "table"}
 
 
 def sources(*rooms):

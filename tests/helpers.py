@@ -41,6 +41,22 @@ compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without 
 SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
 #: Those whose step takes one increment of each noise; what has sub-steps is tested in tests/ensemble/test_substeps.py.
 WITHOUT_SUBSTEPS = {name: row for name, row in SCHEMES.items() if substeps(row.record) == 1}
+#: Those that have a near relative, with the same stages in another order or fewer of them: their loops are compiled by
+#: slow tests only.
+RELATIVES = {
+    "splitting_drift_first",
+    "splitting_joint",
+    "splitting_joint_lie",
+    "euler_maruyama_renormalised",
+    "munthe_kaas_euler",
+    "munthe_kaas_midpoint",
+}
+
+
+def in_loops(*names):
+    """Names of schemes as a parameter of a test that compiles their loops."""
+    return pytest.param(*names, marks=pytest.mark.slow if RELATIVES & {*names} else ())
+
 
 #: The example of the paper's section 4.2.
 RIGID_BODY = RigidBody((2.0, 1.0, 2.0 / 3.0), (1.0, 2.0, 3.0), (1.0, 1.0, 1.0))

@@ -11,6 +11,7 @@ import xarray as xr
 from ..ensemble.invariants import invariants_of
 from ..ensemble.loop import integrated
 from ..ensemble.observer import state_recorder
+from ..ensemble.random_states import block_states
 from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan, plan
 from ..numerics.rng import LANES
@@ -131,7 +132,7 @@ def _batches(ready: TrajectoryPlan, samples: int, line: Line, only_some: bool = 
         line.share("paths", first, total)
         blocks = min(most, total - first)
         y = np.empty((blocks, times, d * LANES))
-        y[:, 0] = np.repeat(ready.initial, LANES)
+        y[:, 0] = block_states(ready.initial, ready.stream, first, blocks)
         what = ready.scheme, ready.model, ready.initial, ready.grid, ready.stream, first, blocks, samples
         integrated(*what, state_recorder(ready.grid, y, ready.case.every))
         lanes = y.reshape(blocks, times, d, LANES).transpose(0, 3, 1, 2)

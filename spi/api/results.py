@@ -76,7 +76,7 @@ class Results:
     def _narrowed(self, groups: tuple[records.Group, ...]) -> dict[str, Any]:
         """The attributes with the claims about some groups only."""
         stated = claims.of_text(self.attributes.get("expect"))
-        whose = {(group.case, group.attributes["scheme"]) for group in groups}
+        whose = {(records.Description.of(group).owner, group.attributes["scheme"]) for group in groups}
         return self.attributes | {"expect": claims.as_text(one for one in stated if (one.case, one.scheme) in whose)}
 
     def __iter__(self) -> Iterator[str]:

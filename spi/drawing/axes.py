@@ -47,7 +47,7 @@ def error_axes(ax: Axes, h: np.ndarray) -> None:
     ax.set_yscale("log", nonpositive="clip")
     if h.size:
         ax.set_xlim(h.min() / 1.5, h.max() * 1.5)
-        _power_ticks(ax, h)
+        power_ticks(ax, h)
     ax.set_xlabel("step size $h$")
     rules(ax)
 
@@ -63,7 +63,8 @@ def rules(ax: Axes) -> None:
     ax.set_axisbelow(True)
 
 
-def _power_ticks(ax: Axes, h: np.ndarray) -> None:
+def power_ticks(ax: Axes, h: np.ndarray) -> None:
+    """Ticks of a horizontal axis at powers of two."""
     exponents = np.arange(round(math.log2(h.min())), round(math.log2(h.max())) + 1)
     step = 1 if len(exponents) <= 5 else 2 if len(exponents) <= 13 else 4
     powers = (2.0**exponents).tolist()

@@ -83,6 +83,12 @@ def label(about: Description, with_eps: bool = True) -> str:
     return ", ".join([text, *[about.extrapolation] * (about.extrapolate > 0)])
 
 
+def word(name: str) -> str:
+    """What a parameter is called on an axis, in mathtext if there is a symbol for it."""
+    symbol = SYMBOLS.get(name, name if len(name) == 1 else None)
+    return f"${symbol}$" if symbol else plain(name.replace("_", " "))
+
+
 def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:
     """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them.
 
@@ -184,6 +190,8 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
             told[f"model_{name}"] = f"${symbol}={number(value)}$"
     if about.initial is not None and len(about.initial) <= _MOST_COMPONENTS:
         told["initial"] = f"${initial_value(about)}$"
+    if about.initial_law is not None:
+        told["initial"] = plain(f"initial states: {about.initial_law}")
     if about.final_time is not None:
         told["final_time"] = f"$T={number(about.final_time)}$"
     for name, symbol in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
@@ -195,6 +203,8 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
         told["samples"] = f"{count(own['samples'])} samples"
     if about.truncate_noise:
         told["truncate_noise"] = "truncated noise"
+    if about.driver:
+        told["driver"] = plain(f"driver: {about.driver}")
     if about.areas != "exact":
         told["areas"] = "Gaussian areas"
     if own.get("estimator"):

@@ -8,7 +8,6 @@ Where one needs Lévy areas, those of coarser steps are made from finer incremen
 """
 
 import contextlib
-import time
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +17,10 @@ from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .given import coins_of_step, noise_of_steps, words_length
-from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
+from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
-from .observer import last_states_only, observe
+from .observer import beginning_at, last_states_only, observe
+from .random_states import RandomState, block_states
 from .scheme_protocol import REPORT, SUMMED
 from .special import frozen
 from .steppers import advance_path, kept_of_steps, largest_sizes
@@ -91,21 +91,29 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, a
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
 
 
-def steps_of(times):
-    """(levels,) how many steps each step size of a grid takes."""
-    return times.reference_steps >> times.doublings
-
-
-def shortest(times):
-    """The grid with so few steps that each step size takes at least one."""
-    return times._replace(reference_steps=1 << int(times.doublings[-1]))
-
-
 class RandomStream(NamedTuple):
     """Which random numbers: the 64-bit seed and one of the streams of ``spi.numerics.rng``, as uint64."""
 
     seed: np.uint64
     stream: np.uint64
+
+    @property
+    def keys(self):
+        """Of what the random numbers of these paths are functions: itself."""
+        return self
+
+    @property
+    def for_a_trial(self):
+        """A stream of the same type whose numbers are quickly made."""
+        return self
+
+    def most_blocks(self, model, times):
+        """How many blocks fit into memory, as far as their noise is concerned."""
+        return 2**62
+
+    def pieces(self, scheme, model, times, first, blocks, end):
+        """(grid, noise, first block, end of paths) of the calls of the loop that together make all steps of a grid."""
+        return ((times, self, first, end),)
 
 
 def brownian(seed):
@@ -113,11 +121,12 @@ def brownian(seed):
     return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
-def states_at(initial, scheme, model, times, blocks):
+def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
     """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
+    y = block_states(initial, noise, first, blocks)
     memory = largest_sizes(times.reference_scheme, scheme, model)[1]
-    states = np.zeros((blocks, len(times.doublings), len(initial) * LANES + memory))
-    states[..., : len(initial) * LANES] = np.repeat(initial, LANES)
+    states = np.zeros((blocks, len(times.doublings), y.shape[1] + memory))
+    states[..., : y.shape[1]] = y[:, np.newaxis]
     return states
 
 
@@ -140,7 +149,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     owned = (
         aligned(states.size).reshape(states.shape),  # because another block's row may share a line of the cache
         aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
-        aligned((flipped + 1) * LANES).reshape(flipped + 1, -1),
+        aligned((flipped + 1) * coins_length(kept.coins, model)).reshape(flipped + 1, -1),
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
         aligned(words_length(noise)).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
@@ -228,35 +237,30 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
         integrate_block(scheme, model, states[row], grid, noise, observer, report[row], block, row, paths)
 
 
-def arguments_of(scheme, model, initial, times, noise, first, blocks, end, observer=None):
-    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left."""
-    states = np.array(initial, float)
-    if states.ndim == 1:
-        states = states_at(states, scheme, model, times, blocks)
-    observer = last_states_only(times) if observer is None else observer
-    return scheme, model, states, times, noise, observer, empty_report(blocks, len(times.doublings)), first, end
+def arguments_of(*what):
+    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left.
+
+    `what`: scheme, model, initial, times, noise, first block, blocks, end of paths, and perhaps an observer.  With a
+    :class:`~spi.ensemble.drivers.Driver` as noise those of the first of several calls.
+    """
+    return next(_calls(*what))
+
+
+def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=None):
+    """The arguments of one call after the other, on the same states and with the same report."""
+    given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
+    states = np.array(initial, float) if given else states_at(initial, scheme, model, times, blocks, noise, first)
+    observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
+    report = empty_report(blocks, len(times.doublings))
+    for piece, given, begin, last in noise.pieces(scheme, model, times, first, blocks, end):
+        yield scheme, model, states, piece, given, observer, report, begin, last
 
 
 def integrated(*what):
     """What :func:`integrate` makes of :func:`arguments_of`: the last states, and the report."""
-    arguments = arguments_of(*what)
-    integrate(*arguments)
+    for arguments in _calls(*what):
+        integrate(*arguments)
     return arguments[2], arguments[6]
-
-
-def in_batches(state, advance, left, most):
-    """Move a state on with ``advance(state, blocks)`` until no blocks are ``left(state)``; yields it after each batch.
-
-    A batch has at most `most` blocks and takes about BATCH_SECONDS, the first one a block per thread.
-    """
-    least = min(thread_count(), most)
-    blocks = least
-    while left(state) > 0:
-        began = time.perf_counter()
-        state = advance(state, min(blocks, left(state)))
-        yield state
-        rate = blocks / (time.perf_counter() - began)
-        blocks = int(np.clip(rate * BATCH_SECONDS, least, min(most, 4 * blocks)))
 
 
 def thread_count():
@@ -290,10 +294,3 @@ def add_reports(total, reports):
     added = total + reports.sum(axis=0)
     added[:, SUMMED:] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, SUMMED:]
     return added
-
-
-def report_columns(report):
-    """What there is in a report (..., columns), by name: of solvers if there was one, of angles if any was large."""
-    solver, angle = REPORT[:-1], REPORT[-1]
-    columns = {name: report[..., i] for i, name in enumerate(solver)} if report[..., 0].any() else {}
-    return columns | ({angle: report[..., -1]} if report[..., -1].any() else {})

@@ -9,8 +9,10 @@ from ..compiler.dispatch import answers, device, number, unrolled
 from ..compiler.records import class_of
 from ..numerics.rng import LANES, PARTS
 from .fields import scaled_square, smallest_component, squared_distance
+from .invariants import casimirs_of_states
 from .lanes import load_lane
 from .protocol import casimir_indices, casimirs, conserved, decay_rates, dimension, large, populations
+from .random_states import RandomState
 
 #: What ``Observer.rows`` hold: sums of squared distances to the reference, or states.
 SQUARES, STATES = range(2)
@@ -33,23 +35,30 @@ class Observer(NamedTuple):
     lane: int
     levels: np.ndarray  #: (levels, 3) int64: place, stride (0 for never) and the number of the last step
     extremes: np.ndarray  #: (blocks, levels, 0 or C or C + 2, LANES)
-    start: np.ndarray  #: (1 + levels, C + 1): C_c(y_0) and 1 / |y_0|, and of each level k gamma h
+    start: np.ndarray  #: (1 or blocks, C + 1, LANES): C_c(y_0) and 1 / |y_0|, of all blocks or of each
+    rates: np.ndarray  #: (levels, C): k gamma h
 
 
 def last_states_only(times):
     """The observer of a grid of times that keeps nothing: :func:`integrate` leaves the last states."""
     steps = times.reference_steps >> times.doublings
     levels = np.stack([np.zeros_like(steps), np.zeros_like(steps), steps], axis=1)
-    return Observer(np.zeros((0, 0, 0)), SQUARES, 0, levels, np.zeros((0, 0, 0, 0)), np.zeros((0, 0)))
+    nothing = np.zeros((0, 0, 0))
+    return Observer(nothing, SQUARES, 0, levels, np.zeros((0, 0, 0, 0)), nothing, np.zeros((0, 0)))
 
 
 def state_recorder(times, rows, every, lane=0):
-    """The observer that puts states of lanes from `lane` on after every so many steps of the only level into `rows`.
+    """The observer that puts states of lanes from `lane` on into `rows`, after every so many steps of the largest size.
 
-    These are (blocks, stored + 1, d * lanes), the first of which, the initial ones, are left as they are.
+    These are (blocks, levels * (stored + 1), d * lanes), level after level, of each of which the first, the initial
+    ones, are left as they are.
     """
     nothing = last_states_only(times)
-    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=np.array([[1, every, nothing.levels[0, 2]]]))
+    steps = nothing.levels[:, 2]
+    stored = steps[-1] // every
+    places = 1 + np.arange(len(steps)) * (stored + 1)
+    levels = np.stack([places, every * (steps // steps[-1]), steps], axis=1)
+    return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 
 
 def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
@@ -60,14 +69,25 @@ def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
     places = int(steps[1:].sum()) if squares else 0
     if squares:
         levels[1:, 0], levels[1:, 1] = np.cumsum(steps[1:]) - steps[1:], 1
-    start = np.zeros((1 + count, len(first) + 1))
-    start[0] = *first, 1.0 / math.hypot(*initial)
-    if rates:
-        start[1:, :-1] = np.multiply.outer(times.reference_step * 2.0**times.doublings, rates)
+    start = np.empty((1, len(first) + 1, LANES))
+    start[0] = np.reshape((*first, 1.0 / math.hypot(*initial)), (-1, 1))
+    decay = np.multiply.outer(times.reference_step * 2.0**times.doublings, rates or np.zeros(len(first)))
     extremes = np.zeros((blocks, count, len(first) + 2 * sizes, LANES))
     if sizes:
         extremes[:, :, -1] = np.inf
-    return nothing._replace(rows=np.zeros((blocks, places, PARTS)), levels=levels, extremes=extremes, start=start)
+    rows = np.zeros((blocks, places, PARTS))
+    return nothing._replace(rows=rows, levels=levels, extremes=extremes, start=start, rates=decay)
+
+
+def beginning_at(observer, model, initial, states):
+    """The observer of paths that begin at `states` (blocks, levels, d * LANES or more), which differ at random."""
+    if not isinstance(initial, RandomState) or not observer.extremes.size:
+        return observer
+    d = len(initial)
+    y = np.moveaxis(states[:, 0, : d * LANES].reshape(-1, d, LANES), 1, 0).reshape(d, -1)
+    with np.errstate(divide="ignore"):
+        start = np.concatenate([casimirs_of_states(model, y), 1.0 / np.sqrt((y**2).sum(axis=0, keepdims=True))])
+    return observer._replace(start=np.ascontiguousarray(start.reshape(len(start), -1, LANES).transpose(1, 0, 2)))
 
 
 @device
@@ -84,7 +104,8 @@ def observe(observer, model, row, paths, level, n, y, reference):
         else:
             _keep_states(model, observer.rows[row, place], observer.lane, y)
     if observer.extremes.shape[2] > 0 and (level > 0 or n == observer.levels[level, 2]):
-        _watch(model, observer.extremes[row, level], observer.start, level, n, paths, y)
+        start = observer.start[row if len(observer.start) > 1 else 0]
+        _watch(model, observer.extremes[row, level], start, observer.rates[level], n, paths, y)
 
 
 @device
@@ -105,13 +126,13 @@ def _keep_states(model, kept, first, y):
 
 
 @device
-def _watch(model, extremes, start, level, n, paths, y):
-    _watch_casimirs(model, extremes, start, level, n, paths, y)
+def _watch(model, extremes, start, rates, n, paths, y):
+    _watch_casimirs(model, extremes, start, rates, n, paths, y)
     if extremes.shape[0] > conserved(model):
         sizes, smallest = extremes[conserved(model)], extremes[conserved(model) + 1]
-        inverse = start[0, conserved(model)]
+        inverse = start[conserved(model)]
         for lane in range(LANES):
-            size = scaled_square(load_lane(model, y, lane), inverse)
+            size = scaled_square(load_lane(model, y, lane), inverse[lane])
             if not size <= sizes[lane]:  # true for NaN
                 sizes[lane] = size
         if populations(model):
@@ -122,37 +143,37 @@ def _watch(model, extremes, start, level, n, paths, y):
 
 
 @unrolled(casimir_indices)
-def _watch_casimir(index, model, worst, start, level, n, y):
+def _watch_casimir(index, model, worst, start, rates, n, y):
     c = number(index)
-    first, grown = start[0, c], _grown(model, start, level, n, c)
+    grown = _grown(model, rates, n, c)
     for lane in range(LANES):
-        change = abs(grown * casimirs(model, load_lane(model, y, lane))[c] - first)
+        change = abs(grown * casimirs(model, load_lane(model, y, lane))[c] - start[c, lane])
         if not change <= worst[c, lane]:
             worst[c, lane] = change
     return worst
 
 
 @device(by_type=True)
-def _grown(model, start, level, n, c):
+def _grown(model, rates, n, c):
     """What damping has made of Casimir function c after n steps of a level, inverted."""
     if answers(decay_rates, class_of(model)):
-        return lambda model, start, level, n, c: np.exp(start[1 + level, c] * n)
-    return lambda model, start, level, n, c: 1.0
+        return lambda model, rates, n, c: np.exp(rates[c] * n)
+    return lambda model, rates, n, c: 1.0
 
 
-def _watch_all(model, worst, start, level, n, paths, y):
+def _watch_all(model, worst, start, rates, n, paths, y):
     """All Casimir functions of a path at once, as an array-state model finds them."""
     for lane in range(paths):
         values = casimirs(model, load_lane(model, y, lane))
         for c in range(len(values)):
-            change = abs(values[c] - start[0, c])
+            change = abs(values[c] - start[c, lane])
             if not change <= worst[c, lane]:
                 worst[c, lane] = change
 
 
 @device(by_type=True)
-def _watch_casimirs(model, worst, start, level, n, paths, y):
+def _watch_casimirs(model, worst, start, rates, n, paths, y):
     """Of an array-state model only the first `paths` lanes are watched."""
     if large(model):
         return _watch_all
-    return lambda model, worst, start, level, n, paths, y: _watch_casimir(model, worst, start, level, n, y)
+    return lambda model, worst, start, rates, n, paths, y: _watch_casimir(model, worst, start, rates, n, y)

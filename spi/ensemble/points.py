@@ -3,7 +3,8 @@
 The increments of a path are a linear function of as many standard normals, each of which has a dimension of its own:
 the normals of all noises that are on come first, noise by noise for each place in the order of :data:`CONSTRUCTIONS`,
 and after them a dimension for the coin of each step, where coins are tossed: its first bit.  Sub-steps are nothing but
-shorter steps, and so have dimensions of their own.  Lévy areas are the keyed numbers of independent paths.
+shorter steps, and so have dimensions of their own.  Lévy areas, uniform numbers by which flows are judged, and random
+initial states are the keyed numbers of independent paths.
 """
 
 import functools
@@ -20,6 +21,7 @@ from .protocol import noise_indices
 from .steppers import kept_of_steps
 
 _BITS = 32  # of the number of a point
+_FIRST, _0 = np.uint64(BITS - 1), np.uint64(0)
 
 
 class Points(NamedTuple):
@@ -37,6 +39,26 @@ class Points(NamedTuple):
     columns: np.ndarray  #: int64
     weights: np.ndarray
     increments: int  #: how many dimensions are those of increments; behind them are those of coins
+
+    @property
+    def keys(self):
+        """Of what the random numbers that are no points are functions."""
+        from .loop import RandomStream  # which imports this module
+
+        return RandomStream(self.seed, self.stream)
+
+    @property
+    def for_a_trial(self):
+        """As that of ``loop.RandomStream``."""
+        return self
+
+    def most_blocks(self, model, times):
+        """As that of ``loop.RandomStream``."""
+        return 2**62
+
+    def pieces(self, scheme, model, times, first, blocks, end):
+        """As those of ``loop.RandomStream``."""
+        return ((times, self, first, end),)
 
 
 def by_steps(count):
@@ -150,9 +172,8 @@ def add_weighted(increment, weight, normals, other_weight, others):
 
 @device(inline=False)
 def coins_of_points(noise, n, block, words, coins):
-    """The coins of step n, where there are any."""
-    if noise.increments + n < len(noise.shifts):
-        d = noise.increments + n
-        net_words(noise.directions[d], noise.shifts[d], np.int64(block), words)
-        for lane in range(LANES):
-            coins[lane] = 1.0 if words[lane] >> np.uint64(BITS - 1) != 0 else -1.0
+    """The coins of step n."""
+    d = noise.increments + n
+    net_words(noise.directions[d], noise.shifts[d], np.int64(block), words)
+    for lane in range(LANES):
+        coins[lane] = 1.0 if (words[lane] >> _FIRST) != _0 else -1.0

@@ -19,11 +19,13 @@ import numpy as np
 
 from ..compiler.dispatch import answers
 from ..ensemble.protocol import axis_inertias, hamiltonian
+from ..ensemble.random_states import RandomState
 from .places import strengths_by_place
 
 #: Bins of equal probability.
 BINS = 20
 _NODES = 20_000  # of the quadrature over one axis; the distribution function of H is then good to 1e-6
+_RINGS = 256  # of points on the sphere: polynomials of up to this degree are integrated exactly
 
 
 def obstacle(model, initial):
@@ -35,6 +37,8 @@ def obstacle(model, initial):
     turning = [s for s, i in zip(strengths_by_place(model, 3), noise_inertias, strict=True) if s and np.isfinite(i)]
     if len(turning) < 2:
         return f"the stationary law of {name} is known with noises about at least two axes, not with {len(turning)}"
+    if isinstance(initial, RandomState) and initial.law.surface is None:
+        return "paths begin on several spheres"
     if np.count_nonzero(initial) < 2:
         return "on an axis nothing moves"
     return None
@@ -108,3 +112,21 @@ def _quantiles(a):
         less = np.array([probability(x) for x in middle]) < wanted
         low, high = np.where(less, middle, low), np.where(less, high, middle)
     return np.concatenate([[a.min()], 0.5 * (low + high), [a.max()]])
+
+
+def stationary_means(model, initial, functions):
+    """E phi under the uniform law on the sphere through the initial state, of functions of y (3, n); (F,).
+
+    By Gauss-Legendre quadrature in y_3 and the trapezoidal rule around it.  ValueError where the law is not known to
+    be stationary.
+    """
+    if reason := obstacle(model, initial):
+        raise ValueError(reason)
+    z, weights = np.polynomial.legendre.leggauss(_RINGS)
+    phi = np.pi / _RINGS * np.arange(2 * _RINGS)
+    s = np.sqrt(1.0 - z**2)
+    y = np.array([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(z, np.ones(len(phi)))])
+    y = float(np.linalg.norm(initial)) * y.reshape(3, -1)
+    return np.array(
+        [np.broadcast_to(f(y), y.shape[1]).reshape(_RINGS, -1).mean(axis=1) @ weights / 2 for f in functions]
+    )

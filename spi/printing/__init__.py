@@ -1,6 +1,7 @@
 """Numbers as JSON, CSV and text, and what an experiment would cost."""
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import IO, Any
 
@@ -26,14 +27,24 @@ def as_csv(records: list[dict[str, Any]]) -> str:
 
 def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
     """Print that an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
-    cases = [f"{case.name} ({', '.join(case.schemes)})" for case in experiment.cases]
+    cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
+    takes = "time not known before" if math.isnan(cost.seconds) else f"about {cost.seconds:.2g} s once compiled"
     new_console(file).print(
         f"{printable(experiment.called)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
-        f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled, "
+        f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}{takes}, "
         f"{cost.megabytes:.0f} MB",
         markup=False,
         soft_wrap=True,
     )
+
+
+def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """The names and schemes of cases; where a parameter is swept, of the case in the spec, with how many values."""
+    for case in cases:
+        if (sweep := case.sweep) is None or sweep.value is None:
+            yield case.name, case.schemes
+        elif sweep.value == sweep.values[0]:
+            yield f"{sweep.case} with {len(sweep.values)} values of {sweep.word}", case.schemes
 
 
 def print_remarks(experiment: Any, remarks: Iterable[str], file: IO[str] | None = None) -> None:

@@ -46,7 +46,7 @@ def _at(one: Verdict) -> str:
     """The step size and the swept value of what came out."""
     found = one.found
     h = f"h = {power_of_two(found.h)}" if found and found.h is not None else ""
-    swept = "{} = {:g}".format(*found.swept) if found and found.swept else ""
+    swept = "{} = {:g}".format(*found.at) if found and found.at else ""
     return ", ".join(filter(None, (h, swept)))
 
 
@@ -73,14 +73,15 @@ def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
             yield f"{name}: {one.verdict}: {whose}: {one.claim.text}; result: {came_out(one)}"
 
 
-def columns(record: dict[str, Any], verdicts: Sequence[Verdict]) -> dict[str, str]:
+def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> dict[str, str]:
     """What a record of a table gets of the verdicts on its case, scheme, eps, estimator and test function.
 
-    That is the worst verdict on each quantity, ``claim[order]``, whatever the step size of the record.
+    That is the worst verdict on each quantity, ``claim[order]``, whatever the step size and the swept value of the
+    record; `owner` is the case in the spec.
     """
     found: dict[str, str] = {}
     for one in verdicts:
-        if one.found and _is_about(one.found, record):
+        if one.found and _is_about(one.found, record | {"case": owner}):
             name = f"claim[{one.claim.quantity}]"
             found[name] = max(found.get(name, PASSED), one.verdict, key=VERDICTS.index)
     return found
@@ -88,7 +89,7 @@ def columns(record: dict[str, Any], verdicts: Sequence[Verdict]) -> dict[str, st
 
 def _is_about(found: Quantity, record: dict[str, Any]) -> bool:
     about = found.about
-    if (record.get("case"), record.get("scheme")) != (about.case, about.scheme):
+    if (record.get("case"), record.get("scheme")) != (about.owner, about.scheme):
         return False
     if (record.get("extrapolate") or 0) != about.extrapolate:
         return False

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..kinds import KINDS
 from ..printing import claims as printed_claims
+from ..printing import sweeps
 from ..printing.text import duration, fraction, short
 from ..report import views
 from ..running import shipped
@@ -20,6 +21,7 @@ from ..specs import text_of
 from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Results
 from ..storage.stored import Stored, by_case
+from . import swept
 from .tables import Recorder, Titled
 
 Facts = list[tuple[str, str]]  #: name and value
@@ -109,6 +111,8 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 
 
 def _told(kind: str, cases: Sequence[Sequence[Stored]]) -> Facts:
+    if over := swept.wholes(kind, [one for case in cases for one in case]):
+        return [(whole.title if len(over) > 1 else "", sweeps.told(whole.curves)) for whole in over if whole.curves]
     say = getattr(KINDS[kind].table, "told", lambda readings: "")
     told = zip(views.titles(cases), map(say, cases), strict=True)
     return [(title if len(cases) > 1 else "", text) for title, text in told if text]

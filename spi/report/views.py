@@ -6,13 +6,14 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from ..kinds import KINDS
-from ..printing import anything
+from ..printing import anything, sweeps
 from ..printing import claims as printed_claims
 from ..printing.text import new_console, printable
 from ..statistics import claims
 from ..storage import StorageError, write_all
 from ..storage.records import Group, Results
 from ..storage.stored import Stored, by_case
+from . import swept
 
 if TYPE_CHECKING:
     from ..drawing import Figure
@@ -62,11 +63,11 @@ def rows(results: Results) -> list[dict[str, Any]]:
     if results.attributes.get("kind") not in KINDS:
         return list(anything.rows(results.groups))
     read = readings(results)
-    judged = _judged(results, read)
+    judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
     records = list(KINDS[results.attributes["kind"]].table.rows(read))
     if unfinished := results.attributes.get("unfinished"):
         records = [record | {"unfinished": unfinished} for record in records]
-    return [record | printed_claims.columns(record, judged) for record in records]
+    return [record | printed_claims.columns(record, owners[record["case"]], judged) for record in records]
 
 
 def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
@@ -96,11 +97,14 @@ def show(results: Results, console: Any, with_title: bool = True) -> None:
     if not known:
         anything.show(console, results.groups)
         return
-    judged = _judged(results, read)
-    cases = by_case(read)
+    judged, kind = _judged(results, read), results.attributes["kind"]
+    for whole in (found := swept.wholes(kind, read)):
+        sweeps.show(console, "" if whole.title == title else printable(whole.title), whole.curves)
+        printed_claims.show(console, [one for one in judged if one.claim.case == whole.name])
+    cases = [] if found else by_case(read)
     for case, case_title in zip(cases, titles(cases), strict=True):
         heading = "" if case_title == title else printable(case_title)
-        KINDS[results.attributes["kind"]].table.show(console, heading, case)
+        KINDS[kind].table.show(console, heading, case)
         printed_claims.show(console, [one for one in judged if one.claim.case == case[0].about.case])
 
 
@@ -128,7 +132,9 @@ def figure(
     if unfinished and style == "paper":
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
-        drawn = KINDS[kind].figure.draw(f"{title} (unfinished)" if unfinished else title, by_case(read))
+        told = f"{title} (unfinished)" if unfinished else title
+        over = swept.wholes(kind, read)
+        drawn = swept.figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
         drawn_claims.write_note(drawn, unfinished or "")
         drawn_claims.write_under(drawn, _judged(results, read))
         if page.current().width is not None:

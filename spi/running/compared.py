@@ -17,7 +17,7 @@ TIMES = ("seconds", "ns_per_step", "cost_rate")
 _ROUNDING = 1e-9
 
 #: By default the title of a case is the name of its file, and threads are those of the process that derives.
-_OF_ITS_RUN = ("case_title", "threads")
+_OF_ITS_RUN = ("case_title", "swept_title", "threads")
 
 
 def differing(derived: Sequence[Group], stored: Sequence[Group], times: bool) -> list[str]:

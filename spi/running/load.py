@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from .. import specs, storage, systems
 from ..kinds import KINDS
 from ..kinds.plans import Plan
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import typical_ns
 from ..specs.document import text_of
 from ..specs.files import Files, UntrustedCode
@@ -195,7 +195,8 @@ def _check_kind(kind: str) -> None:
 def _of_another(kind: str, source: specs.Experiment) -> str:
     """The text of an experiment made into one of another kind."""
     try:
-        return specs.converted(source.text, source.title, source.cases, kind, KINDS[kind].keys)
+        files = Files(source.path, source.files)
+        return specs.converted(source.text, source.title, source.cases, files, kind, KINDS[kind].keys)
     except ValueError as error:
         raise specs.SpecError(f"{source.called}: --as {kind}: {error}") from None
 
@@ -224,14 +225,19 @@ def plans(experiment: specs.Experiment) -> list[Plan]:
 def remarks(experiment: specs.Experiment) -> list[str]:
     """What of an experiment will not be computed, or not as it was asked for, a line each."""
     of_kind: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
-    several = len(experiment.cases) > 1
-    each = ((case, itertools.chain(of_kind(case), _of_areas(case))) for case in experiment.cases)
-    return [f"{case.name}: " * several + line for case, lines in each for line in lines]
+    several = len({case.owner for case in experiment.cases}) > 1
+    each = ((case, itertools.chain(of_kind(case), _of_areas(case), _of_driver(case))) for case in experiment.cases)
+    return list(dict.fromkeys(f"{case.owner}: " * several + line for case, lines in each for line in lines))
 
 
 def _of_areas(case: specs.BaseCase) -> Iterator[str]:
     if case.areas != "exact":
         yield "Lévy areas are Gaussian, with the right moments given the increments: results hold in law"
+
+
+def _of_driver(case: specs.BaseCase) -> Iterator[str]:
+    if case.driver:
+        yield f"the noises are driven by another process than Brownian motion: {case.driver}"
 
 
 def name_of(plan: Plan) -> str:

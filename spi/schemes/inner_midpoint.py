@@ -20,7 +20,7 @@ from ..ensemble.fields import (
 from ..ensemble.lanes import load_lane, store_lane
 from ..ensemble.protocol import component_indices, dimension
 from ..numerics.rng import LANES
-from .midpoint import correct, eliminate, finish
+from .midpoint import correct, eliminate, finish, start
 from .reporting import report_solves
 
 _ENOUGH = 2.0**-100  # for squares: a few roundings, since what is left of the equation shrinks slowly
@@ -36,14 +36,6 @@ def iterate(model, h, dW, y, x):
         store_lane(x, lane, new)
         unfinished += 1 if squared_distance(new, middle) > _ENOUGH * dot(new, new) else 0
     return unfinished
-
-
-@device
-def start(model, h, dW, y, x):
-    """x becomes y + F(y)/2."""
-    for lane in range(LANES):
-        state = load_lane(model, y, lane)
-        store_lane(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
 
 
 @device(inline=False)

@@ -25,6 +25,14 @@ ENOUGH = 2.0**-60  # for squares
 
 
 @device
+def start(model, h, dW, y, x):
+    """x becomes y + F(y)/2."""
+    for lane in range(LANES):
+        state = load_lane(model, y, lane)
+        store_lane(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
+
+
+@device
 def newton_system(model, h, dW, y, x, matrix):
     """Write I - F'(x)/2 and, as one more column, y + F(x)/2 - x; entry (i, j) of a lane at [(j d + i) LANES + lane]."""
     right = matrix[dimension(model) * dimension(model) * LANES :]
@@ -133,9 +141,7 @@ class Midpoint(NamedTuple):
         d = dimension(model)
         x = work[: d * LANES]
         matrix = work[d * LANES :]
-        for lane in range(LANES):
-            state = load_lane(model, y, lane)
-            store_lane(x, lane, add_scaled(state, 0.5, step_field(model, h, dW, lane, state)))
+        start(model, h, dW, y, x)
         iterations = 0
         unfinished = 1
         while unfinished > 0 and iterations < scheme.most_iterations:

@@ -9,7 +9,10 @@ the states that the spec names.  In its place on disk such a text is read as wel
 
 import io
 import json
+import math
+import zlib
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -20,6 +23,7 @@ from .files import Files, as_text, content
 from .keys import shown, wrong
 
 _MOST_BYTES = 9_000_000  # of an array: 1024 x 1024 numbers
+_MOST_UNPACKED = 90_000_000  # of an array of increments
 _RIGHT = "give a file that numpy.save wrote, of real or complex numbers in one or two dimensions"
 
 
@@ -34,23 +38,43 @@ def array_in(files: Files, path: str) -> np.ndarray:
     """The array in a file, real, of one dimension or two; raises the error about the key ``file``."""
     data = content(files.text(path, "file", _MOST_BYTES, binary=True))
     try:
-        values = _array_of(data)
+        values = array_of(data)
     except (ValueError, SyntaxError, RecursionError, MemoryError):
         raise wrong(f"is {shown(path)}, which is no array", _RIGHT, "file") from None
-    _check_finite(values, shown(path), "file")
+    check_finite(values, shown(path), "file")
     return values
 
 
-def _array_of(data: bytes) -> np.ndarray:
+def arrays_in(files: Files, path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Arrays of a file that ``numpy.savez`` wrote, by their names; raises the error about the key ``file``."""
+    data = content(files.text(path, "file", _MOST_BYTES, binary=True))
+    found = {}
+    try:
+        with ZipFile(io.BytesIO(data)) as archive:
+            for name in names:
+                with archive.open(f"{name}.npy") as member:
+                    text = member.read(_MOST_UNPACKED + 1)
+                if len(text) > _MOST_UNPACKED:
+                    raise ValueError("too large")
+                found[name] = array_of(text, (0, 1, 2, 3))
+    except (ValueError, SyntaxError, RuntimeError, MemoryError, KeyError, OSError, EOFError, BadZipFile, zlib.error):
+        right = f"give a file of numpy.savez with {' and '.join(names)}, of at most {_MOST_UNPACKED // 10**6} MB"
+        raise wrong(f"is {shown(path)}, which holds no such arrays", right, "file") from None
+    for name in names:
+        check_finite(found[name], f"{shown(path)}, in which {name}", "file")
+    return found
+
+
+def array_of(data: bytes, dimensions: tuple[int, ...] = (1, 2)) -> np.ndarray:
     """What ``numpy.load`` would return, without trust in the size that a file claims; ValueError if it is damaged."""
     file = io.BytesIO(data)
     version = np.lib.format.read_magic(file)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, kind = read(file)
-    if kind.kind not in "iufc" or len(shape) not in (1, 2) or not all(shape):
+    if kind.kind not in "iufc" or len(shape) not in dimensions or not all(shape):
         raise ValueError("not such an array")
     rest = data[file.tell() :]
-    if len(rest) != kind.itemsize * shape[0] * (shape[1] if shape[1:] else 1):
+    if len(rest) != kind.itemsize * math.prod(shape):
         raise ValueError("not of the size that it claims")
     values = np.frombuffer(rest, kind).reshape(shape, order="F" if by_columns else "C")
     if values.dtype.kind == "c":
@@ -60,7 +84,7 @@ def _array_of(data: bytes) -> np.ndarray:
     return values.astype(float)
 
 
-def _check_finite(values: np.ndarray, what: str, key: str) -> None:
+def check_finite(values: np.ndarray, what: str, key: str) -> None:
     if not np.isfinite(values).all():
         place = ", ".join(str(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise wrong(f"is {what}, which is not finite at [{place}]", "all numbers must be finite", key)
@@ -86,8 +110,8 @@ def state_in(files: Files, path: str, case: str | None, scheme: str | None, time
             known = _states_kept(files, kept)
     if asked not in known:
         raise wrong(f"is {shown(path)}, of which {kept} lacks the state", "add the results file", "results")
-    values = _array_of(content(known[asked]))
-    _check_finite(values, f"{shown(path)} at time {time:g}", "results")
+    values = array_of(content(known[asked]))
+    check_finite(values, f"{shown(path)} at time {time:g}", "results")
     return values
 
 
@@ -96,7 +120,7 @@ def _states_kept(files: Files, kept: str) -> dict[str, str]:
     try:
         known = json.loads(files.text(kept, "results", _MOST_BYTES))
         for one in known.values():
-            _array_of(content(one))
+            array_of(content(one))
     except (ValueError, RecursionError, AttributeError, TypeError):
         raise wrong(f"is kept in {kept}, which is damaged", "delete it and add the results file", "results") from None
     return known

@@ -8,31 +8,28 @@ import pydantic
 
 from ..ensemble.areas import HOW
 from ..ensemble.protocol import NonNegative, Positive, dimension
-from ..expressions import canonical, is_constant, parse_expression
-from ..expressions.arithmetic import NumberError
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
-from ..systems.keys import MOST
 from .checks import (
-    ROUNDING,
     check_count,
-    check_multiple,
+    check_eps,
     check_names,
     check_needs,
-    check_once,
     check_schemes,
     check_word_of_areas,
+    dyadic,
 )
 from .compositions import Compositions, weak_order
-from .damping import damped_model
+from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
+from .functions import FunctionKeys
 from .initial import Initial
 from .keys import (
     Eps,
-    Functions,
     Keys,
+    OrInfinite,
     SchemeName,
     Schemes,
     Seed,
@@ -41,12 +38,12 @@ from .keys import (
     entries_in,
     key_of,
     quantity,
-    shown,
     wrong,
 )
-from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
+from .sweep import PLACES, SWEEP, Swept, check_shown
+from .temperature import dissipation, dissipative_model
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -65,9 +62,10 @@ class BaseCase(Keys):
     title: str
     model: Model
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
+    temperature: key_of(OrInfinite, "T of the friction along the noises; inf is no friction", "energy") = math.inf
     initial: key_of(
         Initial,
-        "initial value y_0, a number per component or a complex number such as 0.1+0.3i per mode; or a vorticity",
+        "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
         "state",
     )
     seed: key_of(Seed, "seed of the random numbers") = 1
@@ -75,16 +73,21 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
+    noise: key_of(Noise, "what drives the noises, as in {kind: levy, alpha: 1.5}; default: Brownian motion") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
+    sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
     #: The keys that decide no path of a part: names, how many paths there are, other parts, what is derived and shown.
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
+    swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
+    shown_over: ClassVar[tuple[str, ...]] = ()  #: the quantities that are shown over it by default; () for the first
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
         schemes: tuple[str, ...]
@@ -113,8 +116,13 @@ class BaseCase(Keys):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """What a claim may be limited by: the step size, and eps where there is one."""
-        return ("h", *["eps"] * (self.eps is not None))
+        """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
+        return ("h", *["eps"] * (self.eps is not None), *([self.sweep.word] if self.sweep else []))
+
+    @property
+    def owner(self) -> str:
+        """The name of the case, or of that which is swept if it is one of its values."""
+        return (self.sweep and self.sweep.case) or self.name
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -127,31 +135,37 @@ class BaseCase(Keys):
         return variables(undamped(self.model))
 
     @property
+    def driver(self) -> str:
+        """What drives the noises in place of Brownian motion; empty if that does."""
+        return told(self.noise)
+
+    @property
     def model_name(self) -> str:
         return name_of(self.model)
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those of the model by name, and the damping where there is one."""
+        """Those of the model by name, and the damping or temperature where there is one."""
         model = undamped(self.model)
         own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
-        return own | ({"damping": self.damping} if self.damping else {})
+        return own | dissipation(self)
 
     @property
     def last_time(self) -> float:
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition("damping", "model", "panels")
-    def _check_damping(self) -> Self:
-        """The case with its damping in the record of the model."""
-        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+    @condition("damping", "temperature", "model", "panels")
+    def _check_dissipation(self) -> Self:
+        """The case with its damping or its temperature in the record of the model."""
+        return self.model_copy(update={"model": dissipative_model(self)})
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
-        said = {"damping": bool, "extrapolate": any, "every": lambda n: n > 1, "times": bool}
-        said["areas"] = lambda word: word != "exact"
+        said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
+        said["temperature"] = lambda temperature: temperature < math.inf
+        said |= dict.fromkeys(("damping", "noise", "times", "autocorrelation", "density", "reference_step"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")
@@ -177,6 +191,7 @@ class BaseCase(Keys):
     @condition("schemes", "reference_scheme", "model")
     def _check_needs(self) -> Self:
         check_needs(self)
+        check_noise(self)
         return self
 
     @condition("areas", "schemes", "reference_scheme")
@@ -186,17 +201,12 @@ class BaseCase(Keys):
 
     @condition("eps", "schemes")
     def _check_eps(self) -> Self:
-        multiscale = [s for s in self.schemes if self.row(s).multiscale]
-        if multiscale and self.eps is None:
-            raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
-        if self.eps is not None:
-            if not multiscale:
-                known = [name for name, row in SCHEMES.items() if row.multiscale]
-                raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-            check_once([f"{eps:g}" for eps in self.eps], "eps")  # as results are named
-            for name in multiscale:
-                if self.row(name).needs_eps and 0 in self.eps:
-                    raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+        check_eps(self)
+        return self
+
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        check_shown(self)
         return self
 
     @condition("expect", "schemes")
@@ -226,7 +236,7 @@ class ErrorCase(BaseCase):
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
-        steps = [self._dyadic(h) for h in self.steps]
+        steps = [dyadic(self, h) for h in self.steps]
         if len(set(steps)) < len(steps):
             raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
         check_schemes(self, self.schemes_used if self.bounded_increments else (), steps, "steps")
@@ -239,62 +249,6 @@ class ErrorCase(BaseCase):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
         return self
 
-    def _dyadic(self, h: float) -> float:
-        """h as exactly the reference step times a power of two that divides the final time."""
-        end, reference = self.final_time, self.reference_step
-        if h > end * (1 + ROUNDING):
-            raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
-        doublings = math.log2(h) - math.log2(reference)
-        exact = reference * 2.0 ** round(doublings)
-        if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
-            lower = reference * 2.0 ** max(1, math.floor(doublings))
-            what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
-            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
-        check_multiple(end, h, "steps", "has")
-        return exact
 
-
-class FunctionsCase(ErrorCase):
+class FunctionsCase(FunctionKeys, ErrorCase):
     """What the cases with test functions have."""
-
-    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi") = (
-        pydantic.Field(default_factory=dict)
-    )
-
-    @property
-    def expressions(self) -> tuple:
-        """The trees of the test functions, in the order of their names."""
-        return tuple(parse_expression(text, dimension(self.model)) for text in self.functions.values())
-
-    @pydantic.field_serializer("functions")
-    def _canonical(self, functions: dict[str, str]) -> Any:
-        # pairs, because their order decides that of the results, and in the least text that decides the values
-        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
-
-    @condition("functions", "model")
-    def _check_functions(self) -> Self:
-        trees = every(self._tree, self.functions.items())
-        if not self.variables:
-            return self
-        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
-        return self.model_copy(update={"functions": texts})
-
-    def _tree(self, name: str, text: str) -> Any:
-        """The tree of a test function."""
-        try:
-            tree = parse_expression(text, d := dimension(self.model), self.variables)
-            if is_constant(tree):
-                raise NumberError("constant")
-        except NumberError as error:
-            known = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
-            example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
-            right = f"must be an expression in {known} such as {example}"
-            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
-        return tree
-
-
-def need(case: BaseCase, estimator: str, *keys: str) -> None:
-    """One of these keys must be given."""
-    if all(getattr(case, key) is None for key in keys):
-        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
-        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

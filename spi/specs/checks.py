@@ -6,11 +6,12 @@ from typing import Any
 
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
+from ..ensemble.friction import has_friction
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import area_pairs, large
 from ..ensemble.scheme_protocol import needs_areas
 from ..models import MODELS
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
 from ..systems import inexact
@@ -36,9 +37,73 @@ def check_multiple(end: float, h: float, key: str, has: str) -> None:
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 
+def dyadic(case: Any, h: float) -> float:
+    """h as exactly the reference step times a power of two that divides the final time."""
+    end, reference = case.final_time, case.reference_step
+    if h > end * (1 + ROUNDING):
+        raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
+    doublings = math.log2(h) - math.log2(reference)
+    exact: float = reference * 2.0 ** round(doublings)
+    if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
+        lower = reference * 2.0 ** max(1, math.floor(doublings))
+        what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
+        raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
+    check_multiple(end, h, "steps", "has")
+    return exact
+
+
 def check_once(listed: Sequence[Any], key: str) -> None:
     if len(set(listed)) < len(listed):
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
+
+
+def check_eps(case: Any) -> None:
+    """There is an eps where a scheme needs one, and else none."""
+    multiscale = [s for s in case.schemes if case.row(s).multiscale]
+    if multiscale and case.eps is None:
+        raise wrong("missing key 'eps'", f"'{multiscale[0]}' needs it: add eps: scale of the fast processes", "eps")
+    if case.eps is not None:
+        if not multiscale:
+            known = [name for name, row in SCHEMES.items() if row.multiscale]
+            raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
+        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
+        for name in multiscale:
+            if case.row(name).needs_eps and 0 in case.eps:
+                raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
+
+
+def check_step(case: Any, key: str = "step") -> None:
+    """What the step of a case of one step size must be, which stands under `key`."""
+    check_count(case.final_time, case.step, key)
+    check_multiple(case.final_time, case.step, key, "is")
+    check_schemes(case, case.schemes, [case.step], key)
+
+
+def check_every(case: Any) -> None:
+    """The key `every` must divide the number of steps."""
+    steps = round(case.final_time / case.step)
+    if steps % case.every:
+        what = f"is {case.every}, of which the number of steps, {steps}, is not a multiple"
+        raise wrong(what, f"take {math.gcd(steps, case.every)}, which divides both", "every")
+
+
+def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
+    """The key `times` in its order, as exact multiples of `between`; `of` stands before and behind it in a message."""
+    before, behind = of.split("{}")
+
+    def check(i: int, t: float) -> None:
+        if t > case.final_time * (1 + ROUNDING):
+            right = f"must not exceed final_time, which is {quantity(case.final_time)}"
+            raise wrong(f"is {quantity(t)}", right, "times", i)
+        if abs(round(t / between) * between - t) > ROUNDING * max(t, between):
+            lower = math.floor(t / between) * between
+            right = f"the nearest are {quantity(lower)} and {quantity(lower + between)}"
+            raise wrong(f"is {quantity(t)}, no multiple of {before}{quantity(between)}{behind}", right, "times", i)
+
+    every(check, enumerate(case.times))
+    numbers = [round(t / between) for t in case.times]
+    check_once([quantity(n * between) for n in numbers], "times")
+    return tuple(n * between for n in sorted(numbers))
 
 
 def check_names(case: Any) -> None:
@@ -86,7 +151,7 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
         row, where = case.row(name), "schemes" if name in listed else "reference_scheme"
-        if row.needs_truncation and name in used and not truncated:
+        if row.needs_truncation and name in used and not truncated and case.noise is None:
             raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", where)
         if pairs > MOST and needs_areas(row.record):
             what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
@@ -140,6 +205,11 @@ def check_needs(case: Any) -> None:
         check_large(case)
     for name in case.schemes_used:
         needs = case.row(name).needs
+        if has_friction(case.model) and case.row(name).multiscale:
+            what = f"has '{name}', whose noise is a fast process, for which no friction is known"
+            raise wrong(what, "leave out the scheme or temperature", "schemes")
+        if needs is has_friction and not needs(case.model):
+            raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
         if needs and not needs(case.model):
             able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
             listed = name in case.schemes
@@ -163,3 +233,10 @@ def check_extrapolate(case: Any) -> None:
     if not len(places(case.steps, most)):
         needed = ", ".join(["h", *(f"{2**i}h" for i in range(1, most + 1))])
         raise wrong(f"has {most}, which combines the steps {needed}", "add them to steps", "extrapolate")
+
+
+def need(case: Any, estimator: str, *keys: str) -> None:
+    """One of these keys must be given."""
+    if all(getattr(case, key) is None for key in keys):
+        add = " or ".join(f"{key}: {type(case).model_fields[key].description}" for key in keys)
+        raise wrong(f"missing key '{keys[0]}', needed by the estimator '{estimator}'", f"add {add}", keys[0])

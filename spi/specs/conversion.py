@@ -1,7 +1,8 @@
 """An experiment made into one of another kind, with defaults that suit it.
 
-What is integrated stays: model, damping, initial value, seed, eps, compositions, schemes and the truncation of
-increments.  Step sizes, final times and numbers of paths suit the other kind, in proportion to the largest step.
+What is integrated stays: model, damping, temperature, initial value, seed, eps, compositions, schemes and the
+truncation of increments.  Step sizes, final times and numbers of paths suit the other kind, in proportion to the
+largest step.
 """
 
 from contextlib import suppress
@@ -9,12 +10,16 @@ from typing import Any, NamedTuple
 
 from .cases import BaseCase
 from .document import Document
+from .files import Files
 from .layers import ONLY_IN_FILES, laid_over
 from .sweep import versions
 from .writing import as_yaml
 
 #: The keys that say what is integrated.
-_KEPT = ("model", "damping", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
+_KEPT = (
+    *("model", "damping", "temperature", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise"),
+    "noise",
+)
 
 
 class Given(NamedTuple):
@@ -43,23 +48,31 @@ class Given(NamedTuple):
         return min(self.samples or most, most)
 
 
-def converted(text: str, name: str, cases: tuple[BaseCase, ...], kind: str, keys: Any) -> str:
+def converted(text: str, name: str, cases: tuple[BaseCase, ...], files: Files, kind: str, keys: Any) -> str:
     """The YAML of an experiment of another kind.
 
-    `text` is that of a valid file called `name`, of which `cases` are the records; `keys` is the module of the kind,
-    whose function ``of_another`` says what it needs besides: Given -> keys and values.
+    `text` is that of a valid file called `name`, of which `cases` are the records and which names `files`; `keys` is
+    the module of the kind, whose function ``of_another`` says what it needs besides: Given -> keys and
+    values, None for a key that it lacks.
     """
     document = Document(text, lambda line: f"line {line}:")
     own = {case["name"]: case for case in document.data.get("cases") or ()}
     above = {key: value for key, value in document.data.items() if key not in ONLY_IN_FILES}
     made = []
+    by_owner: dict[str, list[BaseCase]] = {}
     for case in cases:
-        raw = laid_over(above, own.get(case.name, {}))
-        if "sweep" in raw:  # the middle value stands for the others
-            raw = (found := versions(raw))[len(found) // 2]
-            case = case.sweep.cases[len(found) // 2]  # type: ignore[attr-defined]
+        by_owner.setdefault(case.owner, []).append(case)
+    for name, (first, *others) in by_owner.items():
+        raw = laid_over(above, own.get(name, {}))
+        case, title = first, first.title
+        if sweep := first.sweep:  # the middle value stands for the others
+            middle = len(sweep.values) // 2
+            raw = [*versions(raw, first.swept_in, files).values()][middle]
+            case, title = (sweep.cases or [first, *others])[middle], sweep.title or title
         given = _given(case, {key: raw[key] for key in _KEPT if key in raw})
-        made.append({"name": case.name, "title": case.title, **given.keys, **keys.of_another(given)})
+        of_kind = {**given.keys, **keys.of_another(given)}
+        kept = {key: value for key, value in of_kind.items() if value is not None}
+        made.append({"name": name, "title": title, **kept})
     title = f"{document.data.get('title', name)} ({kind})"
     if not own:
         made[0].pop("name"), made[0].pop("title")
@@ -70,8 +83,9 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], kind: str, keys
 
 
 def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
-    if any(case.row(name).needs_truncation for name in case.schemes):
+    if case.noise is None and any(case.row(name).needs_truncation for name in case.schemes):
         keys["truncate_noise"] = True
+    keys.setdefault("schemes", list(case.schemes))
     h = max(getattr(case, "steps", None) or (case.step,))  # type: ignore[attr-defined]
     length = max(round(case.last_time / h), 1)
     while length < 8 or (h >= 1 and "truncate_noise" in keys):

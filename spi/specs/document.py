@@ -21,6 +21,13 @@ _MOST_ENTRIES = 10_000  # aliases of aliases could multiply without bound
 _MERGE = "tag:yaml.org,2002:merge"
 
 
+def about(loc: Location, message: str) -> str:
+    """What is wrong at a location, without the file and the line."""
+    key = ".".join(name for name in loc if isinstance(name, str))
+    item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
+    return f"{key}{': ' if key else ''}{item}{message}"
+
+
 class SpecError(ValueError):
     """An invalid spec: for each mistake a line ``path:line: key: what is wrong; what would be right``.
 
@@ -86,9 +93,7 @@ class Document:
 
     def message(self, loc: Location, message: str) -> str:
         """What is wrong at a location; a key that is missing is reported where its mapping starts."""
-        key = ".".join(name for name in loc if isinstance(name, str))
-        item = f"entry {loc[-1] + 1} " if loc and isinstance(loc[-1], int) else ""
-        return f"{self.places[loc[: self.depth(loc)]]} {key}{': ' if key else ''}{item}{message}"
+        return f"{self.places[loc[: self.depth(loc)]]} {about(loc, message)}"
 
     def _compose(self, text: str, top: Location) -> Any:
         try:

@@ -171,7 +171,7 @@ def _claim(case: Any, scheme: str, name: str, value: Any, place: _Place) -> Clai
     if value.tolerance and sense != EQUAL:
         raise wrong(f"is {shown(value.text)}", f"has no tolerance, because it is judged as {sense}", *place.path)
     text = value.text + place.text
-    return Claim(case.name, scheme, name, sense, value.number, value.tolerance, text, place.scopes, place.limits)
+    return Claim(case.owner, scheme, name, sense, value.number, value.tolerance, text, place.scopes, place.limits)
 
 
 def _limit(case: Any, limit: re.Match[str], path: tuple[str, ...]) -> tuple[str, float]:

@@ -15,20 +15,19 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial, reduce
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
-from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from ..statistics import claims
 from . import sweep
 from .cases import BaseCase
 from .conversion import converted
-from .document import Document, Faults, Location, SpecError, override, text_of
-from .explaining import explained
+from .document import Document, Faults, Location, SpecError, about, override, text_of
+from .explaining import attempt
 from .files import Files
-from .keys import Keys, suggestion
-from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+from .keys import suggestion
+from .layers import ONLY_IN_FILES, PROFILES, SWEPT, Layers, laid_over
 from .naming import results_name
 from .overrides import check_overrides
 
@@ -115,16 +114,17 @@ def load(
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
     named, faults = Files(path, files, trusts, added), Faults()
+    context = _context(document.data, kinds, overrides)
     file: Any = None
     with faults:
-        file = _valid(kinds.file.validate_python, document.data, [(document, ())])
+        file = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
     faults.raise_all()
     title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
     }
-    last = _last(kinds.profiles[file.kind], told, overrides, faults)
+    last = _last(partial(kinds.profiles[file.kind].model_validate, context=context), told, overrides, faults)
     faults.raise_all()
     read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
     each = [read(above) for above in ([], *profiles.values())]
@@ -149,7 +149,7 @@ def load(
         hash=_hash(effective),
         effective=effective,
         overrides=overrides,
-        expect=claims.as_text(claim for case in cases for claim in case.claims),
+        expect=claims.as_text(dict.fromkeys(claim for case in cases for claim in case.claims)),
         files=tuple(sorted(named.texts.items())),
         called=told,
     )
@@ -163,6 +163,13 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document
+
+
+def _context(data: Any, kinds: Layers, overrides: Iterable[str]) -> str | None:
+    """In which layers are read: SWEPT where words may stand for numbers."""
+    case_class = kinds.cases.get(str(data.get("kind"))) if isinstance(data, dict) else None
+    needed = case_class is not None and case_class.model_fields["sweep"].is_required()
+    return SWEPT if needed or sweep.is_in(data, overrides) else None
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -180,13 +187,13 @@ def _owners(document: Document, title: str) -> dict[str, Owner]:
     return owners or {"main": ((), title)}
 
 
-def _last(profile_class: type[Keys], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
+def _last(read: Callable[[Any], Any], told: str, overrides: Iterable[str], faults: Faults) -> list[Layer]:
     """The layers that overrides are; adds to `faults` what is wrong with any of them."""
     layers: list[Layer] = []
     for one in overrides:
         with faults:
             layer = override(told, one), ()
-            _valid(profile_class.model_validate, layer[0].data, [layer])
+            _valid(read, layer[0].data, [layer])
             layers.append(layer)
     return layers
 
@@ -212,10 +219,16 @@ def _cases(
             merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
             check_overrides(layers, merged, files)
             data = {k: v for k, v in merged.items() if k not in ONLY_IN_FILES} | {"name": name, "title": title}
-            unread = (
-                sweep.PLACES if "sweep" in case_class.model_fields and not isinstance(data.get("sweep"), dict) else ()
-            )
-            built.append(_swept(read, data, layers) or _valid(read, data, layers, unread))
+            if isinstance(data.get("sweep"), dict):
+                built += _swept(case_class, files, data, layers)
+            else:
+                missing = case_class.model_fields["sweep"].is_required()
+                unread = case_class.swept_in if missing else ()  # where the missing parameter may stand
+                built.append(_valid(read, data, layers, unread))
+    if len({case.sweep is None for case in built}) > 1:
+        one = next(case.name for case in built if case.sweep is None)
+        with faults:
+            file.fail(("cases",), f"has '{one}' without sweep beside others with one; sweep all of them, or none")
     return tuple(built)
 
 
@@ -230,18 +243,27 @@ def _check_used(used: set[str], layers: Iterable[Layer]) -> None:
                     document.fail((*place, "compositions", name), "is used nowhere; list it under schemes or remove it")
 
 
-def _swept(read: Callable[[Any], BaseCase], data: dict[str, Any], layers: Sequence[Layer]) -> BaseCase | None:
-    """The record of a case in which a word is swept, with those of all values in it; None if there is none."""
-    if not isinstance(data.get("sweep"), dict):
-        return None
+def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layers: Sequence[Layer]) -> list[BaseCase]:
+    """The cases that a swept parameter makes of one; of stability that one, with the others in it."""
+    read = partial(case_class.model_validate, context=files)
     document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
     try:
-        sweep.check(data)
+        versions = sweep.versions(data, [k for k in case_class.swept_in if k in case_class.model_fields], files)
     except PydanticCustomError as error:
         document.fail((*top, "sweep"), error.message())
-    found = [_valid(read, version, layers) for version in sweep.versions(data)]
-    ((word, values),) = found[0].sweep.items()
-    return found[0].model_copy(update={"sweep": sweep.Sweep(word, values, tuple(found))})
+    if case_class.model_fields["sweep"].is_required():
+        found = [_valid(read, version, layers) for version in versions.values()]
+        return [found[0].model_copy(update={"sweep": found[0].sweep._replace(cases=tuple(found))})]
+    attempts = {value: attempt(read, version) for value, version in versions.items()}
+    mistakes = {value: wrong for value, (_, wrong) in attempts.items() if wrong}
+    if mistakes:
+        first = next(iter(mistakes.values()))
+        if len(mistakes) == len(attempts) and all(wrong == first for wrong in mistakes.values()):  # whatever the value
+            _report(first, layers)
+        word = next(word for word in data["sweep"] if word != "of")
+        told = [f"with {word} = {value}: {about(*next(iter(wrong.items())))}" for value, wrong in mistakes.items()]
+        raise SpecError(*(document.message((*top, "sweep", word), one) for one in told))
+    return sweep.apart([case for case, _ in attempts.values()])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -254,17 +276,15 @@ def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer], unrea
 
     Of the keys `unread` it cannot be told, since a mistake elsewhere leaves open what they mean.
     """
-    try:
-        return read(data)
-    except ValidationError as invalid:
-        errors = invalid.errors(include_url=False)
-    found: dict[Location, str] = {}
-    for error in errors:
-        loc, message = explained(error, errors, data)
-        if loc[:1] and loc[0] in unread:
-            continue
-        if any(loc[: len(other)] == other or other[: len(loc)] == loc for other in found):
-            continue  # one mistake, seen as each of the things that may stand there
+    record, mistakes = attempt(read, data)
+    told = {loc: message for loc, message in mistakes.items() if loc[:1] == () or loc[0] not in unread}
+    return _report(told, layers) if mistakes else record
+
+
+def _report(mistakes: dict[Location, str], layers: Sequence[Layer]) -> NoReturn:
+    """Raise the SpecError with all that is wrong with what the layers together make up."""
+    told = []
+    for loc, message in mistakes.items():
         document, top = max(reversed(layers), key=lambda layer: layer[0].depth(layer[1] + loc) - len(layer[1]))
-        found[loc] = document.message(top + loc, message)
-    raise SpecError(*found.values())
+        told.append(document.message(top + loc, message))
+    raise SpecError(*told)

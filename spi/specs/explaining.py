@@ -1,8 +1,10 @@
 """Errors of pydantic in the words of a spec file: where in it, what is wrong, what would be right."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
+
+from pydantic import ValidationError
 
 from .document import Location
 from .keys import entries_in, shown, suggestion
@@ -41,3 +43,18 @@ def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, s
         right = right.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
         message = f"is {shown(value)}; {_RIGHT.get(kind, right)}"
     return loc, message
+
+
+def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, str]]:
+    """What pydantic reads from `data`, or what is wrong where in it."""
+    try:
+        return read(data), {}
+    except ValidationError as invalid:
+        errors = invalid.errors(include_url=False)
+    found: dict[Location, str] = {}
+    for error in errors:
+        loc, message = explained(error, errors, data)
+        if any(loc[: len(other)] == other or other[: len(loc)] == loc for other in found):
+            continue  # one mistake, seen as each of the things that may stand there
+        found[loc] = message
+    return None, found

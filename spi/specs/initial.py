@@ -7,25 +7,29 @@
     initial: {vorticity: "cos(x1) + cos(x2)"}
     initial: {random: {spectrum: "k^4*exp(-k^2/18)", energy: 1, seed: 1}}
 
-Whatever stands there becomes the numbers of the state at once, and these are what decides results.
+Whatever stands there becomes the numbers of the state at once, and these are what decides results.  A law by which each
+path has a state of its own, ``initial: {law: gaussian, ...}``, is read in ``initial_laws.py``.
 """
 
 import functools
 import re
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 import pydantic
 from annotated_types import MinLen
 
 from ..ensemble.protocol import NonNegative, Positive
+from ..ensemble.random_states import RandomState
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError, parse
 from ..models.zeitlin import fields
 from ..models.zeitlin.lattice import places
 from ..systems import expanded, has_range
 from .arrays import array_in, state_in
+from .files import Files
+from .initial_laws import Law, random_state
 from .keys import ABSENT, Keys, Seed, State, condition, key_of, shown, wrong
 
 _MODE = re.compile(r"\s*([+-]?[0-9]{1,6})\s*,\s*([+-]?[0-9]{1,6})\s*")
@@ -208,6 +212,9 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
     """The state that `value` stands for; `numbers` reads a list."""
     if not isinstance(value, dict):
         return numbers(_with_ranges(value, info))
+    if "law" in value:
+        known, files = info.data.get("model"), cast(Files, info.context)
+        return random_state(value, None if isinstance(known, dict) else known, files)
     stored = "file" in value or "results" in value
     given, model = (Stored if stored else Vorticity).model_validate(value), info.data.get("model")
     if model is None or isinstance(model, dict):  # of one layer, when it is not known yet which system it is
@@ -233,5 +240,14 @@ def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
         raise wrong(f"has a range that cannot be read ({error})", "write it as in cos(i), 0 for i = 1..n") from None
 
 
+def _plain(value: Any) -> Any:
+    """What decides results: the numbers, or of a law what tells it."""
+    return value.told if isinstance(value, RandomState) else value
+
+
 #: The annotation of ``initial``.
-Initial = Annotated[State, pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity | Stored)]
+Initial = Annotated[
+    State,
+    pydantic.WrapValidator(_read, json_schema_input_type=State | Vorticity | Stored | Law),
+    pydantic.PlainSerializer(_plain),
+]

@@ -178,8 +178,15 @@ def _number(kind: type, value: Any) -> Any:
     return kind(number)
 
 
+def _number_or_infinity(value: Any) -> float:
+    """The same of a float that may be infinite."""
+    return math.inf if value in ("inf", ".inf") else float(_number(float, value))
+
+
 def _read(hint: Any) -> Any:
     """An annotation with arithmetic in its numbers; models, which know nothing of specs, leave that to us."""
+    if hint == OrInfinite:
+        return hint
     origin, arguments = get_origin(hint), get_args(hint)
     base = arguments[0] if origin is Annotated else hint
     if base in _NUMBERS:
@@ -212,7 +219,7 @@ def _record_of(cls: Any) -> Any:
     return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]
 
 
-def _powers_of_two(value: Any) -> Any:
+def powers_of_two(value: Any) -> Any:
     """The texts that a range such as 2^-5 .. 2^-13 stands for; a list as it is."""
     if isinstance(value, list):
         return value
@@ -265,8 +272,9 @@ def key_of(hint: Any, description: str | None, unit: str | None = None) -> Any:
     return Annotated[_read(hint), *units, Field(description=description)]
 
 
+OrInfinite = Annotated[float, BeforeValidator(_number_or_infinity, json_schema_input_type=float | str)]
 _List = Annotated[tuple[Positive, ...], MinLen(1)]
-Steps = Annotated[_List, BeforeValidator(_powers_of_two, json_schema_input_type=_read(_List) | str)]
+Steps = Annotated[_List, BeforeValidator(powers_of_two, json_schema_input_type=_read(_List) | str)]
 _State = tuple[float, ...]
 State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
 _Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
@@ -287,5 +295,3 @@ Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]
-# What can be read only together with other layers.
-Unread = Annotated[Any, BeforeValidator(lambda v: v)]

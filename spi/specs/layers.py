@@ -8,19 +8,17 @@ from annotated_types import Ge, MinLen
 from pydantic import create_model
 
 from ..models import MODELS
-from . import expect
+from . import expect, sweep
 from .cases import BaseCase
 from .keys import (
     ABSENT,
     CaseName,
     Keys,
-    Unread,
     key_of,
     needed_keys,
     one_of,
 )
 from .models import COMPLETE, ModelPart, is_another
-from .sweep import PLACES
 from .systems import overridden
 
 #: ``laptop`` is the file itself; so are the others where the file does not define them.
@@ -30,12 +28,17 @@ PROFILES = ("laptop", "paper", "quick")
 ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
 
+#: The context in which a word may stand for a number: that can be read only together with its values.
+SWEPT = "swept"
+_UNLESS_SWEPT = pydantic.WrapValidator(lambda value, read, info: value if info.context == SWEPT else read(value))
+
+
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
     """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
-    swept = PLACES if "sweep" in keys else ()  # only together with the values of the parameter can these be read
-    read = {k: Unread if k in swept else hints[k] for k in keys} | {"model": ModelPart}
+    swept = case_class.swept_in
+    read = {k: Annotated[hints[k], _UNLESS_SWEPT] if k in swept else hints[k] for k in keys} | {"model": ModelPart}
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}
     name = (key_of(CaseName, "letters, digits, _ and -"), ...)
     title = (key_of(str, "title of tables and figures; default: the name"), ABSENT)
@@ -88,6 +91,8 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         old, new = below["model"], above["model"]
         if not is_another(new, old):
             result["model"] = overridden(old, new)
+    if isinstance(below.get("sweep"), dict) and isinstance(above.get("sweep"), dict):
+        result["sweep"] = sweep.laid_over(below["sweep"], above["sweep"])
     if "expect" in below:
         gone = {n for key in expect.NAMING if key in above for n in expect.names_in(key, below.get(key))}
         gone -= {n for key in expect.NAMING for n in expect.names_in(key, above.get(key))}

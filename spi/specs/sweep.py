@@ -1,60 +1,221 @@
-"""A parameter of the user's choice that may stand in numbers of a spec file, and its values.
+"""A parameter and its values: what comes out is a curve over them.
 
-    sweep: {s: [0.1, 1, 10]}
+    sweep: {sigma: [0.1, 1, 10]}
+    sweep: {s: 2^-4 .. 2^0, of: [order, error]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
-The parameter may stand in the model, in ``damping``, in ``initial`` and in ``eps``.
+The parameter is a word in formulas of the case, or the name of one of its parameters: of the model, or a key with a
+number.  Reading makes a case of each value, but for stability, whose figure needs all of them at once.
 """
 
 import re
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from typing import Annotated, Any, NamedTuple
+
+from annotated_types import MinLen
+from pydantic import BeforeValidator, ValidatorFunctionWrapHandler, WrapValidator
+from pydantic_core import PydanticCustomError
 
 from ..expressions.arithmetic import Numbers
-from .keys import shown, wrong
+from ..models import MODELS
+from .files import Files
+from .keys import powers_of_two, suggestion, wrong
 from .models import SOURCES
+from .systems import BY_ENTRY, system_in_file
 
-PLACES = ("model", "damping", "initial", "eps")
+POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
+_NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
+PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: the same elsewhere
+
+SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them"
+_NO_FORMULAS = (*SOURCES, "file", "results")
+_LISTS = {"steps": "which gives results at each of them", "schemes": "which gives results of each of them"}
 
 
 class Sweep(NamedTuple):
-    """What ``sweep`` is turned into: the case with each value in place of the parameter."""
+    """What ``sweep`` is turned into."""
 
     word: str
     values: tuple[float, ...]
-    cases: tuple
+    of: tuple[str, ...] = ()  #: the quantities that are shown; () for those that suit the kind
+    cases: tuple = ()  #: of stability, the case with each value in place of the parameter
+    case: str = ""  #: the name, and
+    title: str = ""  #: the title, of the case that is swept, where this is the sweep of a case made of it
+    value: float | None = None  #: that of this case
 
     def effective(self) -> dict[str, Any]:
         """What of it decides results, as plain data."""
+        if not self.cases:
+            return {self.word: self.values}
         return {
             "word": self.word,
             "values": self.values,
-            "points": [case.model_dump(include=set(PLACES)) for case in self.cases],
+            "points": [case.model_dump(include=set(POINT)) for case in self.cases],
         }
 
 
-def check(data: dict[str, Any]) -> None:
-    """Raise the error about what is to be swept in `data`, if anything is wrong with it."""
-    sweep = data["sweep"]
+def _range(value: Any) -> Any:
+    return powers_of_two(value) if isinstance(value, str) and ".." in value else value
+
+
+_Values = Annotated[
+    tuple[float, ...], MinLen(1), BeforeValidator(_range, json_schema_input_type=list[float | str] | str)
+]
+
+
+def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
+    """The sweep that a mapping of a word and its values says, and perhaps of what; none for nothing."""
+    if value is None:
+        return None
+    if not isinstance(value, dict):
+        return read(value)  # which refuses it
+    of = value.get("of", [])
+    if not isinstance(of, str | list) or not all(isinstance(name, str) for name in of):
+        raise wrong("is no list of quantities", "write one or several, as in of: [order, error]", "of")
+    found = read({word: values for word, values in value.items() if word != "of"})
+    if len(found) > 1:
+        raise wrong(f"has {len(found)} parameters", "must have one and its values, as in sweep: {s: [0.1, 1, 10]}")
+    for word, values in found.items():
+        if len(set(values)) < len(values):
+            raise wrong("has a value twice", "remove one", word)
+    word, values = next(iter(found.items()), ("", ()))
+    return Sweep(word, values, (of,) if isinstance(of, str) else tuple(of))
+
+
+#: The annotation of ``sweep``.
+Swept = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_type=dict[str, Any])]
+
+
+def check_shown(case: Any) -> None:
+    """What is shown over the parameter is among what comes out of a kind; there are values to draw a curve through."""
+    if case.sweep is None:
+        return
+    if not case.quantities:
+        raise wrong("is not possible for this kind of experiment, which shows no quantities", "remove it", "sweep")
+    for name in case.sweep.of:
+        if name not in case.quantities:
+            raise wrong(f"has '{name}'", suggestion(name, case.quantities), "sweep", "of")
+    if len(case.sweep.values) == 1:
+        right = "give several, or leave out the sweep and write the value where the parameter stands"
+        raise wrong("has one value", right, "sweep", case.sweep.word)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The case with each value
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def versions(data: Mapping[str, Any], keys: Sequence[str], files: Files) -> dict[str, dict[str, Any]]:
+    """By each value, as a text, the keys of a case with it in place of the parameter; raises the error about that.
+
+    `keys` are those in which the parameter may stand.
+    """
+    sweep = {word: values for word, values in data["sweep"].items() if word != "of"}
     if len(sweep) != 1:
         raise wrong(f"has {len(sweep)} parameters", "must have one and its values, as in sweep: {s: [0.1, 1, 10]}")
-    (word,) = sweep
+    ((word, values),) = sweep.items()
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
-        raise wrong(f"{shown(word)} cannot be swept", "must be a name that is not a function or constant")
-    if all(_replaced(data[key], word, "") == data[key] for key in PLACES if key in data):
-        raise wrong(f"the parameter {shown(word)} is not used", f"use it in one of {', '.join(PLACES)}")
+        raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
+    if word in _LISTS:
+        raise wrong(f"'{word}' cannot be swept", f"write {word}: [...] without sweep, {_LISTS[word]}")
+    model = data.get("model")
+    declared = _declared(model, files)
+    place = _place(data, word, declared, keys)
+    within = [key for key in keys if key in data and not (key == "model" and word in declared)]
+    if not place and not any(_names(data[key], word) for key in within):
+        meant = suggestion(word, [*declared, *_parameters(model), *(key for key in keys if key in _NUMBERS)])
+        right = meant if meant.startswith("did you") else f"use it in one of {', '.join(keys)}"
+        raise wrong(f"the parameter '{word}' is not used", right)
+    found = {}
+    for value in map(str, _range(values)):
+        replaced = {key: _replaced(part, word, value) if key in within else part for key, part in data.items()}
+        found[value] = _with(replaced, place, value) if place else replaced
+    return found
 
 
-def versions(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """`data` with each of the values, which are texts, in place of the parameter."""
-    ((word, values),) = data["sweep"].items()
-    return [
-        {key: _replaced(part, word, value) if key in PLACES else part for key, part in data.items()} for value in values
-    ]
+def is_in(data: Any, overrides: Iterable[str] = ()) -> bool:
+    """Whether a parameter is swept in a file, or by overrides, so that a word may stand where a number is meant."""
+    parts = [*data.values()] if isinstance(data, dict) else data if isinstance(data, list) else []
+    within = isinstance(data, dict) and "sweep" in data
+    return within or any(one.startswith("sweep") for one in overrides) or any(map(is_in, parts))
+
+
+def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """A sweep with what stands above it: another parameter or other values, or another choice of what is shown."""
+    kept = {key: value for key, value in below.items() if key == "of" or not above.keys() - {"of"}}
+    return kept | above
+
+
+def apart(cases: Sequence[Any]) -> list[Any]:
+    """The cases of all values of a sweep, each with its value and with a name of its own."""
+    found = []
+    for case, value in zip(cases, cases[0].sweep.values, strict=True):
+        whole = "" if case.name == "main" else f"{case.name}_"
+        title = "" if case.name == "main" else f"{case.title}, "
+        own = case.sweep._replace(case=case.name, title=case.title, value=value)
+        told = {"name": f"{whole}{own.word}={value:.12g}", "title": f"{title}{own.word} = {value:.12g}"}
+        found.append(case.model_copy(update=told | {"sweep": own}))
+    return found
+
+
+def _place(data: Mapping[str, Any], word: str, declared: Sequence[str], keys: Sequence[str]) -> tuple[str, ...]:
+    """Where a parameter of this name has its value; () if there is none, or if that is a formula with the name."""
+    model = data.get("model")
+    if word in declared:
+        return "model", "parameters", word
+    if word in _parameters(model) and not _names(model, word):
+        return "model", word
+    return (word,) if word in keys and word in _NUMBERS and not _names(data.get(word), word) else ()
+
+
+def _declared(model: Any, files: Files) -> list[str]:
+    """The parameters of a system that is written in YAML."""
+    parts: list[Mapping[str, Any]] = [model] if isinstance(model, dict) else []
+    if parts and isinstance(path := model.get("system"), str):
+        with suppress(PydanticCustomError):  # reading the model reports it
+            parts.append(system_in_file(path, files))
+    found = [part["parameters"] for part in parts if isinstance(part.get("parameters"), dict)]
+    return [name for part in found for name in part]
+
+
+def _parameters(model: Any) -> list[str]:
+    """The parameters of a model that are keys under ``model``."""
+    if not isinstance(model, dict):
+        return []
+    known = [*getattr(MODELS.get(model.get("name", "")), "_fields", ()), *model]
+    return [key for key in dict.fromkeys(known) if key not in (*SOURCES, *BY_ENTRY)]
+
+
+def _with(data: dict[str, Any], place: tuple[str, ...], value: str) -> dict[str, Any]:
+    """The keys of a case with a value at a place; in a list of alike entries each becomes that."""
+    key, *inner = place
+    if not inner:
+        return data | {key: value}
+    model, (name, *further) = data[key], inner
+    if further:
+        return data | {key: model | {name: (model.get(name) or {}) | {further[0]: value}}}
+    default = getattr(MODELS.get(model.get("name", "")), "_field_defaults", {}).get(name)
+    old = model.get(name, list(map(str, default)) if isinstance(default, tuple) else default)
+    if isinstance(old, list):
+        parts = [str(entry).partition(" for ") for entry in old]
+        if len({first.strip() for first, *_ in parts}) > 1:
+            right = (
+                f"write the parameter in them, as in {name}: [s, {'0, ' * (len(old) > 2)}s/2] with sweep: {{s: [...]}}"
+            )
+            raise wrong(f"has '{name}', whose entries differ", right)
+        return data | {key: model | {name: [value + "".join(rest) for _, *rest in parts]}}
+    return data | {key: model | {name: value}}
+
+
+def _names(part: Any, word: str) -> bool:
+    """Whether a word stands in a formula."""
+    return bool(_replaced(part, word, "") != part)
 
 
 def _replaced(part: Any, word: str, value: str) -> Any:
     if isinstance(part, dict):
-        return {key: inner if key in SOURCES else _replaced(inner, word, value) for key, inner in part.items()}
+        return {key: inner if key in _NO_FORMULAS else _replaced(inner, word, value) for key, inner in part.items()}
     if isinstance(part, list):
         return [_replaced(inner, word, value) for inner in part]
     if isinstance(part, str):

@@ -72,7 +72,7 @@ class Claim(NamedTuple):
     def covers(self, one: "Quantity") -> bool:
         """Whether it speaks of this quantity."""
         about = one.about
-        same = (about.case, about.scheme, one.name) == (self.case, self.scheme, self.quantity)
+        same = (about.owner, about.scheme, one.name) == (self.case, self.scheme, self.quantity)
         small = (one.places.get(name, math.inf) <= limit + _ROUNDING * abs(limit) for name, limit in self.limits)
         scopes = {about.estimator, one.function, f"extrapolate {about.extrapolate}"}
         return same and all(small) and scopes.issuperset(self.scopes)
@@ -90,11 +90,17 @@ class Quantity(NamedTuple):
     h: float | None = None  #: the step size it belongs to
     swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
+    expected: float = math.nan  #: what theory, a reference or a solver without sampling says; NaN where none does
+
+    @property
+    def at(self) -> tuple[str, float] | None:
+        """The swept parameter and the value it belongs to, within a result or because its case has it."""
+        return self.swept or (self.about.swept and self.about.swept[:2])
 
     @property
     def places(self) -> dict[str, float]:
         """The step size, eps and the swept value that it belongs to, by name, those that there are."""
-        known = {"h": self.h, "eps": self.about.eps, **dict([self.swept] if self.swept else [])}
+        known = {"h": self.h, "eps": self.about.eps, **dict([self.at] if self.at else [])}
         return {name: value for name, value in known.items() if value is not None}
 
     @property
@@ -122,16 +128,25 @@ class Verdict(NamedTuple):
 
 
 def quantity(
-    name: str, about: Description, value: float, half: float = 0.0, function: str = "", h: float | None = None
+    name: str,
+    about: Description,
+    value: float,
+    half: float = 0.0,
+    function: str = "",
+    h: float | None = None,
+    expected: float = math.nan,
 ) -> Quantity:
     """A quantity with half the width of its interval; one that is infinite is known for certain to be that."""
     value, half = float(value), 0.0 if math.isinf(value) else float(half)
-    return Quantity(name, about, value, value - half, value + half, function, h)
+    return Quantity(name, about, value, value - half, value + half, function, h, expected=float(expected))
 
 
-def order(about: Description, fitted: Order, name: str = "order", function: str = "") -> Quantity:
-    """A fitted order of convergence."""
-    return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, widest=WIDEST)
+def order(
+    about: Description, fitted: Order, name: str = "order", function: str = "", expected: float | None = None
+) -> Quantity:
+    """A fitted order of convergence, and what theory says it is."""
+    theory = math.nan if expected is None else expected
+    return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, widest=WIDEST, expected=theory)
 
 
 def each_step(

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
+from ..ensemble.random_states import RandomState
 from .fitting import check_fact
 
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
@@ -78,6 +79,16 @@ class Order(NamedTuple):
     points: int  #: in the fit
 
 
+class Swept(NamedTuple):
+    """Which of the values of a swept parameter a case has."""
+
+    word: str  #: the parameter
+    value: float
+    case: str  #: the name of the case that is swept
+    title: str  #: its title
+    of: tuple[str, ...] = ()  #: the quantities that are to be shown; () for those that suit the kind
+
+
 class Description(NamedTuple):
     """What was integrated, as the attributes of every group tell it.
 
@@ -100,6 +111,14 @@ class Description(NamedTuple):
     truncate_noise: bool
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
     areas: str = "exact"  #: how Lévy areas were drawn, if they were
+    driver: str = ""  #: what drove the noises in place of Brownian motion
+    initial_law: str | None = None  #: the law of initial states, where each path has its own
+    swept: Swept | None = None  #: where the case has one of the values of a swept parameter
+
+    @property
+    def owner(self) -> str:
+        """The name of the case in the spec, of which the case is one of the values if a parameter is swept."""
+        return self.swept.case if self.swept else self.case
 
     @property
     def label(self) -> str:
@@ -128,20 +147,27 @@ class Description(NamedTuple):
             model=case.model_name,
             parameters={name: value for name, value in case.parameters.items() if name != "constants"},
             variables=tuple(getattr(case, "variables", ())),
-            initial=case.initial,
+            initial=None if isinstance(case.initial, RandomState) else case.initial,
             final_time=getattr(case, "final_time", None),
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,
             areas=getattr(case, "areas", "exact"),
+            driver=getattr(case, "driver", ""),
+            initial_law=case.initial.text if isinstance(case.initial, RandomState) else None,
+            swept=_swept_of(getattr(case, "sweep", None)),
         )
 
     def attributes(self) -> dict[str, Any]:
         """What a group keeps of it besides the names of the case and the variant."""
         plain = self._asdict()
         parameters = {f"{_MODEL}{name}": value for name, value in plain.pop("parameters").items()}
-        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator")}
+        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator", "driver")}
         empty["areas"] = None if self.areas == "exact" else self.areas
-        return {name: value for name, value in (plain | empty | parameters).items() if name not in ("case", "variant")}
+        swept = {} if self.swept is None else {f"{_SWEPT}{name}": it for name, it in self.swept._asdict().items()}
+        if not swept.get(f"{_SWEPT}of"):
+            swept.pop(f"{_SWEPT}of", None)
+        del plain["swept"]
+        return {k: value for k, value in (plain | empty | parameters | swept).items() if k not in ("case", "variant")}
 
     @classmethod
     def of(cls, group: Group) -> "Description":
@@ -165,6 +191,9 @@ class Description(NamedTuple):
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=a.get("extrapolate") or 0,
             areas=a.get("areas") or "exact",
+            driver=a.get("driver") or "",
+            initial_law=a.get("initial_law"),
+            swept=_swept(a),
         )
         for name, hint in get_type_hints(cls).items():
             check_fact(name, getattr(found, name), hint)
@@ -174,3 +203,23 @@ class Description(NamedTuple):
 
 
 _MODEL = "model_"  # what the attributes begin with that are parameters of the model
+_SWEPT = "swept_"  # and those about a swept parameter
+
+
+def _swept_of(sweep: Any) -> Swept | None:
+    """Of the key ``sweep`` of a case what results tell; None where the case is none of its values."""
+    if sweep is None or sweep.value is None:
+        return None
+    return Swept(sweep.word, sweep.value, sweep.case, sweep.title, sweep.of)
+
+
+def _swept(attributes: dict[str, Any]) -> Swept | None:
+    """What a group tells of a swept parameter; KeyError if that is not all."""
+    if f"{_SWEPT}word" not in attributes:
+        return None
+    of = tuple(attributes.get(f"{_SWEPT}of") or ())
+    word, value, case, title = (attributes[f"{_SWEPT}{name}"] for name in ("word", "value", "case", "title"))
+    told = Swept(word, value, case, title, of)
+    for name, hint in get_type_hints(Swept).items():
+        check_fact(f"{_SWEPT}{name}", getattr(told, name), hint)
+    return told

@@ -96,27 +96,11 @@ class Bracket(NamedTuple):
 
     def field(self, functional: Mapping[int, Any]) -> dict[tuple[int, int], mpmath.mpf]:
         """M, (row, column) -> number, of the field w' = M (w, 1) of l = sum_j functional[j] w_j, if it is affine."""
-        entries: dict[tuple[int, int], mpmath.mpf] = {}
-        with mpmath.workdps(DIGITS):
-            for (i, j), linear in self.constants.items():
-                for row, column, sign in ((i, j, 1), (j, i, -1)):
-                    if column in functional:
-                        for k, c in linear.items():
-                            value = sign * precise(c) * functional[column]
-                            entries[row, k] = entries.get((row, k), mpmath.mpf(0)) + value
-        return {place: value for place, value in entries.items() if abs(value) > NOTHING}
+        return field_of(self.constants, functional)
 
     def curved(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
         """What the field of a linear function has of degree 2 and more, (row, monomial) -> number."""
-        entries: dict[tuple[int, Monomial], mpmath.mpf] = {}
-        with mpmath.workdps(DIGITS):
-            for (i, j), polynomial in self.higher.items():
-                for row, column, sign in ((i, j, 1), (j, i, -1)):
-                    if column in functional:
-                        for monomial, c in polynomial.items():
-                            value = sign * precise(c) * functional[column]
-                            entries[row, monomial] = entries.get((row, monomial), mpmath.mpf(0)) + value
-        return {place: value for place, value in entries.items() if abs(value) > NOTHING}
+        return field_of(self.higher, functional)
 
     def polynomial_field(self, functional: Mapping[int, Any]) -> dict[tuple[int, Monomial], mpmath.mpf]:
         """The whole field of a linear function."""
@@ -151,6 +135,19 @@ class Bracket(NamedTuple):
             terms = (math.prod((point[k] for k in monomial), start=precise(c)) for monomial, c in polynomial.items())
             found[i, j] = mpmath.fsum(terms)
         return found
+
+
+def field_of(brackets: Mapping[tuple[int, int], Entry], functional: Mapping[int, Any]) -> Entry:
+    """(row, term) -> number, of w_i' = sum_j functional[j] {w_i, w_j} where {w_i, w_j} = sum of entry[term] * term."""
+    total: Entry = {}
+    with mpmath.workdps(DIGITS):
+        for (i, j), entry in brackets.items():
+            for row, column, sign in ((i, j, 1), (j, i, -1)):
+                if column in functional:
+                    for term, c in entry.items():
+                        value = sign * precise(c) * functional[column]
+                        total[row, term] = total.get((row, term), mpmath.mpf(0)) + value
+    return {place: value for place, value in total.items() if abs(value) > NOTHING}
 
 
 def precise(number: Any) -> mpmath.mpf:

@@ -12,7 +12,7 @@ BODY = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 
 H = 2**-4
 
 
-def integrator(scheme="splitting_areas", **options):
+def integrator(scheme="munthe_kaas_areas", **options):
     return spi.Integrator(BODY, scheme, H, initial=INITIAL, **options)
 
 
@@ -22,10 +22,11 @@ def by_run(scheme, paths, steps, seed):
     return spi.trajectory(BODY, scheme, **options).y.values[:, -1]
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("splitting", "splitting_order2", "splitting_symmetric")]
+OTHERS = ("splitting", "splitting_order2", "splitting_symmetric", "splitting_areas")
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in OTHERS]
 
 
-@pytest.mark.parametrize("scheme", ["splitting_areas", *SLOW])
+@pytest.mark.parametrize("scheme", ["munthe_kaas_areas", *SLOW])
 def test_paths_are_those_of_a_run_drawn_or_given(scheme):
     steps, paths = 6, 70
     integrates = integrator(scheme)

@@ -14,15 +14,16 @@ from helpers import (
     Coins,
     Increments,
     compiled_only,
+    in_loops,
     simulate,
     take_step,
     without_the_compiler,
 )
 from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
-from spi.ensemble.loop import add_reports, brownian, integrated, nested_grid, report_columns
+from spi.ensemble.loop import add_reports, brownian, integrated, nested_grid
 from spi.ensemble.observer import path_observer
-from spi.ensemble.scheme_protocol import REPORT, needs_areas
+from spi.ensemble.scheme_protocol import REPORT, needs_areas, report_columns
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
 
@@ -31,7 +32,7 @@ SMALL = {"h": 2.0**-6, "steps": 64 if COMPILED else 8, "truncate": True}
 DOUBLINGS = (0, 1, 3)
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", [in_loops(name) for name in SCHEMES])
 def test_states_follow_from_the_increments(name):
     """The ensemble adds nothing: each level is the scheme, applied to the increments of that level."""
     scheme, few = SCHEMES[name].record, SMALL | {"steps": 8, "doublings": DOUBLINGS}
@@ -50,7 +51,7 @@ def test_states_follow_from_the_increments(name):
         assert report[0, level, 0] == solves == (len(dW) * LANES if name in IMPLICIT else 0)
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", [in_loops(name) for name in SCHEMES])
 def test_reference_alone_gives_the_same_bits(name):
     together, _ = simulate(SCHEMES[name].record, doublings=DOUBLINGS, **SMALL)
     alone, _ = simulate(SCHEMES[name].record, **SMALL)
@@ -61,7 +62,7 @@ def test_reference_alone_gives_the_same_bits(name):
 
 @compiled_only
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", [in_loops(name) for name in SCHEMES])
 def test_threads_do_not_matter(name):
     before = numba.get_num_threads()
     results = []
@@ -77,7 +78,7 @@ def test_threads_do_not_matter(name):
     assert len(np.unique(one[0, 0, 0])) == 7 * LANES
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", [in_loops(name) for name in SCHEMES])
 def test_grouping_of_blocks_does_not_matter(name):
     whole, report = simulate(SCHEMES[name].record, doublings=DOUBLINGS, blocks=3, **SMALL)
     parts = [

@@ -3,7 +3,7 @@
 from typing import Any
 
 from spi.ensemble.protocol import Positive
-from spi.specs.cases import need
+from spi.specs.checks import need
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of
 

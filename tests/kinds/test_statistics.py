@@ -7,66 +7,26 @@ import pytest
 from helpers import COMPILED, INITIAL, compiled_only
 from scipy import stats
 from states import check_going_on, chunks_of, finished, same_numbers
+from statistics_cases import AXIS, results_of, study_of, written
 from weak_cases import stderr_by_hand
 
 import spi
-from spi.kinds.statistics import study
 from spi.kinds.statistics.claims import quantities
+from spi.kinds.statistics.estimates import simultaneous
 from spi.kinds.statistics.results import Statistics
-from spi.kinds.statistics.study import simultaneous
-from spi.running.run import load
 from spi.specs import SpecError
-from spi.storage.records import Part
-
-BODY = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
-#: A body with y_3 = 1 turns about its third axis by the angle W(t); with such moments nothing else moves it.
-AXIS = "{name: rigid_body, inertia: [1e12, 1e12, 1e12], noise_inertia: [1, 1, 1], sigma: [0, 0, 1]}"
-SPEC = f"""\
-title: A title
-kind: statistics
-model: {BODY}
-initial: [cos(1.1), 0, sin(1.1)]
-final_time: 1
-step: 2^-4
-every: 2
-schemes: [splitting]
-samples: 100
-seed: 3
-functions:
-  square: y1^2
-  energy: H
-  length: C1
-  highest: {{maximum: y3}}
-  lowest: {{minimum: y3}}
-  area: {{integral: y3}}
-  first: {{start: y3}}
-  out: {{passage: "y1 < 0.4"}}
-statistics: [mean, variance, covariance, quantiles, histogram]
-"""
 
 
 @pytest.fixture
 def case_of(tmp_path):
-    def case_of(*overrides):
-        path = tmp_path / "s.yaml"
-        path.write_text(SPEC, encoding="utf-8")
-        return load(path, overrides=overrides).cases[0]
-
-    return case_of
-
-
-def plan_of(case, scheme="splitting"):
-    return study.plan(case, Part(scheme))
-
-
-def results_of(case, scheme="splitting"):
-    plan = plan_of(case, scheme)
-    return plan.results(finished(plan))
+    return lambda *overrides: written(tmp_path, *overrides)
 
 
 def test_statistics_are_those_of_the_paths(case_of):
     """Of every function by hand, from the paths that `spi.trajectory` gives."""
-    case = case_of()
+    case = case_of(
+        "autocorrelation={square: 1/2, area: 1}", "density={of: [square, lowest], times: [1/2, 1], cells: 10}"
+    )
     found = results_of(case)
     model = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
     paths = spi.trajectory(model, "splitting", initial=INITIAL, final_time=1, step=2**-4, every=2, samples=100, seed=3)
@@ -89,6 +49,11 @@ def test_statistics_are_those_of_the_paths(case_of):
     for t in range(len(found.t)):
         assert np.allclose(found.covariance[:, :, t], np.cov(values[:, :, t]), rtol=1e-9, atol=1e-13)
     assert np.allclose(found.mean_stderr[:, -1], [stderr_by_hand(of_one[:, -1]) for of_one in values], atol=1e-13)
+    spread = np.cov(values[0, :, 4:], values[0, :, [4] * 5].T, rowvar=False)
+    assert np.allclose(found.autocorrelation[0, 4:], spread[:5, 5] / spread[5, 5], rtol=1e-9)
+    assert np.isnan(found.autocorrelation[0, :4]).all() and np.isnan(found.autocorrelation[1]).all()
+    assert found.autocorrelation[5, -1] == 1 and found.since[[0, 5]].tolist() == [0.5, 1.0]
+    check_map_by_hand(found.density_map, values[0][:, [4, 8]], values[4][:, [4, 8]])
     last, q = values[0, :, -1], found.quantiles
     assert (q.quantile_low[0, -1] <= np.quantile(last, q.level)).all()
     assert (np.quantile(last, q.level) <= q.quantile_high[0, -1]).all()
@@ -99,9 +64,19 @@ def test_statistics_are_those_of_the_paths(case_of):
     assert np.allclose(h.density[0, -1], np.histogram(last, edges, density=False)[0] / 100 / h.bin_width[0, -1])
 
 
+def check_map_by_hand(found, one, other):
+    for m, t in enumerate((0.5, 1.0)):
+        edges = [found.low[m, side] + found.width[m, side] * np.arange(11) for side in (0, 1)]
+        counts = np.histogram2d(one[:, m], other[:, m], edges)[0]
+        area = found.width[m].prod()
+        share = found.density[m] * area
+        assert found.t[m] == t and np.allclose(share, counts / 100) and counts.sum() == 100 and not found.outside[m]
+        assert np.allclose(found.stderr[m] * area, np.sqrt(share * (1 - share) / 100))
+
+
 def test_bits_do_not_depend_on_the_division_of_the_work(case_of):
     case = case_of("samples=300", "functions={square: y1^2, out: {passage: y1 < 0.4}}")
-    plan = plan_of(case)
+    plan = study_of(case)
     with chunks_of(2):
         whole = finished(plan)
         check_going_on(plan)
@@ -117,10 +92,13 @@ def test_results_are_written_and_read_and_judged(case_of):
     assert np.array_equal(again.mean, found.mean) and again.histogram is not None
     assert np.array_equal(again.reference, found.reference, equal_nan=True)
     told = {(one.name, one.function): one for one in quantities([again])}
-    assert told.keys() == {(name, f) for name in ("mean", "variance") for f in case.functions} | {
-        ("deviation", "length")
-    }
+    of_values = {(name, f) for name in ("mean", "variance") for f in case.functions}
+    known = {(name, "length") for name in ("difference", "deviation")}
+    assert told.keys() == of_values | known | {("quantile", name) for name in case.quantile_names}
+    median = told["quantile", "square, 0.5-quantile"]
+    assert median.low < median.value == again.quantiles.quantile[1, -1, 1] < median.high
     assert told["mean", "square"].value == found.mean[1, -1]
+    assert told["difference", "length"].value == found.mean[0, -1] - 1
 
 
 def test_chosen_times_are_those_of_every(case_of):
@@ -135,19 +113,20 @@ def test_a_band_holds_all_means_at_once():
     """For one mean it is 1.96 standard errors, for 16 independent ones the quantile of the largest of 16."""
     rng = np.random.default_rng(2)
     without = rng.standard_normal((64, 1, 16))
-    alone = simultaneous(np.zeros((1, 1)), without[..., :1], np.ones((1, 1)))
-    several = simultaneous(np.zeros((1, 16)), without, np.ones((1, 16)))
-    same = simultaneous(np.zeros((1, 16)), np.repeat(without[..., :1], 16, axis=-1), np.ones((1, 16)))
+    alone = simultaneous(without[..., :1])
+    several = simultaneous(without)
+    same = simultaneous(np.repeat(without[..., :1], 16, axis=-1))
     assert np.allclose([alone[0], same[0]], 1.96, atol=0.06)
     assert math.isclose(several[0], stats.norm.isf(0.5 * (1 - 0.95 ** (1 / 16))), abs_tol=0.12)
 
 
 @compiled_only
 def test_the_laws_of_a_rotation_about_one_axis(case_of):
-    """Its angle is normal: the mean, the histogram and quantiles of y_1, and the first time when y_1 < 0."""
+    """Its angle is normal: the mean, the histogram, quantiles and autocorrelation of y_1, and the map of its sphere."""
     about = f"model={AXIS}", "initial=[1, 0, 1]", "samples=40000", "final_time=2", "every=1", "step=2^-5"
-    functions = "functions={y1: y1, square: y1^2, turned: {passage: y1 < 0}, remembered: {start: y1}}"
-    found = results_of(case_of(*about, functions, "reference={y1: exp(-t/2), square: (1 + exp(-2*t))/2}"))
+    known = "reference={y1: exp(-t/2), square: (1 + exp(-2*t))/2}"
+    further = "autocorrelation={y1: 1/2}", "density={of: sphere, times: [1/2, 2], cells: 12}"
+    found = results_of(case_of(*about, "functions={y1: y1, square: y1^2}", known, *further))
     assert np.nanmax(np.abs(found.deviation)) < 4
     assert np.abs(found.mean[0] - np.exp(-0.5 * found.t))[-1] > 0.1 * found.mean_stderr[0, -1]  # it is sampled
     turns = 2 * math.pi * np.arange(-4, 5)
@@ -162,16 +141,54 @@ def test_the_laws_of_a_rotation_about_one_axis(case_of):
     edges = h.bin_low[0, -1] + h.bin_width[0, -1] * np.arange(65)
     expected = np.diff(below(edges)) * found.samples
     counts = h.density[0, -1] * h.bin_width[0, -1] * found.samples
-    large = expected > 5
-    assert stats.chisquare(counts[large], expected[large] * counts[large].sum() / expected[large].sum()).pvalue > 1e-3
+    assert chi_squared(counts, expected) > 1e-3
     q = found.quantiles
     assert (below(q.quantile_low[0, -1]) <= q.level).all() and (q.level <= below(q.quantile_high[0, -1])).all()
-    k = np.arange(40)
-    odd = 2 * k + 1
-    share = 1 - (4 / math.pi * (-1.0) ** k / odd * np.exp(-(odd**2) * found.t[-1] / 2)).sum()
-    corrected, error = found.corrected.share[2, -1], found.corrected.share_stderr[2, -1]
-    assert abs(corrected - share) < 3 * error + 0.008  # of order 1 in the time between two looks, 2^-5
-    assert share - found.mean[2, -1] > 15 * found.mean_stderr[2, -1]  # what is monitored at some times comes too late
+    s, t = 0.5, found.t[16:]
+    together = (np.exp(-(t - s) / 2) + np.exp(-(t + 3 * s) / 2)) / 2 - np.exp(-(s + t) / 2)
+    off = found.autocorrelation[0, 16:] - together / ((1 + math.exp(-2 * s)) / 2 - math.exp(-s))
+    assert np.abs(off[1:] / found.autocorrelation_stderr[0, 17:]).max() < 4 and found.autocorrelation[0, 16] == 1
+    check_wrapped(found.density_map, found.samples)
+
+
+def chi_squared(counts, expected):
+    """The p-value of counts, in cells of which more than five are expected."""
+    large = expected > 5
+    return stats.chisquare(counts[large], expected[large] * counts[large].sum() / expected[large].sum()).pvalue
+
+
+def check_wrapped(found, samples):
+    """All paths are at one height, and their longitudes have the wrapped normal law at each time, and no other."""
+    edges = found.low[0, 1] + found.width[0, 1] * np.arange(25)
+    turns = 2 * math.pi * np.arange(-4, 5)[:, np.newaxis]
+    laws = [np.diff(stats.norm.cdf((edges + turns) / math.sqrt(t)).sum(axis=0)) * samples for t in (0.5, 2)]
+    counts = found.density * found.width.prod(axis=1)[:, np.newaxis, np.newaxis] * samples
+    rows = np.flatnonzero(counts.any(axis=(0, 2)))
+    assert rows.tolist() == [10] and not found.outside.any()  # y_3 / |y| = 0.71, of 12 rows from -1 to 1
+    for m, n in np.ndindex(2, 2):
+        assert (chi_squared(counts[m, 10], laws[n]) > 1e-3) == (m == n)
+    share = counts / samples
+    assert np.allclose(found.stderr, found.density * np.sqrt((1 - share) / np.maximum(share, 1e-9) / samples))
+
+
+@compiled_only
+@pytest.mark.parametrize("drift", [0.0, 1.0])
+def test_first_passages_of_an_angle(case_of, drift):
+    """Of drift t + W(t) out of (-pi/2, pi/2): what is monitored at some times comes too late, by order 1/2."""
+    inertia = f"[1e12, 1e12, {1 / drift if drift else 1e12}]"
+    about = f"model={AXIS.replace('[1e12, 1e12, 1e12]', inertia)}", "initial=[1, 0, 1]", "samples=40000", "step=2^-5"
+    functions = "functions={turned: {passage: y1 < 0}}", "statistics=[mean]"
+    found = results_of(case_of(*about, *functions, "final_time=2", "every=1"))
+    b = (2 * np.arange(40) + 1)[:, np.newaxis]
+    coefficients = 4 / math.pi * np.sin(b * math.pi / 2) * b * math.cosh(drift * math.pi / 2) / (b**2 + drift**2)
+    inside = (coefficients * np.exp(-(b**2 + drift**2) * np.maximum(found.t, 1e-3) / 2)).sum(axis=0)
+    passages = found.passages
+    off = passages.share[0, ::2] + inside[::2] - 1
+    assert (np.abs(off) < 4 * passages.share_stderr[0, ::2] + 0.008).all()  # of order 1 in the time between two looks
+    assert 1 - inside[-1] - found.mean[0, -1] > 9 * found.mean_stderr[0, -1]
+    assert abs(passages.order[0] - 0.5) < 4 * passages.order_stderr[0] + 0.1 and passages.order_stderr[0] < 0.2
+    mean = np.trapezoid(inside, found.t)
+    assert abs(passages.time[0] - mean) < 4 * passages.time_stderr[0] + 0.008 and passages.time_stderr[0] < 0.02
 
 
 @pytest.mark.parametrize(

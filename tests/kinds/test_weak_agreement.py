@@ -95,7 +95,7 @@ def deviations(found, stderr, value, error):
     return (np.abs(found - value) / np.hypot(stderr, error)).max()
 
 
-@pytest.mark.share(2)
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize("scheme", SPLITTINGS)
 @pytest.mark.parametrize("system", SYSTEMS)

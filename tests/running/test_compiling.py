@@ -199,9 +199,7 @@ OF_ALL_KINDS = {
 }
 
 
-@pytest.mark.parametrize(
-    "names", [["rigid_body_strong", "stability_long_time"], pytest.param([*OF_ALL_KINDS], marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("names", [["rigid_body_strong"], pytest.param([*OF_ALL_KINDS], marks=pytest.mark.slow)])
 def test_the_calls_of_a_plan_are_all_that_has_to_be_compiled(names):
     """In a process of its own, where no other test has loaded kernels."""
     specs = {str(EXPERIMENTS / f"{name}.yaml"): OF_ALL_KINDS[name] for name in names}

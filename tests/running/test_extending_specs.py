@@ -128,6 +128,20 @@ def test_values_of_a_parameter_and_functions_of_last_states(extended):
     assert extended(longer | {"functions": {"m": "y1", "e": "y2^2"}, "accurate": "0.2", "panels": ["law"]}) == set()
 
 
+def test_values_of_a_swept_parameter(extended):
+    """They are cases of their own, with the bits of a run with that value alone."""
+    keys = STRONG | {"samples": 64, "expect": {"splitting": {"sigma up to 1/2": {"casimir_drift": "1e-12"}}}}
+    assert extended(keys | {"sweep": {"sigma": ["1/2", "1"]}}) == {("sigma=0.5/splitting", 0), ("sigma=1/splitting", 0)}
+    longer = keys | {"sweep": {"sigma": ["1/2", "3/4", "1"], "of": ["error"]}}
+    assert extended(longer) == {("sigma=0.75/splitting", 0)}
+    middle = storage.read("out/s.h5").groups[1]
+    fixed = ["sweep=null", "model.sigma=[3/4, 3/4, 3/4]", "expect=null"]
+    (alone,) = storage.read(runner.run(runner.load("s.yaml", overrides=fixed), "one")).groups
+    different = compared.differing([middle._replace(case="main")], [alone], times=False)
+    assert all(name.startswith("main/splitting: swept_") for name in different)
+    assert middle.arrays["error"].tobytes() == alone.arrays["error"].tobytes()
+
+
 @compiled_only
 def test_a_step_size_of_long_times(extended):
     keys = {**BODY, "kind": "long_time", "schemes": ["splitting"], "samples": 64, "step_count": 256}

@@ -114,6 +114,7 @@ def test_casimirs_of_splitting_stay_for_a_million_steps(lie_poisson):
         assert drift.std() > 1e-15  # and something was computed
 
 
+@pytest.mark.slow
 @compiled_only
 def test_casimirs_of_sine_euler_walk_without_bias_at_large_steps():
     """There constants that are merely rounded would show as a bias of -2e-18 a step."""

@@ -19,7 +19,8 @@ from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.kinds.statistics.results import Statistics
+from spi.kinds.answer.results import Answer
+from spi.kinds.statistics.results import Quantiles, Statistics
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
 from spi.report import views
@@ -266,6 +267,7 @@ def test_claims_stand_in_the_schema(load):
 # What comes out of each kind
 # ---------------------------------------------------------------------------------------------------------------------
 
+HALF = np.array([[[1.0], [1.75]]])
 MEANS = Statistics(
     about=Description.of(strong_group("splitting")),
     functions=("phi",),
@@ -277,10 +279,32 @@ MEANS = Statistics(
     variance=np.array([[0.0, 3.0]]),
     variance_stderr=np.array([[0.0, 0.25]]),
     reference=np.array([[1.0, 1.5]]),
+    quantiles=Quantiles(level=np.array([0.5]), **dict.fromkeys(("quantile", "quantile_low", "quantile_high"), HALF)),
+    autocorrelation=np.array([[np.nan, 1.0]]),
+    autocorrelation_stderr=np.array([[np.nan, 0.0]]),
+    since=np.ones(1),
+    difference=np.array([[0.0, 0.3]]),
+    difference_stderr=np.array([[0.1, 0.1]]),
     nonfinite=0,
     step=0.5,
     samples=10,
     ns_per_step=1.0,
+)
+ANSWER = Answer(
+    about=Description.of(strong_group("splitting")),
+    functions=("phi",),
+    formulas=("y1",),
+    value=np.array([2.0]),
+    half=np.array([0.5]),
+    bias=np.array([0.1]),
+    stderr=np.array([0.2]),
+    accuracy=0.5,
+    aim=0.5,
+    reached=True,
+    why="",
+    cpu_seconds=1.0,
+    predicted_seconds=1.0,
+    next_digit_seconds=100.0,
 )
 PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
 WHOLE = {
@@ -294,6 +318,7 @@ WHOLE = {
     "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
     "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
+    "answer": Results({"kind": "answer", "title": "Answer"}, (ANSWER.group(),)),
 }
 
 

@@ -76,6 +76,7 @@ def all_flows(system, y):
         yield lambda t, y, word=word, k=k: word(system.record, k, t, tuple(y), ANY_ANGLES), gradient
 
 
+@pytest.mark.share
 @pytest.mark.parametrize(("t", "tolerance"), [(1.0, 1e-12), (-0.37, 1e-13), (1e-6, 1e-15), (5.0, 1e-11)])
 def test_the_flows_are_exponentials(custom, t, tolerance):
     """The gradient is constant along a flow of a function of commuting linear functions, so its field is linear."""

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from ensemble_cases import increments_of
 from helpers import SCHEMES, compiled_only, simulate, take_step
 from scipy.integrate import quad, solve_ivp
 from yaml_cases import definition
@@ -225,8 +226,7 @@ def by_hand(model, h, increments, sides=None):
 
 @compiled_only
 def test_the_loop_gives_each_step_its_time():
-    """At three step sizes at once, and where pairs of steps act in reversed order; the increments are found by a model
-    that only adds them up."""
+    """At three step sizes at once, and where pairs of steps act in reversed order."""
     model, h, steps = record(NOISY), 2.0**-4, 8
     found, _ = simulate(
         SCHEMES["splitting"].record,
@@ -237,9 +237,7 @@ def test_the_loop_gives_each_step_its_time():
         initial=INITIAL,
         reversals=[0, PAIRS_REVERSED, 0, 0],
     )
-    sums = record("{algebra: heisenberg(2), hamiltonian: q1, variables: [q1, q2, p1, p2, z], noises: [p1, p2]}", "Sums")
-    paths, _ = simulate(SCHEMES["splitting"].record, sums, h=h, steps=steps, snapshots=steps, initial=(0, 0, 0, 0, 1.0))
-    dW = np.diff(paths[0, :, :2], axis=0, prepend=0.0)
+    dW = increments_of(h=h, steps=steps)[0][:, :2]
     expected = [dW, dW.reshape(-1, 2, *dW.shape[1:])[:, ::-1].reshape(dW.shape)]
     expected += [dW.reshape(-1, 2**s, *dW.shape[1:]).sum(axis=1) for s in (1, 2)]
     for level, (increments, step) in enumerate(zip(expected, (h, h, 2 * h, 4 * h), strict=True)):

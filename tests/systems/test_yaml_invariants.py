@@ -110,6 +110,7 @@ def solution(bracket, text, t, y):
     return scipy.integrate.solve_ivp(field, (0.0, t), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
 
 
+@pytest.mark.share(20)
 @pytest.mark.parametrize(("algebra", "text"), WITH_FLOW)
 def test_flows_are_solutions(algebra, text):
     bracket = CASES[algebra][0]

@@ -87,6 +87,8 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
 def exact_expectations(model, initial, final_time, functions, accuracy):
     """E phi(y(T)) of the equation for F functions, and a bound of its numerical error, two arrays (F,).
 
+    At several times, which increase, in place of the final one: (F, times).
+
     No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
     return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy)

@@ -115,21 +115,30 @@ def _settled_weak_errors(problem, rounding, accuracy):
 
 
 def exact_expectations(model, initial, final_time, functions, accuracy):
-    """E phi(y(T)) of the equation, (F,), and its error, refined until that is below `accuracy` or would take long."""
-    problem = _Problem.of(model, ((1.0, ()),), initial, final_time, [final_time], functions)
+    """E phi(y(T)) of the equation, (F,), and its error, refined until that is below `accuracy` or would take long.
+
+    At several times, which increase, (F, times) each.
+    """
+    times = np.atleast_1d(np.asarray(final_time, float))
+    problem = _Problem.of(model, ((1.0, ()),), initial, times[-1], [times[-1]], functions)
     if np.count_nonzero(initial) <= 1:
         found = _at_rest(problem, initial)
-        return found.limit, found.limit_bound
-    return _refined_limit(problem, {}, accuracy, ROUNDING * problem.size()[0])
+        limit, bound = (np.repeat(each[:, None], len(times), axis=1) for each in (found.limit, found.limit_bound))
+    else:
+        limit, bound = _refined_limit(problem, {}, accuracy, ROUNDING * problem.size()[0][:, None], times)
+    return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
 
 
-def _refined_limit(problem, found, goal, rounding):
-    """The limit and its error, from `found` {degree: limit} and as many higher degrees as the goal asks for."""
+def _refined_limit(problem, found, goal, rounding, times=None):
+    """The limit and its error, from `found` {degree: limit} and as many higher degrees as the goal asks for.
+
+    With `times` those at all of them.
+    """
     for L in LEVELS[len(found) :]:
         settled = len(found) >= 3 and np.all(_settled(found, rounding)[1] <= np.maximum(goal, 2 * rounding))
         if settled or (len(found) >= 3 and problem.cost_of_limit(L) > LONGEST_LIMIT):
             break
-        found[L], _ = problem.solve(L, schemes=False)
+        found[L] = problem.solve(L, schemes=False)[0] if times is None else problem.limits(L, times)
     return _settled(found, rounding)
 
 
@@ -207,22 +216,38 @@ class _Problem(NamedTuple):
 
     def solve(self, L, schemes=True):
         """(limit (F,), values of the scheme (F, S)) at degree L; NaN where functions oscillate too fast for it."""
-        harmonics = harmonics_up_to(L)
-        coefficients = harmonics.project(self.functions, self.radius)
-        evaluation = harmonics.evaluation(self.point)
-        size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))
-        limit = np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0)
+        limit, classes = self._classes(L)
         values = limit[:, None] + np.zeros(len(self.steps))
+        for c, on, e, V in classes:
+            limit[on] += e @ semigroup(harmonics_up_to(L), c, self.turn, self.spread, self.time, V)
+            for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
+                values[on, i] += e @ Step(harmonics_up_to(L), c, self.words(h)).power(V, n)
+        return limit, values
+
+    def limits(self, L, times):
+        """(F, times) the limit at increasing times, as :meth:`solve` has that at one."""
+        nothing, classes = self._classes(L)
+        limit = nothing[:, None] + np.zeros(len(times))
+        for c, on, e, V in classes:
+            for i, between in enumerate(np.diff(times, prepend=0.0)):
+                V = semigroup(harmonics_up_to(L), c, self.turn, self.spread, between, V)
+                limit[on, i] += e @ V
+        return limit
+
+    def _classes(self, L):
+        """(F,) 0, or NaN where functions oscillate too fast for degree L; and what there is of each class of functions:
+
+        its number, which functions have a part in it, the functional of y_0, and their coefficients.
+        """
+        harmonics, found = harmonics_up_to(L), []
+        coefficients, evaluation = harmonics.project(self.functions, self.radius), harmonics.evaluation(self.point)
+        size = np.sqrt(sum(np.sum(V**2, axis=0) for V in coefficients.values()))
         for c in CLASSES:
             e = evaluation[c]
             on = np.linalg.norm(coefficients[c], axis=0) > 1e-15 * size
-            if not np.any(on) or np.linalg.norm(e) < 1e-14 * L:
-                continue
-            V = np.ascontiguousarray(coefficients[c][:, on])
-            limit[on] += e @ semigroup(harmonics, c, self.turn, self.spread, self.time, V)
-            for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True) if schemes else ()):
-                values[on, i] += e @ Step(harmonics, c, self.words(h)).power(V, n)
-        return limit, values
+            if np.any(on) and np.linalg.norm(e) >= 1e-14 * L:
+                found.append((c, on, e, np.ascontiguousarray(coefficients[c][:, on])))
+        return np.where(size**2 < 0.8 * self.size()[1], np.nan, 0.0), found
 
     def cost(self, L, rough=False):
         """About how many seconds `solve` takes; `rough` does not find out how many terms the limit needs."""

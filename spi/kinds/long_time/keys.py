@@ -33,6 +33,7 @@ class Case(BaseCase):
         **dict.fromkeys(("growth", "bias"), Sort(EQUAL, per_step=True)),
         **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
     }
+    shown_over: ClassVar = ("casimir_worst", "growth", "law_distance")
 
     @property
     def last_time(self) -> float:

@@ -6,29 +6,33 @@ import pydantic
 from annotated_types import MinLen
 
 from spi.ensemble.protocol import Positive, large
+from spi.ensemble.random_states import Points, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.conversion import Given
 from spi.specs.keys import Samples, condition, key_of, wrong
-from spi.specs.sweep import Sweep
+from spi.specs.sweep import POINT, Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
 #: What the figure can show.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
 
 Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
-Swept = dict[str, Annotated[tuple[float, ...], MinLen(1)]]
 
 
 class Case(FunctionsCase):
     """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
 
-    sweep: key_of(Swept, "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, initial or eps")
+    sweep: key_of(
+        Swept,
+        "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, temperature, initial or eps",
+    )
     samples: key_of(Samples, "number of Brownian paths")
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
 
     bounded_increments: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
+    swept_in: ClassVar[tuple[str, ...]] = POINT
     quantities: ClassVar = {
         **dict.fromkeys(("finite", "positive"), Sort(AT_LEAST, per_step=True)),
         **dict.fromkeys(
@@ -37,22 +41,18 @@ class Case(FunctionsCase):
         ),
     }
 
-    @property
-    def limiting(self) -> tuple[str, ...]:
-        """The step size and the swept parameter."""
-        return ("h", self.sweep.word if isinstance(self.sweep, Sweep) else next(iter(self.sweep)))
-
-    @pydantic.field_validator("sweep")
-    @classmethod
-    def _check_sweep(cls, sweep: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
-        for word, values in sweep.items():
-            if len(set(values)) < len(values):
-                raise wrong("has a value twice", "remove one", word)
-        return sweep
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        if self.sweep is None:
+            raise wrong("is empty", "must have a parameter and its values, as in sweep: {s: [0.1, 1, 10]}", "sweep")
+        if self.sweep.of:
+            raise wrong("is not for stability", f"say it by panels, some of {', '.join(PANELS)}", "sweep", "of")
+        return self
 
     @condition("initial")
     def _check_not_zero(self) -> Self:
-        if not any(self.initial):
+        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Points)
+        if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self
 
@@ -64,7 +64,7 @@ class Case(FunctionsCase):
 
     @pydantic.field_serializer("sweep")
     def _effective_sweep(self, sweep: Any) -> Any:
-        return sweep.effective() if isinstance(sweep, Sweep) else sweep
+        return sweep.effective() if sweep else None
 
 
 def of_another(given: Given) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def of_another(given: Given) -> dict[str, Any]:
     if large(given.case.model):
         raise wrong(f"is {given.case.model_name}", "choose a parameter to sweep, in a file of your own", "model")
     written = given.keys["initial"]
-    plain = len(written) == len(given.case.initial)  # else ranges or complex numbers
+    plain = isinstance(written, list) and len(written) == len(given.case.initial)  # else ranges or complex numbers
     return {
         "initial": [f"scale*({y})" for y in (written if plain else given.case.initial)],
         "sweep": {"scale": [0.01, 0.1, 1, 10, 100]},

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,8 @@ from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, l
 from spi.ensemble.special import frozen
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.models.damped import undamped
+from spi.expressions.trees import Component
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 
 Array = np.ndarray
@@ -27,7 +29,6 @@ FUNCTIONALS = {
     "passage": "1 once a condition such as y1 > 0.5 has been met, 0 before: its mean is the law of the first time",
     "start": "the value at t = 0, whose covariance with others tells how they remember it",
 }
-COARSER = "passage at every second time"  #: which tells the bias of looking at some times only
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
 _INVARIANT = re.compile(r"H|C(\d*)")
 
@@ -35,29 +36,29 @@ _INVARIANT = re.compile(r"H|C(\d*)")
 class PathFunction(NamedTuple):
     """A function of the path up to a time."""
 
-    functional: str  #: one of FUNCTIONALS, "" for the value at that time, or COARSER
-    text: str  #: the function of the state in its least text, or "H", "C1", ...
+    functional: str  #: one of FUNCTIONALS, or "" for the value at that time
+    text: str  #: the function of the state in its least text, or "H", "C1", ..., or the condition of a passage
     values: Callable[[Array], Array]  #: of states (d, ...)
+    every: int = 1  #: a passage looks at every so many of the times
 
     @property
     def told(self) -> str:
         """As tables and figures have it."""
         if self.functional == "passage":
-            return f"share with {self.text} > 0 until t"
+            return f"share with {self.text} until t"
         return f"{self.functional} of {self.text}" if self.functional else self.text
 
     def along(self, values: Array, between: float) -> Array:
         """What it makes of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
         match self.functional:
+            case "passage":
+                met = np.where(np.isfinite(values), values > 0, np.nan)
+                met[:, np.arange(met.shape[1]) % self.every > 0] = 0.0
+                return np.maximum.accumulate(met, axis=1)
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)
             case "minimum":
                 return np.minimum.accumulate(values, axis=1)
-            case "passage" | "passage at every second time":
-                met = np.where(np.isfinite(values), values > 0, np.nan)
-                if self.functional == COARSER:
-                    met[:, 1::2] = 0.0
-                return np.maximum.accumulate(met, axis=1)
             case "start":
                 return np.broadcast_to(values[:, :1], values.shape)
             case "integral":
@@ -68,7 +69,7 @@ class PathFunction(NamedTuple):
 
 def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
     """What it is at t = 0, but 0 where that is no number or where its range is [0, 1]."""
-    if function.functional in ("passage", COARSER, "integral"):
+    if function.functional in ("passage", "integral"):
         return 0.0
     with np.errstate(all="ignore"):
         value = float(np.asarray(function.values(np.array(initial)[:, np.newaxis])).ravel()[0])
@@ -78,6 +79,7 @@ def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
 def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunction:
     """The function that an entry of the key ``functions`` stands for; NumberError, with a reason, if it is none."""
     functional, text = ("", entry) if isinstance(entry, str) else next(iter(entry.items()))
+    condition = text
     if functional == "passage":
         sides = _CONDITION.fullmatch(text)
         if sides is None:
@@ -87,7 +89,13 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
     if text not in names and (found := _INVARIANT.fullmatch(text)):
         return PathFunction(functional, text, _invariant(model, found))
     tree = parse_expression(text, dimension(model), names)
-    return PathFunction(functional, canonical(tree), as_numpy(tree))
+    values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
+    return PathFunction(functional, condition if functional == "passage" else canonical(tree), values)
+
+
+def _component(k: int, states: Array) -> Array:
+    """A view."""
+    return np.asarray(states)[k]
 
 
 def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:

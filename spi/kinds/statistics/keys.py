@@ -1,7 +1,7 @@
 """The keys of an experiment of kind statistics."""
 
 import math
-import re
+from collections.abc import Callable
 from functools import reduce
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -11,16 +11,17 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
-from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
+from spi.specs.checks import ROUNDING, check_every, check_once, check_step, times_on_grid
 from spi.specs.conversion import Given
-from spi.specs.keys import NAME, Samples, Schemes, condition, key_of, quantity, shown, wrong
+from spi.specs.keys import NAME, Keys, Samples, Schemes, condition, key_of, quantity, shown, wrong
 from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .functions import FUNCTIONALS, PathFunction, path_function
+from .maps import SPHERE, on_sphere
+from .references import EXACT, STATIONARY, check, curve
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -33,7 +34,47 @@ PathFunctions = Annotated[_ByName, _PHI]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
 Levels = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
 Times = tuple[NonNegative, ...]
+_Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
+_MOST_MAPS = 8
 _WHICH = "; ".join(f"{name}: {meaning}" for name, meaning in FUNCTIONALS.items())
+
+
+class InFile(Keys):
+    """Known means in a file."""
+
+    file: key_of(str, "a CSV file with columns t and value, and stderr where that is known")
+
+
+def _read(value: Any, handler: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
+    """A text as it is, and a file as the numbers in it."""
+    if not isinstance(value, dict):
+        return handler(value)
+    given = InFile.model_validate(value)
+    return () if info.context is None else curve(info.context.text(given.file, "file"), given.file)
+
+
+Known = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
+
+
+class Density(Keys):
+    """Maps of a density."""
+
+    of: key_of(_Names, f"{SPHERE}, where |y|^2 is a Casimir function, or the names of two functions") = (SPHERE,)
+    times: key_of(Times, "times of the maps, among those of the statistics; default: the last", "time") = ()
+    cells: key_of(Annotated[int, Ge(4), Le(128)], "cells along a side; of a sphere bands, each with twice as many") = 24
+
+    @property
+    def number(self) -> tuple[int, int]:
+        """Of rows and columns of cells."""
+        return self.cells, self.cells * (2 if self.of == (SPHERE,) else 1)
+
+    @property
+    def count(self) -> int:
+        """Of cells."""
+        return self.number[0] * self.number[1]
+
+
+Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinstance(value, str) else value)]
 
 
 class Case(BaseCase):
@@ -53,13 +94,26 @@ class Case(BaseCase):
     times: key_of(Times, "in place of every: the times of the statistics, multiples of the step", "time") = ()
     quantiles: key_of(Levels, "probabilities of the quantiles") = (0.05, 0.5, 0.95)
     bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of a histogram") = 64
-    reference: key_of(dict[str, str], "known means: for functions by name an expression in t") = pydantic.Field(
-        default_factory=dict
+    density: key_of(Maps | None, "maps of the density on the sphere or of two functions") = None
+    autocorrelation: key_of(dict[str, NonNegative], "for functions by name the time from which it counts", "time") = (
+        pydantic.Field(default_factory=dict)
     )
+    reference: key_of(
+        dict[str, Known],
+        f"known means: for functions by name an expression in t, a file, {EXACT} (expectations of the equation without "
+        f"sampling) or {STATIONARY} (under the uniform law on the sphere)",
+    ) = pydantic.Field(default_factory=dict)
+    reference_step: key_of(
+        Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"
+    ) = None
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    quantities: ClassVar = {"mean": Sort(EQUAL), "variance": Sort(EQUAL), "deviation": Sort(AT_MOST)}
-    scoping: ClassVar = ("functions",)
+    quantities: ClassVar = {
+        **dict.fromkeys(("mean", "variance", "quantile", "autocorrelation", "difference"), Sort(EQUAL)),
+        "deviation": Sort(AT_MOST),
+    }
+    scoping: ClassVar = ("functions", "quantile_names")
+    shown_over: ClassVar = ("mean", "variance", "quantile")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
 
     @property
@@ -71,6 +125,11 @@ class Case(BaseCase):
     def path_functions(self) -> tuple[PathFunction, ...]:
         """The functions, in the order of their names."""
         return tuple(path_function(self.model, self.variables, entry) for entry in self.functions.values())
+
+    @property
+    def quantile_names(self) -> tuple[str, ...]:
+        """What claims about single quantiles are under."""
+        return tuple(f"{name}, {level:g}-quantile" for name in self.functions for level in self.quantiles)
 
     @property
     def stride(self) -> int:
@@ -92,33 +151,16 @@ class Case(BaseCase):
 
     @condition("step", "schemes")
     def _check_step(self) -> Self:
-        check_count(self.final_time, self.step, "step")
-        check_multiple(self.final_time, self.step, "step", "is")
-        check_schemes(self, self.schemes, [self.step], "step")
+        check_step(self)
         return self
 
     @condition("every", "times", "step")
     def _check_times(self) -> Self:
         """The case with its times in their order."""
-        steps = round(self.final_time / self.step)
-        if steps % self.every:
-            what = f"is {self.every}, of which the number of steps, {steps}, is not a multiple"
-            raise wrong(what, f"take {math.gcd(steps, self.every)}, which divides both", "every")
+        check_every(self)
         if self.times and self.every > 1:
             raise wrong("is given beside times", "leave one of them out", "every")
-        every(self._check_time, enumerate(self.times))
-        numbers = [round(t / self.step) for t in self.times]
-        check_once([quantity(n * self.step) for n in numbers], "times")
-        return self.model_copy(update={"times": tuple(n * self.step for n in sorted(numbers))})
-
-    def _check_time(self, i: int, t: float) -> None:
-        if t > self.final_time * (1 + ROUNDING):
-            right = f"must not exceed final_time, which is {quantity(self.final_time)}"
-            raise wrong(f"is {quantity(t)}", right, "times", i)
-        if abs(round(t / self.step) * self.step - t) > ROUNDING * max(t, self.step):
-            lower = math.floor(t / self.step) * self.step
-            right = f"the nearest are {quantity(lower)} and {quantity(lower + self.step)}"
-            raise wrong(f"is {quantity(t)}, no multiple of the step {quantity(self.step)}", right, "times", i)
+        return self.model_copy(update={"times": times_on_grid(self, self.step, "the step {}")})
 
     @condition("functions", "model", "statistics", "bins", "times", "every")
     def _check_functions(self) -> Self:
@@ -146,29 +188,64 @@ class Case(BaseCase):
             right = f"must be an expression in {known}, H or C1, or a functional, as in {{maximum: y1}}"
             raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
 
-    @condition("reference", "functions")
+    @condition("reference", "functions", "times", "every", "step", "initial", "model", "damping")
     def _check_reference(self) -> Self:
-        every(self._check_formula, self.reference.items())
+        every(check, ((self, name, known) for name, known in self.reference.items()))
         return self
 
-    def _check_formula(self, name: str, text: str) -> None:
-        if name not in self.functions:
-            raise wrong("is not the name of a function", f"known: {', '.join(self.functions)}", "reference", name)
-        try:
-            if re.search(r"\by1\b", text):
-                raise NumberError("unknown name 'y1'")
-            parse_expression(text, 1, ("t",))
-        except NumberError as error:
-            raise wrong(f"is {shown(text)} ({error})", "must be an expression in t", "reference", name) from None
+    @condition("reference_step", "step")
+    def _check_reference_step(self) -> Self:
+        if self.reference_step is None:
+            return self
+        doublings = round(math.log2(self.step / self.reference_step))
+        exact = self.step / 2.0**doublings
+        if doublings < 1 or abs(exact - self.reference_step) > ROUNDING * self.reference_step:
+            what = f"is {quantity(self.reference_step)}, of which step {quantity(self.step)} is not 2, 4, 8, ... times"
+            nearest = self.step / 2.0 ** max(doublings, 1)
+            raise wrong(what, f"the nearest is {quantity(nearest)}", "reference_step")
+        check_step(self.model_copy(update={"step": exact}), "reference_step")
+        return self.model_copy(update={"reference_step": exact})
 
-    @property
-    def reference_means(self) -> np.ndarray:
-        """(F, T) what is known of the means, NaN where nothing is."""
-        known = np.full((len(self.functions), len(self.t)), np.nan)
-        for f, name in enumerate(self.functions):
-            if text := self.reference.get(name):
-                known[f] = as_numpy(parse_expression(text, 1, ("t",)))(self.t[np.newaxis])
-        return known
+    @condition("autocorrelation", "functions", "times", "every", "step")
+    def _check_autocorrelation(self) -> Self:
+        every(self._check_since, self.autocorrelation.items())
+        return self
+
+    def _check_since(self, name: str, since: float) -> None:
+        self._check_name(name, "autocorrelation", name)
+        self.place(since, "autocorrelation", name)
+
+    @condition("density", "functions", "model", "times", "every", "step")
+    def _check_density(self) -> Self:
+        """The case with the times of its maps in their order."""
+        if self.density is None:
+            return self
+        of, given = self.density.of, self.density.times or (float(self.t[-1]),)
+        if of == (SPHERE,) and not on_sphere(self.model):
+            what = f"is '{SPHERE}', but the states of {self.model_name} are on none: |y|^2 is no Casimir function"
+            raise wrong(what, "name two functions, as in of: [y1, y2]", "density", "of")
+        if of != (SPHERE,):
+            every(self._check_name, ((name, "density", "of", i) for i, name in enumerate(of)))
+            check_once(of, "density")
+            if len(of) != 2:
+                raise wrong(f"has {len(of)} names", f"must be {SPHERE} or the names of two functions", "density", "of")
+        if len(given) > _MOST_MAPS:
+            raise wrong(f"has {len(given)} entries", f"must have at most {_MOST_MAPS}", "density", "times")
+        places = every(self.place, ((t, "density", "times", i) for i, t in enumerate(given)))
+        times = tuple(self.t[np.unique(places)].tolist())
+        return self.model_copy(update={"density": self.density.model_copy(update={"times": times})})
+
+    def _check_name(self, name: str, *keys: str | int) -> None:
+        if name not in self.functions:
+            raise wrong(f"is {shown(name)}, not the name of a function", f"known: {', '.join(self.functions)}", *keys)
+
+    def place(self, t: float, *keys: str | int) -> int:
+        """Which of the times of the statistics t is; raises the error about `keys` if it is none."""
+        nearest = int(np.abs(self.t - t).argmin())
+        if abs(self.t[nearest] - t) > ROUNDING * max(t, self.step):
+            right = f"the nearest is {quantity(float(self.t[nearest]))}"
+            raise wrong(f"is {quantity(t)}, which is none of the times of the statistics", right, *keys)
+        return nearest
 
 
 def of_another(given: Given) -> dict[str, Any]:

@@ -18,13 +18,13 @@ class Bins(NamedTuple):
     number: int
 
     @classmethod
-    def around(cls, values: np.ndarray, number: int) -> "Bins":
-        """Bins that hold values (T, F, paths), and half of their range on each side."""
+    def around(cls, values: np.ndarray, number: int, margin: float = 0.5) -> "Bins":
+        """Bins that hold values (T, F, paths), and beyond them on each side that share of their range."""
         finite = np.where(np.isfinite(values), values, np.nan)
         with np.errstate(all="ignore"):
             low, high = (np.nan_to_num(end(finite, axis=-1)) for end in (np.fmin.reduce, np.fmax.reduce))
-        half = np.maximum(0.5 * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
-        return cls(low - half, (high - low + 2 * half) / number, number)
+        beyond = np.maximum(margin * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
+        return cls(low - beyond, (high - low + 2 * beyond) / number, number)
 
 
 def quantiles(counts: np.ndarray, bins: Bins, of_values: Sequence[bool], levels: tuple[float, ...]) -> Quantiles:

@@ -4,7 +4,11 @@ from typing import Annotated
 
 import numpy as np
 
+from spi.kinds.solver import Acceptance
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
+
+#: The sides of cells of equal area on a sphere, by Archimedes.
+SPHERE_SIDES = "y3 / |y|", "longitude"
 
 
 class Quantiles(Described):
@@ -26,13 +30,34 @@ class Histogram(Described):
     outside: Annotated[Array, array("function t", "share of the paths outside of all bins")]
 
 
-class Corrected(Described):
-    """Shares of passages, extrapolated in the root of the time between two looks at a path."""
+class Passages(Described):
+    """First times at which conditions are met, up to the last time of the statistics; NaN for other functions."""
 
     share: Annotated[
-        Array, array("function t", "share without the bias of looking at some times only; NaN where not known")
+        Array, array("function t", "share that has passed, corrected for looking at given times; NaN where not known")
     ]
     share_stderr: Annotated[Array, array("function t", "standard error of the corrected share")]
+    order: Annotated[Array, array("function", "order of that correction in the time between two looks, as observed")]
+    order_stderr: Annotated[Array, array("function", "standard error of this order")]
+    time: Annotated[Array, array("function", "mean time of passage, the last time where it has not come", "time")]
+    time_stderr: Annotated[Array, array("function", "standard error of the mean time of passage", "time")]
+
+
+class DensityMap(Described):
+    """Densities in cells of equal size, on a sphere by steradian or of two functions."""
+
+    sides: Annotated[tuple[str, ...], axis("what the cells divide: their rows and their columns", name="side")]
+    t: Annotated[Array, axis("time of the map", "time", name="map_t")]
+    low: Annotated[Array, array("map_t side", "lower end of the first cell")]
+    width: Annotated[Array, array("map_t side", "width of a cell")]
+    density: Annotated[Array, array("map_t row column", "share of the paths in the cell, by its area")]
+    stderr: Annotated[Array, array("map_t row column", "standard error of the density")]
+    outside: Annotated[Array, array("map_t", "share of the paths outside of all cells")]
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether the cells are those of a sphere."""
+        return self.sides == SPHERE_SIDES
 
 
 class Statistics(Stored):
@@ -46,15 +71,30 @@ class Statistics(Stored):
     band: Annotated[
         Array, array("function", "so many standard errors are a band that holds all means at once with 95 %")
     ]
-    corrected: Annotated[Corrected | None, nested(prefix="corrected_")] = None
+    passages: Annotated[Passages | None, nested(prefix="passage_")] = None
     variance: Annotated[Array | None, array("function t", "variance over the paths")] = None
     variance_stderr: Annotated[Array | None, array("function t", "standard error of the variance")] = None
     covariance: Annotated[Array | None, array("function other t", "covariance of two functions")] = None
     covariance_stderr: Annotated[Array | None, array("function other t", "standard error of the covariance")] = None
     others: Annotated[tuple[str, ...] | None, axis("the other function of a covariance", name="other")] = None
+    autocorrelation: Annotated[
+        Array | None,
+        array("function t", "of the value at `since` with that at t", formula="Cov(f(s), f(t)) / Var f(s)"),
+    ] = None
+    autocorrelation_stderr: Annotated[
+        Array | None, array("function t", "standard error of the autocorrelation, NaN before the time it begins at")
+    ] = None
+    since: Annotated[Array | None, array("function", "time at which the autocorrelation begins", "time")] = None
     quantiles: Annotated[Quantiles | None, nested()] = None
     histogram: Annotated[Histogram | None, nested()] = None
-    reference: Annotated[Array | None, array("function t", "what is known of the mean, NaN where nothing is")] = None
+    density_map: Annotated[DensityMap | None, nested(prefix="map_")] = None
+    reference: Annotated[
+        Array | None, array("function t", "known mean, or mean of the finer paths; NaN where nothing is known")
+    ] = None
+    difference: Annotated[Array | None, array("function t", "mean less the reference")] = None
+    difference_stderr: Annotated[Array | None, array("function t", "standard error of the difference")] = None
+    reference_step: Annotated[float | None, fact("step size of the finer paths, on the same noise", "time")] = None
+    acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
     nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
     step: Annotated[float, fact("step size", "time")]
     samples: Annotated[int, fact("number of paths", column=True)]
@@ -63,10 +103,10 @@ class Statistics(Stored):
     @property
     def deviation(self) -> np.ndarray | None:
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
-        if self.reference is None:
+        if self.difference is None or self.difference_stderr is None:
             return None
         with np.errstate(divide="ignore", invalid="ignore"):
-            return (self.mean - self.reference) / self.mean_stderr
+            return self.difference / self.difference_stderr
 
 
 Record = Statistics

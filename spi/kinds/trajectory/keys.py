@@ -1,6 +1,5 @@
 """The keys of an experiment of kind trajectory."""
 
-import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import pydantic
@@ -9,10 +8,11 @@ from annotated_types import Ge, Le, MinLen
 from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension
 from spi.models.zeitlin.fields import lattice_of
 from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
+from spi.specs.checks import check_every, check_step, times_on_grid
 from spi.specs.conversion import Given
-from spi.specs.keys import Schemes, condition, entries_in, key_of, quantity, wrong
+from spi.specs.keys import Schemes, condition, entries_in, key_of, wrong
 from spi.specs.mistakes import every
+from spi.specs.sweep import Swept
 from spi.statistics.claims import AT_LEAST, AT_MOST, Sort
 
 #: What the figure can show.
@@ -44,6 +44,10 @@ class Case(BaseCase):
         Times, "times at which fields are drawn, multiples of every*step; default: start, middle, end", "time"
     ) = ()
 
+    sweep: key_of(Swept, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
+        default=None, exclude=True
+    )
+
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"times"}
     quantities: ClassVar = {
         **dict.fromkeys(("casimir_drift", "hamiltonian_drift", "nonfinite"), Sort(AT_MOST)),
@@ -60,19 +64,22 @@ class Case(BaseCase):
         """How many states are stored after the initial one."""
         return round(self.final_time / self.step) // self.every
 
+    @condition("sweep")
+    def _check_sweep(self) -> Self:
+        if self.sweep:
+            what = "is for results of many paths or of several step sizes, and a trajectory is one path"
+            raise wrong(what, "write a case for each value, as in cases: [{name: a, model: {...}}, ...]", "sweep")
+        return self
+
     @condition("step", "schemes")
     def _check_step(self) -> Self:
-        check_count(self.final_time, self.step, "step")
-        check_multiple(self.final_time, self.step, "step", "is")
-        check_schemes(self, self.schemes, [self.step], "step")
+        check_step(self)
         return self
 
     @condition("every", "step")
     def _check_every(self) -> Self:
+        check_every(self)
         steps, d = round(self.final_time / self.step), dimension(self.model)
-        if steps % self.every:
-            what = f"is {self.every}, of which the number of steps, {steps}, is not a multiple"
-            raise wrong(what, f"take {math.gcd(steps, self.every)}, which divides both", "every")
         if (self.steps_stored + 1) * d > _MOST_NUMBERS:
             what = f"is {self.every}, so that {self.steps_stored + 1} states of {d} numbers would be stored"
             least = -(-steps // (_MOST_NUMBERS // d - 1))
@@ -82,23 +89,10 @@ class Case(BaseCase):
     @condition("times", "every", "step")
     def _check_times(self) -> Self:
         """The case with times that are exactly those of stored states."""
-        between = self.every * self.step
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
-        every(self._check_time, ((i, t, between) for i, t in enumerate(self.times)))
-        numbers = [round(t / between) for t in self.times]
-        check_once([quantity(n * between) for n in numbers], "times")
-        return self.model_copy(update={"times": tuple(n * between for n in sorted(numbers))})
-
-    def _check_time(self, i: int, t: float, between: float) -> None:
-        """One of the times: that of a state that is stored."""
-        if t > self.final_time * (1 + ROUNDING):
-            right = f"must not exceed final_time, which is {quantity(self.final_time)}"
-            raise wrong(f"is {quantity(t)}", right, "times", i)
-        if abs(round(t / between) * between - t) > ROUNDING * t:
-            lower = math.floor(t / between) * between
-            what = f"is {quantity(t)}, no multiple of {quantity(between)}, the time between stored states"
-            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(lower + between)}", "times", i)
+        times = times_on_grid(self, self.every * self.step, "{}, the time between stored states")
+        return self.model_copy(update={"times": times})
 
     @condition("panels", "model")
     def _check_panels(self) -> Self:

@@ -4,21 +4,23 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, at_steps, each_step, order
+from spi.statistics.claims import Quantity, at_steps, each_step, order, quantity
 
 from .comparisons import agreement, comparable_sweeps, largest_over_eps
 from .results import WeakErrors
 
 
 def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
-    """For each test function its order, errors without their sign and their distances from deterministic ones.
+    """For each test function its order, errors without their sign, their distances from others, and expectations.
 
-    The distances (``agreement``) are in standard errors.  ``uniform_order`` is that of the largest error over eps.
+    The distances from deterministic errors (``agreement``) are in standard errors.  ``uniform_order`` is that of the
+    largest error over eps.
     """
     for one in readings:
         for f, function in enumerate(one.functions):
-            yield order(one.about, one.orders[f], function=function)
+            yield order(one.about, one.orders[f], function=function, expected=one.expected_order)
             yield from at_steps("error", one.about, one.h, np.abs(one.error[f]), one.half[f], function)
+            yield from _expectations(one, f)
         if found := agreement(one, readings):
             exact = np.zeros(len(one.h))
             for f, function in enumerate(one.functions):
@@ -29,3 +31,11 @@ def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
         about = members[0].about._replace(eps=None, variant=members[0].about.scheme)
         for f, function in enumerate(members[0].functions):
             yield order(about, largest_over_eps(members, f).order, "uniform_order", function)
+
+
+def _expectations(one: WeakErrors, f: int) -> Iterator[Quantity]:
+    """The expectation at each step size, beside the limit where a solver knows that."""
+    limit = one.unsampled.limit[f] if one.unsampled else np.nan
+    for i, h in enumerate(one.h.tolist()):
+        told = one.expectation[f, i], one.expectation_half[f, i], one.functions[f], h, limit
+        yield quantity("expectation", one.about, *told)

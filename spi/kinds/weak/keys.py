@@ -58,9 +58,11 @@ class Case(SampledCase):
     quantities: ClassVar = {
         **ORDER,
         "uniform_order": Sort(EQUAL),
+        "expectation": Sort(EQUAL, per_step=True),
         **dict.fromkeys(("error", "nonfinite", "agreement"), Sort(AT_MOST, per_step=True)),
     }
     scoping: ClassVar = ("estimators", "functions")
+    shown_over: ClassVar = ("order", "error", "expectation")
 
     @condition("prefixes", "estimators")
     def _check_prefixes(self) -> Self:

@@ -10,7 +10,7 @@ from .results import WorkPrecision
 def quantities(readings: Iterable[WorkPrecision]) -> Iterator[Quantity]:
     """The fitted order; for each step size the error and, where it is known, Casimir drift and diverged paths."""
     for one in readings:
-        yield order(one.about, one.order)
+        yield order(one.about, one.order, expected=one.expected_order)
         for h, error, half in zip(one.h.tolist(), one.error.tolist(), one.half.tolist(), strict=True):
             yield quantity("error", one.about, error, half, h=h)
         if one.largest_drift is not None:

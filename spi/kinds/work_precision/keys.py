@@ -23,10 +23,12 @@ class Case(SampledCase):
     ) = None
     repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
 
+    driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = ORDER | STEPWISE
+    shown_over: ClassVar = ("order", "error")
 
     @property
     def along_paths(self) -> bool:  # type: ignore[override]

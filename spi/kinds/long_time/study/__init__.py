@@ -93,15 +93,16 @@ class LongTimePlan(PartPlan):
         """All paths of each step size."""
         return (PathSet(self.case.samples, _CHUNK_BLOCKS),) * len(self.case.steps)
 
-    def empty(self, number: int, blocks: int = 0) -> Paths:
-        """No paths, or so many blocks before their first step."""
+    def empty(self, number: int, blocks: int = 0, first: int = 0) -> Paths:
+        """No paths, or so many blocks from block `first` on before their first step."""
+        times = grid(self.case.steps[0], 1)
         paths, conserved = blocks * LANES, len(casimirs(self.model, self.initial))
         moments, variables = (len(self.law.moments), len(self.law.variables)) if self.law else (0, 0)
         return Paths(
             paths=0,
             seconds=0.0,
             n=0,
-            y=states_at(self.initial, self.scheme, self.model, grid(self.case.steps[0], 1), blocks)[:, 0],
+            y=states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0],
             casimir=np.full((len(self.records), conserved, paths), np.nan),
             report=np.zeros(len(REPORT)),
             nonfinite=0,
@@ -117,7 +118,8 @@ class LongTimePlan(PartPlan):
     def advance(self, chunks: Sequence[Chunk], known: Paths | None) -> Iterator[list[tuple[Chunk, Paths]]]:
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
         for chunk in chunks:
-            paths = known if known and len(known.y) == chunk.blocks else self.empty(chunk.path_set, chunk.blocks)
+            begun = known and len(known.y) == chunk.blocks
+            paths: Any = known if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
             known = None
             with limited_threads(chunk.blocks):  # a thread without a block would wait in a busy loop
                 until = time.perf_counter() + BATCH_SECONDS
@@ -144,7 +146,8 @@ class LongTimePlan(PartPlan):
         paths = paths._replace(n=stop, y=y, report=add_reports(paths.report[np.newaxis], report)[0])
         with np.errstate(all="ignore"):
             if stop in self.records:
-                paths = paths._replace(casimir=self._recorded(paths.casimir, stop, times.reference_step, states))
+                errors = self._recorded(paths.casimir, stop, times.reference_step, states, chunk.first)
+                paths = paths._replace(casimir=errors)
             if self.law and stop > _WARM_UP * self.case.step_count:
                 paths = paths.counted(self.law, states)
         if stop == self.case.step_count:
@@ -156,11 +159,11 @@ class LongTimePlan(PartPlan):
             )
         return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
 
-    def _recorded(self, errors: np.ndarray, n: int, h: float, states: np.ndarray) -> np.ndarray:
+    def _recorded(self, errors: np.ndarray, n: int, h: float, states: np.ndarray, block: int) -> np.ndarray:
         """The relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
         if not errors.shape[1]:
             return errors
-        first = np.array(casimirs(self.model, self.initial))[:, None]
+        first = self.initial_casimirs(block, states.shape[1] // LANES)
         grown = np.reshape(growth(self.model, n * h), (-1, 1))
         change = casimirs_of_states(self.model, states) * grown - first
         errors = errors.copy()

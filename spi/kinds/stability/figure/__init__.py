@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import HUGE, error_axes, limits, rules
+from spi.drawing.axes import HUGE, error_axes, limits
+from spi.drawing.sweeps import swept_axis
 
 from ..results import Stability
 from . import maps
@@ -23,7 +24,6 @@ SIZE = (3.3, 2.75)  # inches of a panel
 ALONE = (4.4, 3.3)  # the same where a case has only one
 COLUMNS = 4  # panels side by side
 STEPS = 4  # step sizes shown at most
-WIDE = 20.0  # ratio of swept values above which their axis is logarithmic
 MARKERS = 6.5, 4.5  # from the first scheme's size towards the last one's, so that both are seen where they agree
 
 #: The words of the attribute ``panels``.
@@ -62,7 +62,7 @@ def draw(title: str, cases: Sequence[Sequence[Stability]]) -> Figure:
 def _single_value(reading: Stability) -> list[str]:
     """The swept value as a fact if it is only one."""
     values = reading.values
-    return [f"{maps.word_label(reading)}$\\,={style.number(float(values[0]))}$"] if len(values) == 1 else []
+    return [f"{style.word(reading.word)}$\\,={style.number(float(values[0]))}$"] if len(values) == 1 else []
 
 
 def _looks(cases: Sequence[Sequence[Stability]]) -> Looks:
@@ -161,17 +161,7 @@ def _x_axis(ax: Axes, reading: Stability) -> np.ndarray:
     if len(values) == 1:
         error_axes(ax, reading.h)
         return reading.h
-    rules(ax)
-    ax.set_xlabel(maps.word_label(reading))
-    positive = values[values > 0]
-    if positive.size and positive.max() <= WIDE * positive.min() and (values >= 0).all():
-        return values
-    places, is_log = maps.value_places(values)
-    if is_log:
-        ax.set_xscale("log")
-    else:
-        ax.set_xticks(places, [f"${style.number(float(value))}$" for value in values])
-    return places
+    return swept_axis(ax, reading.word, values)
 
 
 def _y_limits(ax: Axes, word: str, values: np.ndarray) -> None:

@@ -13,6 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from spi.drawing import style
 from spi.drawing.layout import Entry, Line
+from spi.drawing.sweeps import value_places
 
 from ..results import CASIMIR_LOST, FAILING, GROWTH, Stability
 
@@ -84,7 +85,7 @@ def _map(ax: Axes, reading: Stability | None) -> None:
     _ticks(ax.xaxis, h, h, steps=True, room=5)
     _ticks(ax.yaxis, places, values, steps=False, room=_TICKS)
     ax.tick_params(length=2.5)
-    ax.set_ylabel(word_label(reading))
+    ax.set_ylabel(style.word(reading.word))
 
 
 def _cells(ax: Axes, x: np.ndarray, y: np.ndarray, regimes: np.ndarray) -> None:
@@ -96,13 +97,6 @@ def _cells(ax: Axes, x: np.ndarray, y: np.ndarray, regimes: np.ndarray) -> None:
     ax.add_collection(LineCollection(borders, color="white", linewidth=0.5, zorder=2))
 
 
-def value_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
-    if (values > 0).all():
-        return values, True
-    return np.argsort(np.argsort(values)).astype(float), False
-
-
 def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
     """The same for cells, also by rank if the gaps differ so much that some cells could not be seen."""
     places, is_log = value_places(values)
@@ -110,12 +104,6 @@ def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
     if len(gaps) > 1 and gaps.max() > _UNEVEN * gaps.min():
         return np.argsort(np.argsort(values)).astype(float), False
     return places, is_log
-
-
-def word_label(reading: Stability) -> str:
-    """The axis label of the swept parameter."""
-    symbol = style.SYMBOLS.get(reading.word, reading.word if len(reading.word) == 1 else None)
-    return f"${symbol}$" if symbol else style.plain(reading.word.replace("_", " "))
 
 
 def edges(places: np.ndarray, is_log: bool) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import nested_grid
 from spi.ensemble.protocol import casimirs, populations
+from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import can_solve_equation
 from spi.expressions import canonical
@@ -66,7 +67,8 @@ class StabilityPlan(PartPlan):
     @property
     def has_truth(self) -> bool:
         """Whether there are test functions, and their true expectations can be found without a scheme."""
-        return bool(self.case.functions) and can_solve_equation(self.model)
+        known = self.case.noise is None and not isinstance(self.initial, RandomState)
+        return bool(self.case.functions) and known and can_solve_equation(self.model)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""

@@ -101,9 +101,9 @@ class ValuePlan(BlocksPlan):
 
     def summary(self, paths: Paths) -> dict[str, np.ndarray]:
         """What all paths tell: by the name of a quantity its values at each step (S, ...)."""
-        n, size = self.samples, math.hypot(*self.initial)
-        first = np.abs(casimirs(self.model, self.initial))
-        scale = np.where(first > 0, first, 1.0).reshape(1, -1, 1) if len(first) else 1.0
+        n, first = self.samples, np.abs(self.initial_casimirs(0, self.blocks))[:, : self.samples]
+        scale = np.where(first > 0, first, 1.0)
+        size = np.array([math.hypot(*y) for y in self.initial_states(0, self.blocks).T.tolist()[:n]])
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
             worse = np.nan_to_num(paths.casimir[DOWN] / scale, nan=np.inf, posinf=np.inf)
             median = np.median(worse, axis=2) if worse.size else worse.max(axis=2, initial=0.0)

@@ -4,7 +4,9 @@ import functools
 from collections.abc import Iterator
 from typing import Any
 
+from spi.ensemble.friction import has_friction
 from spi.ensemble.protocol import Positive, dimension
+from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import Demands, can_solve, demands
 from spi.expressions import functions_of
 from spi.models import MODELS
@@ -35,9 +37,13 @@ def check(case: Any) -> None:
     """What the solvers without sampling can do."""
     if case.damping:
         what = "follows paths on a Casimir surface, which they leave with damping"
+    elif has_friction(case.model):
+        what = "knows no friction"
     elif not can_solve(case.model):
         able = [name for name, cls in MODELS.items() if can_solve(cls)]
         what = f"is for {' and '.join(able)}, also in YAML, whose Casimir surfaces are two-dimensional"
+    elif isinstance(case.initial, RandomState):
+        what = "follows one initial state, and here each path has its own"
     elif not any(case.row(s).solvable_without_sampling for s in case.schemes):
         rows = case.row(case.schemes[0]).composition
         without = " without loops and shared increments" if rows and (has_loops(rows) or has_shared(rows)) else ""

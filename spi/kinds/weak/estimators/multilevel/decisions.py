@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.statistics.estimators import ROUND, jackknife_stderr
@@ -65,5 +66,5 @@ class Decisions(NamedTuple):
 
 def control_of(case: Any, record: Any) -> tuple | None:
     """The rows of the limit, a splitting scheme, if the scheme has a limit of which the expectations are known."""
-    solvable = can_solve(case.model) and not case.truncate_noise
+    solvable = can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState)
     return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None

@@ -3,9 +3,9 @@
 from typing import Any
 
 from spi.ensemble.protocol import Positive
+from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
-from spi.specs.cases import need
-from spi.specs.checks import check_areas
+from spi.specs.checks import check_areas, need
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of, wrong
 
@@ -33,7 +33,7 @@ def check(case: Any) -> None:
         what = "has 'multilevel', which has references of its own, and reference_scheme is set"
         raise wrong(what, "use plain or leave out reference_scheme", "estimators")
     check_areas(case, case.reference_step, "reference_step")  # each level draws its own
-    if can_solve(case.model) and not case.truncate_noise:
+    if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
         check_demands(case, "multilevel", multiscale=True)
 
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from spi.specs.cases import need
+from spi.specs.checks import need
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import Samples, key_of
 

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from spi.ensemble.points import CONSTRUCTIONS, dimensions_of
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
-from spi.specs.cases import need
+from spi.specs.checks import need
 from spi.specs.keys import Keys as BaseKeys
 from spi.specs.keys import key_of, wrong
 

@@ -4,6 +4,7 @@ The jackknife groups of paths are the independent scrambles, so that all standar
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -37,8 +38,8 @@ class QuasiPlan(PlainPlan):
         """None: a number of points that is no power of two is no fair one."""
         return ()
 
-    @property
-    def stream(self) -> Points:  # type: ignore[override]
+    @cached_property
+    def stream(self) -> Points:
         """The points in the place of independent increments."""
         how = self.case.construction
         return points_of(self.case.seed, POINTS, self.scheme, self.model, self.grid, how)

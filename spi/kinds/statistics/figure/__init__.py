@@ -1,4 +1,7 @@
-"""The figure of statistics: means with bands and quantiles over time, variances, and histograms at the last time."""
+"""The figure of statistics: means with bands and quantiles over time, differences from what is known, variances,
+
+autocorrelations, histograms and correlations at the last time, and maps of densities.
+"""
 
 from collections.abc import Sequence
 from functools import partial
@@ -12,9 +15,11 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, rules
 
-from .results import Statistics
+from ..results import Statistics
+from .maps import map_panel
 
 SIZE = (3.4, 2.7)  # inches of a panel
+MAP = (3.6, 2.3)  # inches of a map
 _MOST_MARKERS = 12
 _MOST_COLUMNS = 4
 KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
@@ -27,15 +32,19 @@ def draw(title: str, cases: Sequence[Sequence[Statistics]]) -> Figure:
     lines = []
     for readings, facts in zip(cases, own, strict=True):
         panels = _panels(readings, looks)
-        found = [
-            layout.Line(panels[i : i + _MOST_COLUMNS], SIZE, least=2.4) for i in range(0, len(panels), _MOST_COLUMNS)
-        ]
+        found = _lines(panels, SIZE)
         width = len(found[0].panels) * SIZE[0]
         case = layout.case_title(readings[0].about, facts, width) if len(cases) > 1 else ""
         found[0] = found[0]._replace(title=case)
         found[-1] = found[-1]._replace(legend=[_entries(readings, looks)])
-        lines += found
+        lines += [*found, *_lines(_maps(readings), MAP)]
     return layout.arranged(title, lines, shared)
+
+
+def _lines(panels: Sequence[layout.Panel], size: tuple[float, float]) -> list[layout.Line]:
+    """Panels in as many lines as they need, with about as many in each."""
+    columns = -(-len(panels) // max(1, -(-len(panels) // _MOST_COLUMNS)))
+    return [layout.Line(panels[i : i + columns], size, least=2.4) for i in range(0, len(panels), columns or 1)]
 
 
 def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Panel]:
@@ -44,14 +53,33 @@ def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.P
     told: dict[str, Any] = {"readings": readings, "looks": looks}
     every = range(len(first.functions))
     panels: list[layout.Panel] = [partial(_over_time, f=f, **told) for f in every]
-    of_values = [f for f in every if first.corrected is None or np.isnan(first.corrected.share[f]).all()]
+    of_values = [f for f in every if first.passages is None or np.isnan(first.passages.share[f]).all()]
+    panels += [partial(_differences, f=f, **told) for f in every if _known(first.difference, f)]
     if first.histogram:
         panels += [partial(_densities, f=f, **told) for f in of_values]
     if first.variance is not None:
         panels += [partial(_variances, f=f, **told) for f in of_values]
+    panels += [partial(_autocorrelations, f=f, **told) for f in every if _known(first.autocorrelation, f)]
     if first.covariance is not None and len(every) > 1:
         panels.append(partial(_correlations, reading=first))
     return panels
+
+
+def _maps(readings: Sequence[Statistics]) -> list[layout.Panel]:
+    """Those of each scheme at each time, with the same colours for all schemes."""
+    found = [(reading, reading.density_map) for reading in readings if reading.density_map]
+    if not found:
+        return []
+    highest = np.max([one.density.max(axis=(1, 2)) for _, one in found], axis=0)
+    return [
+        partial(map_panel, reading=reading, m=m, highest=float(highest[m]) or 1.0)
+        for reading, one in found
+        for m in range(len(one.t))
+    ]
+
+
+def _known(values: np.ndarray | None, f: int) -> bool:
+    return values is not None and bool(np.isfinite(values[f]).any())
 
 
 def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Entry]:
@@ -63,12 +91,13 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
     if (quantiles := readings[0].quantiles) is not None:
         levels = ", ".join(f"{level:g}" for level in quantiles.level)
         found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle=":"), f"quantiles {levels}"))
-    if readings[0].corrected:
-        found.append(
-            (Line2D([], [], color="#777777", linewidth=0.8, linestyle="-."), "passages without the bias of times")
-        )
+    if readings[0].passages:
+        text = "passages, corrected for looking at given times only"
+        found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle="-."), text))
     if readings[0].reference is not None:
-        found.append((Line2D([], [], **KNOWN), "known mean"))
+        finer = readings[0].reference_step
+        text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "known mean"
+        found.append((Line2D([], [], **KNOWN), text))
     return found
 
 
@@ -84,13 +113,13 @@ def _over_time(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
         look, t = _look(reading, looks), reading.t
         half = reading.band[f] * reading.mean_stderr[f]
         ax.plot(t, reading.mean[f], linewidth=1.1, **look)
-        if reading.corrected and (known := np.isfinite(reading.corrected.share[f])).any():
-            ax.plot(t[known], reading.corrected.share[f, known], color=look["color"], linewidth=0.8, linestyle="-.")
+        if reading.passages and (known := np.isfinite(reading.passages.share[f])).any():
+            ax.plot(t[known], reading.passages.share[f, known], color=look["color"], linewidth=0.8, linestyle="-.")
         ax.fill_between(t, reading.mean[f] - half, reading.mean[f] + half, color=look["color"], alpha=0.3, linewidth=0)
         if reading.quantiles:
             ax.plot(t, reading.quantiles.quantile[f], color=look["color"], linewidth=0.8, linestyle=":")
-    if (known := readings[0].reference) is not None and np.isfinite(known[f]).any():
-        ax.plot(readings[0].t, known[f], **KNOWN)
+    if (known := readings[0].reference) is not None and (there := np.isfinite(known[f])).any():
+        ax.plot(readings[0].t[there], known[f, there], **KNOWN)
     _dress(ax, readings[0], f, "time $t$", "mean")
 
 
@@ -102,14 +131,45 @@ def _dress(ax: Axes, reading: Statistics, f: int, x: str, what: str) -> None:
 
 
 def _variances(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
-    for reading in readings:
-        if reading.variance is None or reading.variance_stderr is None:
-            continue
-        look, half = _look(reading, looks), INTERVAL * reading.variance_stderr[f]
-        value = reading.variance[f]
-        ax.plot(reading.t, value, linewidth=1.1, **look)
-        ax.fill_between(reading.t, value - half, value + half, color=look["color"], alpha=0.3, linewidth=0)
+    for one in readings:
+        _with_intervals(ax, one, one.t, one.variance, one.variance_stderr, f, looks)
     _dress(ax, readings[0], f, "time $t$", "variance")
+
+
+def _differences(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
+    ax.axhline(0, **KNOWN)
+    for one in readings:
+        _with_intervals(ax, one, one.t, one.difference, one.difference_stderr, f, looks)
+    _dress(ax, readings[0], f, "time $t$", "mean less reference")
+
+
+def _autocorrelations(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
+    ax.axhline(0, **KNOWN | {"linewidth": 0.6})
+    for one in readings:
+        if one.since is not None:
+            lag = one.t - one.since[f]
+            _with_intervals(ax, one, lag, one.autocorrelation, one.autocorrelation_stderr, f, looks)
+            since = style.number(float(one.since[f]))
+            _dress(ax, one, f, f"lag $s$, from $t={since}$", "autocorrelation")
+
+
+def _with_intervals(
+    ax: Axes,
+    one: Statistics,
+    x: np.ndarray,
+    values: np.ndarray | None,
+    errors: np.ndarray | None,
+    f: int,
+    looks: style.Looks,
+) -> None:
+    """A line through what is known of a function, with 95 % intervals."""
+    if values is None or errors is None:
+        return
+    there = np.isfinite(values[f])
+    x, value, half = x[there], values[f, there], INTERVAL * errors[f, there]
+    look = _look(one, looks)
+    ax.plot(x, value, linewidth=1.1, **look)
+    ax.fill_between(x, value - half, value + half, color=look["color"], alpha=0.3, linewidth=0)
 
 
 def _densities(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
@@ -141,12 +201,10 @@ def _correlations(ax: Axes, reading: Statistics) -> None:
     count = len(matrix)
     ax.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r")
     for i, j in np.ndindex(count, count):
-        text, colour = (
-            f"{matrix[i, j]:.2f}".replace("-", "\N{MINUS SIGN}"),
-            "white" if abs(matrix[i, j]) > 0.6 else "black",
-        )
+        text = f"{matrix[i, j]:.2f}".replace("-", "\N{MINUS SIGN}")
+        colour = "white" if abs(matrix[i, j]) > 0.6 else "black"
         ax.text(j, i, text, color=colour, ha="center", va="center", fontsize=7)
     names = [style.plain(name) for name in reading.functions]
-    ax.set_xticks(range(count), names)
+    ax.set_xticks(range(count), names, rotation=30, ha="right", rotation_mode="anchor")
     ax.set_yticks(range(count), names)
     ax.set_title(f"correlations at $t={reading.t[-1]:.4g}$, {style.label(reading.about)}")

@@ -1,0 +1,229 @@
+"""Initial states at random: each is a function of (seed, path), whatever else is computed.
+
+A law turns standard normal numbers into states, with the four operations and square roots only, so that bits do not
+depend on the processor.  The numbers of a path have a stream of their own beside that of its increments; where a state
+takes several attempts, those of attempt number a are the a-th of this stream.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..numerics.rng import INITIAL, LANES, STEPS_PER_DRAW
+from .given import draw_paths
+
+_SLICE = 256  # blocks whose attempts are made at once, because of memory
+_ATTEMPTS = 16  # at a state, at once
+
+
+class RandomState(tuple):
+    """A state of a law, in place of an initial state where any will do, and the law itself.
+
+    `told` is what decides the law, as plain data.
+    """
+
+    law: Any
+    told: dict[str, Any]
+
+    def __new__(cls, state, law, told):
+        """The tuple of the numbers of `state`."""
+        made = super().__new__(cls, state)
+        made.law, made.told = law, told
+        return made
+
+    @property
+    def text(self):
+        """The law for people, such as ``gibbs, through (0, 0, 1), temperature 0.2``."""
+        first, *others = ((key, value) for key, value in self.told.items() if value not in (None, False))
+        return ", ".join(
+            [
+                first[1].replace("_", " "),
+                *(f"{key} {_shown(value)}".strip() for key, value in others if key != "digest"),
+            ]
+        )
+
+    def __getnewargs__(self):
+        return tuple(self), self.law, self.told
+
+    def __eq__(self, other):
+        return isinstance(other, RandomState) and self.told == other.told and tuple(self) == tuple(other)
+
+    def __ne__(self, other):
+        return not self == other
+
+    def __hash__(self):
+        return hash((tuple(self), repr(self.told)))
+
+
+def _shown(value):
+    """A number, or several, or nothing where True says it."""
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(_shown, value))})"
+    return "" if value is True else f"{value:.6g}"
+
+
+class Spheres(NamedTuple):
+    """A product of ellipsoids: those of each triple of components are ``lengths`` times a point of the unit sphere.
+
+    Other components are those of `point`.
+    """
+
+    point: tuple[float, ...]
+    triples: tuple[tuple[int, int, int], ...]
+    lengths: tuple[float, ...]
+
+    def onto(self, x):
+        """The states (d, paths) in the directions x (d, paths), which are relative to the lengths."""
+        y = np.repeat(np.array(self.point)[:, np.newaxis], x.shape[1], axis=1)
+        for triple in self.triples:
+            a, b, c = (x[i] for i in triple)
+            size = np.sqrt(a * a + b * b + c * c)
+            for i, direction in zip(triple, (a, b, c), strict=True):
+                y[i] = self.lengths[i] * (direction / size)
+        return y
+
+    @property
+    def typical(self):
+        """A state on it that is on no axis."""
+        x = np.zeros((len(self.point), 1))
+        for triple in self.triples:
+            x[list(triple), 0] = 0.48, 0.6, 0.64
+        return tuple(self.onto(x)[:, 0].tolist())
+
+
+class Uniform(NamedTuple):
+    """The uniform law on a product of spheres."""
+
+    surface: Spheres
+
+    @property
+    def numbers(self):
+        """How many normal numbers a state takes."""
+        return len(self.surface.point)
+
+    def states(self, z):
+        """The states (d, paths) of numbers (numbers, paths)."""
+        return self.surface.onto(z)
+
+
+class Gibbs(NamedTuple):
+    """The law on a product of spheres whose density is proportional to exp(-E), by rejection from the uniform law.
+
+    E, which is quadratic, is the sum of c y_i y_j over (i, j, c) and of c y_i over (i, c) in `terms`, and at least
+    `least`.  A state is taken where an exponential number, (z1^2 + z2^2) / 2, is at least E - least.
+    """
+
+    surface: Spheres
+    terms: tuple[tuple, ...]
+    least: float
+
+    @property
+    def numbers(self):
+        """How many normal numbers an attempt takes."""
+        return len(self.surface.point) + 2
+
+    def energy(self, y):
+        """E of states (d, paths)."""
+        found = np.zeros(y.shape[1])
+        for *which, c in self.terms:
+            term = c * y[which[0]]
+            found += term * y[which[1]] if which[1:] else term
+        return found
+
+    def attempts(self, z):
+        """The states (d, paths) of numbers (numbers, paths), and which are taken."""
+        y = self.surface.onto(z)
+        return y, 0.5 * (z[-1] * z[-1] + z[-2] * z[-2]) >= self.energy(y) - self.least
+
+
+class Gaussian(NamedTuple):
+    """mean + L z, where `factor` are the entries (i, j, L_ij) that are not 0; from there to a surface, if any."""
+
+    mean: tuple[float, ...]
+    factor: tuple[tuple[int, int, float], ...]
+    surface: Spheres | None
+
+    @property
+    def numbers(self):
+        """How many normal numbers a state takes."""
+        return len(self.mean)
+
+    def states(self, z):
+        """The states (d, paths) of numbers (numbers, paths)."""
+        y = np.repeat(np.array(self.mean)[:, np.newaxis], z.shape[1], axis=1)
+        for i, j, c in self.factor:
+            y[i] += c * z[j]
+        if self.surface is None:
+            return y
+        lengths = np.where(np.array(self.surface.lengths) > 0.0, self.surface.lengths, 1.0)
+        return self.surface.onto(y / lengths[:, np.newaxis])
+
+
+class Points(NamedTuple):
+    """One of the states (n, d), drawn with replacement; `below` (n - 1,) are the values of an exponential number.
+
+    State number i is taken where that lies between entries i - 1 and i of `below`.
+    """
+
+    points: np.ndarray
+    below: np.ndarray
+    surface: None = None  #: on which all of them lie
+
+    @property
+    def numbers(self):
+        """How many normal numbers a state takes."""
+        return 2
+
+    def states(self, z):
+        """The states (d, paths) of numbers (numbers, paths)."""
+        return self.points[np.searchsorted(self.below, 0.5 * (z[0] * z[0] + z[1] * z[1]), side="right")].T
+
+
+def first_states(initial, noise, first, blocks):
+    """(d, paths) or (d, 1): y_0 of the paths of some blocks, of which each has its own where that is random."""
+    if isinstance(initial, RandomState):
+        return _drawn(initial.law, noise, first, blocks)
+    return np.array(initial, float)[:, np.newaxis]
+
+
+def block_states(initial, noise, first, blocks):
+    """(blocks, d * LANES): the same, block by block and component by component."""
+    states = first_states(initial, noise, first, blocks)
+    d = len(states)
+    lanes = np.broadcast_to(states, (d, blocks * LANES)).reshape(d, blocks, LANES)
+    return lanes.transpose(1, 0, 2).reshape(blocks, d * LANES)
+
+
+def _drawn(law, noise, first, blocks):
+    """The states (d, blocks * LANES) of the paths of some blocks, from block `first` on, that `noise` drives."""
+    if not isinstance(law, Gibbs):
+        return law.states(_normals(law, noise, 0, 1, first, blocks)[0])
+    return np.concatenate(
+        [_taken(law, noise, first + k, min(_SLICE, blocks - k)) for k in range(0, blocks, _SLICE)], axis=1
+    )
+
+
+def _normals(law, noise, attempt, count, first, blocks):
+    """The normal numbers (count, numbers, paths) of attempts from number `attempt` on."""
+    steps = -(-law.numbers // STEPS_PER_DRAW) * STEPS_PER_DRAW
+    z = np.empty((count * steps, blocks * LANES, 1))
+    own = noise.keys._replace(stream=np.uint64(int(noise.keys.stream) + INITIAL))
+    draw_paths(own, 1.0, attempt * steps, first * LANES, z)
+    return z.reshape(count, steps, -1)[:, : law.numbers]
+
+
+def _taken(law, noise, first, blocks):
+    """Of each path the first state that is taken."""
+    y = np.empty((blocks, len(law.surface.point), LANES))
+    done = np.zeros((blocks, LANES), bool)
+    attempt, count = 0, 1
+    while len(left := np.flatnonzero(~done.all(axis=1))):
+        z = np.stack([_normals(law, noise, attempt, count, first + block, 1) for block in left.tolist()], axis=2)
+        states, taken = law.attempts(np.moveaxis(z, 1, 0).reshape(law.numbers, -1))
+        states, taken = states.reshape(len(states), count, len(left), LANES), taken.reshape(count, len(left), LANES)
+        for a in range(count):
+            block, lane = np.nonzero(taken[a] & ~done[left])
+            y[left[block], :, lane] = states[:, a, block, lane].T
+            done[left[block], lane] = True
+        attempt, count = attempt + count, _ATTEMPTS
+    return np.moveaxis(y, 1, 0).reshape(y.shape[1], -1)

@@ -1,0 +1,127 @@
+"""Casimir surfaces that are products of spheres, and quadratic Hamiltonians on them.
+
+On the dual of so(3), {y_i, y_j} = c_k y_k and so on with c_1, c_2, c_3 of one sign, C = |c_1| y_i^2 + |c_2| y_j^2 +
+|c_3| y_k^2 is a Casimir function.  In x = |c|^(1/2) y the bracket is a multiple of that of so(3), so that the Liouville
+measure of its surfaces, the only one that all Hamiltonian flows keep, is the area of the sphere |x| = r.
+"""
+
+import itertools
+
+import numpy as np
+
+from ..compiler.inlining import uncompiled
+from ..ensemble.protocol import dimension, drift_gradient, hamiltonian, large, structure
+from ..ensemble.random_states import Spheres
+from ..ensemble.special import frozen
+
+_TRIALS = 3  # states at which a formula is compared with the model
+_CLOSE = 1e-9  # relative distance of numbers that are taken for equal
+
+
+def spheres(model, point):
+    """The Casimir surface through `point`, if it is a product of spheres or ellipsoids with other components constant.
+
+    None if it is not, or has too many components to tell.
+    """
+    if large(model):
+        return None
+    d = dimension(model)
+    states = np.random.default_rng(0).standard_normal((_TRIALS, d))
+    with uncompiled():  # not worth compiling
+        matrices = [_structure_matrix(model, y) for y in states]
+    lengths, triples, predicted = np.zeros(d), [], np.zeros((_TRIALS, d, d))
+    for triple in _triples(matrices[0]):
+        weights = np.array([matrices[0][j, k] / states[0, i] for i, j, k in _turned(triple)])
+        if not (weights > 0).all() and not (weights < 0).all():
+            return None
+        for (i, j, k), weight in zip(_turned(triple), weights, strict=True):
+            predicted[:, j, k], predicted[:, k, j] = weight * states[:, i], -weight * states[:, i]
+        at = list(triple)
+        scale = np.sqrt(np.abs(weights))
+        lengths[at] = np.linalg.norm(scale * np.array(point)[at]) / scale
+        triples.append(triple)
+    if not triples or not np.allclose(predicted, matrices, rtol=_CLOSE, atol=_CLOSE):
+        return None
+    return Spheres(tuple(map(float, point)), tuple(triples), tuple(lengths.tolist()))
+
+
+def _structure_matrix(model, y):
+    """B(y)."""
+    unit = np.eye(len(y))
+    return np.array([structure(model, tuple(y.tolist()), tuple(column)) for column in unit.tolist()], float).T
+
+
+def _triples(matrix):
+    """The triples of components of which each depends on the other two only; empty if there are other groups."""
+    acting = np.abs(matrix) > 0.0
+    found = []
+    for i in np.flatnonzero(acting.any(axis=1)):
+        group = tuple(sorted({int(i), *np.flatnonzero(acting[i]).tolist()}))
+        if len(group) != 3:
+            return []
+        if group not in found:
+            found.append(group)
+    return found if len({i for group in found for i in group}) == 3 * len(found) else []
+
+
+def _turned(triple):
+    """The three cyclic permutations."""
+    a, b, c = triple
+    return (a, b, c), (b, c, a), (c, a, b)
+
+
+def quadratic(model):
+    """(c, b, A) of H = c + b.y + y.Ay/2 at the initial time; None if H is no such function."""
+    d, model = dimension(model), frozen(model, getattr(model, "time", 0.0), 0.0)
+    zero = (0.0,) * d
+    try:
+        with np.errstate(all="ignore"), uncompiled():
+            b = np.array(drift_gradient(model, zero), float)
+            columns = [np.array(drift_gradient(model, tuple(e)), float) - b for e in np.eye(d).tolist()]
+            c, matrix = float(hamiltonian(model, zero)), np.array(columns)
+            for y in np.random.default_rng(1).standard_normal((_TRIALS, d)):
+                value = float(hamiltonian(model, tuple(y.tolist())))
+                terms = np.abs(y) @ np.abs(matrix) @ np.abs(y) + np.abs(b) @ np.abs(y) + abs(c)
+                if not abs(value - (c + b @ y + 0.5 * y @ matrix @ y)) <= _CLOSE * terms:
+                    return None
+    except (ArithmeticError, ValueError):  # H need not be defined at 0
+        return None
+    return c, b, 0.5 * (matrix + matrix.T)
+
+
+def least_on(surface, b, matrix):
+    """A number that b.y + y.Ay/2 is never below on a product of spheres; on one sphere its minimum.
+
+    Each sphere adds its own minimum, each pair of them the norm of what couples them.
+    """
+    point, lengths = np.array(surface.point), np.array(surface.lengths)
+    turning = np.zeros(len(point), bool)
+    turning[list(itertools.chain(*surface.triples))] = True
+    rest = np.where(turning, 0.0, point)  # components that are constant
+    linear, least = lengths * (b + matrix @ rest), float(b @ rest + 0.5 * rest @ matrix @ rest)
+    scaled = lengths[:, np.newaxis] * matrix * lengths
+    triples = [list(triple) for triple in surface.triples]
+    for at in triples:
+        least += _least_on_sphere(linear[at], scaled[np.ix_(at, at)])
+    for one, other in itertools.combinations(triples, 2):
+        least -= float(np.linalg.norm(scaled[np.ix_(one, other)], 2))
+    size = np.abs(linear).sum() + np.abs(scaled).sum() + abs(least)
+    return least - 1e-12 * size
+
+
+def _least_on_sphere(b, matrix):
+    """The minimum of b.x + x.Ax/2 for |x| = 1, from below: the largest mu/2 - b.(A - mu)^-1 b/2, mu < eigenvalues."""
+    values, vectors = np.linalg.eigh(matrix)
+    squares = (vectors.T @ b) ** 2
+    size = np.sqrt(squares.sum())
+    low, high = values[0] - size, values[0]
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        inside = (squares / (values - middle) ** 2).sum() < 1.0
+        low, high = (middle, high) if inside else (low, middle)
+    if size == 0.0:
+        return 0.5 * float(values[0])
+    used = squares > 0.0
+    return 0.5 * float(low - (squares[used] / (values[used] - low)).sum())

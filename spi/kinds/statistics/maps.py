@@ -1,0 +1,79 @@
+"""Maps of densities: where on a sphere the states are, or how two functions are distributed together."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.protocol import dimension, structure
+
+from .quantiles import Bins
+from .results import DensityMap
+
+SPHERE = "sphere"
+_POINTS = 5  # at which B(y) y is looked at
+_MARGIN = 0.125  # of the range of the first paths on each side
+
+
+def on_sphere(model: Any) -> bool:
+    """Whether |y|^2 is a Casimir function of three components: B(y) y = 0."""
+    if dimension(model) != 3:
+        return False
+    y = np.random.default_rng(1).standard_normal((_POINTS, 3))
+    return all(np.abs(structure(model, tuple(one), tuple(one))).max() < 1e-12 for one in y)
+
+
+class Cells(NamedTuple):
+    """Cells of equal size at some times, by two sides."""
+
+    low: np.ndarray  #: (times, 2)
+    width: np.ndarray  #: (times, 2)
+    number: tuple[int, int]
+    pair: tuple[int, ...]  #: the functions of the sides; () for the sphere
+
+    @classmethod
+    def of_sphere(cls, times: int, number: tuple[int, int]) -> "Cells":
+        """Bands of equal height in cells of equal width."""
+        low = np.tile([-1.0, -np.pi], (times, 1))
+        return cls(low, -2 * low / number, number, ())
+
+    @classmethod
+    def around(cls, values: np.ndarray, pair: tuple[int, ...], number: tuple[int, int]) -> "Cells":
+        """Cells that hold the values (times, 2, paths) of two functions, and an eighth of their range on each side."""
+        bins = Bins.around(values, number[0], _MARGIN)
+        return cls(bins.low, bins.width, number, pair)
+
+    def places(self, states: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """(blocks, times, 1, LANES) the number of the cell, and a half; -1 for what is outside, NaN for what is lost.
+
+        Of states (3, blocks, times, LANES) or of the values (2, blocks, times, LANES) of two functions.
+        """
+        sides = values if self.pair else _directions(states)
+        low, width = (each.T[:, np.newaxis, :, np.newaxis] for each in (self.low, self.width))
+        with np.errstate(invalid="ignore"):
+            first, second = np.floor((sides - low) / width)
+        if not self.pair:  # roundings at both ends, which are no places outside
+            first, second = np.clip(first, 0, self.number[0] - 1), np.clip(second, 0, self.number[1] - 1)
+        with np.errstate(invalid="ignore"):
+            outside = (first < 0) | (first >= self.number[0]) | (second < 0) | (second >= self.number[1])
+        return np.where(outside, -1.0, first * self.number[1] + second + 0.5)[:, :, np.newaxis]
+
+    def densities(self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray) -> DensityMap:
+        """What follows from counts (times, 1, 2 + cells); functions have been counted less their `origins` (2,)."""
+        n = counts[0, 0].sum()
+        share = counts[:, 0, 1:-1].reshape(-1, *self.number) / n
+        area = self.width.prod(axis=1)[:, np.newaxis, np.newaxis]
+        return DensityMap(
+            sides=names,
+            t=t,
+            low=self.low + origins,
+            width=self.width,
+            density=share / area,
+            stderr=np.sqrt(share * (1 - share) / n) / area,
+            outside=(counts[:, 0, 0] + counts[:, 0, -1]) / n,
+        )
+
+
+def _directions(y: np.ndarray) -> np.ndarray:
+    """y_3 / |y| and the longitude (2, ...) of states (3, ...)."""
+    with np.errstate(all="ignore"):
+        return np.array([y[2] / np.sqrt((y**2).sum(axis=0)), np.arctan2(y[1], y[0])])

@@ -1,0 +1,81 @@
+"""Tables of what came out over a swept parameter: a line for each value."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from ..statistics.claims import Quantity
+from ..statistics.curves import Curve
+from .sentences import sentence, whose
+from .text import lines_of, new_table, power_of_two, print_whole, short, with_interval
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances
+
+
+def show(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
+    """Print the table of a case that is swept: for each scheme, estimator and test function a line per value."""
+    from rich.text import Text
+
+    names = list(dict.fromkeys(curve.name for curve in curves))
+    of = {(*_whose(curve), curve.name): curve for curve in curves}
+    headings = [f"{name.replace('_', ' ')}{_at(curves, name)}\n(95 %)" for name in names]
+    several = any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)
+    labels = ["scheme", *["estimator"] * several[0], *["function"] * several[1]]
+    table = new_table(heading, [*labels, curves[0].word, *headings], left=len(labels), labels=0)
+    for key in dict.fromkeys(map(_whose, curves)):
+        members = [of[*key, name] for name in names if (*key, name) in of]
+        about, function = members[0].about, members[0].function
+        cells = [lines_of(about), *[about.estimator] * several[0], *[function] * several[1]]
+        for value in dict.fromkeys(value for curve in members for value in curve.values.tolist()):
+            points = {
+                curve.name: point for curve in members for point in curve.points if point.at == (curve.word, value)
+            }
+            told = (_told(points[name]) if name in points else "" for name in names)
+            table.add_row(*map(Text, cells), f"{value:g}", *map(Text, told))
+            cells = [""] * len(cells)
+        table.add_section()
+    print_whole(console, table)
+    console.print()
+
+
+def _whose(curve: Curve) -> tuple[str, str, str]:
+    return curve.about.variant, curve.about.estimator, curve.function
+
+
+def _at(curves: Sequence[Curve], name: str) -> str:
+    """At which step size a quantity is."""
+    steps = {point.h for curve in curves if curve.name == name for point in curve.points}
+    if steps == {None}:
+        return ""
+    return f" at\nh = {power_of_two(h)}" if len(steps) == 1 and (h := steps.pop()) else " at the\nsmallest h"
+
+
+def _told(point: Quantity) -> str:
+    """A quantity with its interval, as its ends where these lie at different distances."""
+    if point.value != point.value:
+        return "not resolved"
+    if point.low == point.high:
+        return short(point.value, ".3g")
+    if point.name in _UNEVEN:
+        form = ".4g" if point.name == "quantile" else ".3f"
+        return f"{short(point.value, form)} [{short(point.low, form)}, {short(point.high, form)}]"
+    return with_interval(point.value, (point.high - point.low) / 2)
+
+
+def told(curves: Sequence[Curve]) -> str:
+    """What came out over the parameter, in one sentence: the first quantity at both ends, for each scheme."""
+    return sentence(
+        _ends(curve) for curve in curves if (curve.name, curve.function) == (curves[0].name, curves[0].function)
+    )
+
+
+def _ends(curve: Curve) -> str:
+    first, last = curve.points[0], curve.points[-1]
+    places = [f"{curve.word} = {value:g}" for value in (curve.values[0], curve.values[-1])]
+    of = f" of {curve.function}" * bool(curve.function)
+    return (
+        f"{curve.name.replace('_', ' ')}{of} with {whose(curve.about)} goes from {_told(first)} at {places[0]} "
+        f"to {_told(last)} at {places[1]}"
+    )

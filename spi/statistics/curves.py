@@ -1,0 +1,80 @@
+"""What came out over a swept parameter: of each quantity a curve for each scheme, estimator and test function."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..storage.records import Description
+from .claims import Quantity
+
+
+class Curve(NamedTuple):
+    """A quantity over the values of a parameter, with its 95 % intervals."""
+
+    name: str  #: of the quantity
+    function: str  #: the test function that it belongs to, or ""
+    about: Description  #: that of the first value; without eps, unless the scheme has several
+    points: tuple[Quantity, ...]  #: one for each value, in their order
+
+    @property
+    def word(self) -> str:
+        """The parameter."""
+        return self.points[0].at[0] if self.points[0].at else ""
+
+    @property
+    def values(self) -> np.ndarray:
+        """(V,) the values of the parameter."""
+        return np.array([point.at[1] for point in self.points if point.at])
+
+    @property
+    def h(self) -> float | None:
+        """The step size of all points; None if it is none, or differs."""
+        steps = {point.h for point in self.points}
+        return steps.pop() if len(steps) == 1 else None
+
+    def of(self, field: str) -> np.ndarray:
+        """(V,) a field of the quantities: ``value``, ``low``, ``high`` or ``expected``."""
+        return np.array([getattr(point, field) for point in self.points])
+
+
+def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
+    """The curves of the quantities of these names, in this order; those of which nothing is known are left out.
+
+    Of what is known at several step sizes that at the smallest counts, and of several Casimir functions the largest.
+    """
+    wanted = [one for one in quantities if one.name in names and one.at]
+    several = _several_eps(wanted)
+    found: dict[tuple, dict[str, Quantity]] = {}
+    for one in wanted:
+        about = one.about
+        place = several.get((about.case, about.scheme), {}).get(about.eps)
+        key = (one.name, one.function, about.scheme, place, about.extrapolate, about.estimator)
+        points = found.setdefault(key, {})
+        if about.case not in points or _before(one, points[about.case]):
+            points[about.case] = one
+    listed = []
+    for (name, function, _, place, *_), points in found.items():
+        first = next(iter(points.values())).about
+        if place is None and first.eps is not None:
+            first = first._replace(eps=None, variant=first.variant.replace(f"_eps_{first.eps:g}", ""))
+        if any(math.isfinite(point.value) for point in points.values()):
+            listed.append(Curve(name, function, first, tuple(points.values())))
+    return sorted(listed, key=lambda curve: names.index(curve.name))
+
+
+def _several_eps(quantities: Iterable[Quantity]) -> dict[tuple[str, str], dict[float | None, int]]:
+    """(case, scheme) -> the eps that the scheme has there, each with its number, where there are several."""
+    found: dict[tuple[str, str], dict[float | None, int]] = {}
+    for one in quantities:
+        known = found.setdefault((one.about.case, one.about.scheme), {})
+        known.setdefault(one.about.eps, len(known))
+    return {key: known for key, known in found.items() if len(known) > 1}
+
+
+def _before(one: Quantity, other: Quantity) -> bool:
+    """Whether a quantity stands for the place of the two: at a smaller step size, or larger at the same."""
+    if one.h != other.h:
+        return (one.h or 0.0) < (other.h or 0.0)
+    return abs(one.value) > abs(other.value)

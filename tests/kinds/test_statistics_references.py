@@ -1,0 +1,130 @@
+"""What statistics are compared with: formulas, files, exact expectations, stationary laws, finer paths."""
+
+import numpy as np
+import pytest
+from helpers import RIGID_BODY, compiled_only
+from states import check_going_on, chunks_of, finished, same_numbers
+from statistics_cases import BODY, results_of, study_of, written
+
+from spi.exact.kolmogorov import exact_expectations
+from spi.specs import SpecError
+
+
+@pytest.fixture
+def case_of(tmp_path):
+    return lambda *overrides: written(tmp_path, *overrides)
+
+
+def test_references_of_every_kind_are_at_the_times_of_the_statistics(case_of, tmp_path):
+    """A file has some of the times; what is exact is what the solver of weak errors finds, one time after the other."""
+    (tmp_path / "known.csv").write_text("t, value, stderr\n0.5, 0.25, 0.01\n\n0.77,3,0\n1,0.125,0\n", encoding="utf-8")
+    functions = "functions={square: y1^2, energy: H, length: C1, y1: y1, far: y1^4}"
+    known = "reference={square: {file: known.csv}, energy: exact, length: 1/2 + 0*t, far: stationary}"
+    found = results_of(case_of(functions, known, "statistics=[mean]"))
+    square, energy, length, y1, far = found.reference
+    assert np.flatnonzero(np.isfinite(square)).tolist() == [4, 8] and square[[4, 8]].tolist() == [0.25, 0.125]
+    assert np.isnan(y1).all() and (length == 0.5).all() and np.allclose(far, 1 / 5, atol=1e-12)
+    initial, phi = (np.cos(1.1), 0.0, np.sin(1.1)), [lambda y: y[0] ** 2 / 4 + y[1] ** 2 / 2 + 3 * y[2] ** 2 / 4]
+    for t, value in zip(found.t[1:], energy[1:], strict=True):
+        assert np.isclose(value, exact_expectations(RIGID_BODY, initial, t, phi, 1e-6)[0][0], atol=1e-6)
+    assert np.allclose(found.difference, found.mean - found.reference, equal_nan=True)
+    assert np.isclose(found.difference_stderr[0, 4], np.hypot(found.mean_stderr[0, 4], 0.01))
+    assert np.allclose(found.difference_stderr[1:3], found.mean_stderr[1:3], atol=1e-5)
+
+
+def test_finer_paths_are_those_of_a_run_of_their_own(case_of):
+    """On the same noise, so that differences are far better known than the means."""
+    few = "samples=300", "statistics=[mean]", "functions={square: y1^2, out: {passage: y1 < 0.4}, energy: H}"
+    both = results_of(case_of(*few, "reference_step=2^-6", "reference={energy: exact}"))
+    finer = results_of(case_of(*few, "step=2^-6", "every=8"))
+    assert both.reference_step == 2**-6 and both.t.tolist() == finer.t.tolist()
+    assert np.allclose(both.reference[:2], finer.mean[:2], atol=1e-13)
+    assert np.allclose(both.difference[:2], (both.mean - finer.mean)[:2], atol=1e-13)
+    assert (both.difference_stderr[0, 1:] < 0.5 * both.mean_stderr[0, 1:]).all()
+    assert np.abs(both.difference[0, 1:]).min() > 0  # and they are other paths
+    assert np.isclose(both.difference_stderr[2, -1], both.mean_stderr[2, -1], rtol=1e-4)  # energy has its own reference
+
+
+def test_bits_of_all_columns_do_not_depend_on_the_division_of_the_work(case_of):
+    case = case_of(
+        "samples=300",
+        "functions={square: y1^2, out: {passage: y1 < 0.4}, y3: y3}",
+        "reference_step=2^-5",
+        "autocorrelation={square: 1/2}",
+        "density={of: [square, y3], times: [1/2, 1], cells: 8}",
+    )
+    plan = study_of(case)
+    with chunks_of(2):
+        whole = finished(plan)
+        check_going_on(plan)
+        assert same_numbers(finished(plan, 2), whole)
+
+
+@compiled_only
+def test_a_finer_run_tells_the_weak_error(case_of):
+    """That of Euler's method, of order 1: 15/16 of the difference from the exact value."""
+    about = f"model={BODY}", "schemes=[euler_maruyama]", "samples=20000", "statistics=[mean]", "every=16"
+    found = results_of(case_of(*about, "functions={energy: H}", "reference_step=2^-8"), "euler_maruyama")
+    exact = results_of(case_of(*about, "functions={energy: H}", "reference={energy: exact}"), "euler_maruyama")
+    assert found.deviation[0, -1] > 10
+    assert found.difference_stderr[0, -1] < 0.7 * exact.difference_stderr[0, -1]
+    assert abs(found.difference[0, -1] - exact.difference[0, -1] * (1 - 2**-4)) < 4 * exact.difference_stderr[0, -1]
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("reference={psi: t}", "is not the name of a function"),
+        ("reference={square: y1}", "must be an expression in t, exact, stationary or {file: known.csv}"),
+        ("reference={out: exact}", "that is known of functions of the state, not of the path"),
+        ("reference={square: {file: bad.csv}}", "bad.csv', with the columns time, value; must have t and value"),
+        ("reference={square: {file: nan.csv}}", "nan.csv', whose line 3 is '0.5, nan'; must have a finite number"),
+        ("reference={square: {file: far.csv}}", "t = 7 to 8, none of the times of the statistics"),
+        ("reference={square: {file: twice.csv}}", "which has a time twice"),
+        ("reference={square: {file: none.csv}}", "there is no file"),
+        ("reference_step=2^-4", "is not 2, 4, 8, ... times; the nearest is"),
+        ("reference_step=0.05", "is not 2, 4, 8, ... times; the nearest is"),
+        ("autocorrelation={psi: 1/2}", "not the name of a function"),
+        ("autocorrelation={square: 1/16}", "none of the times of the statistics; the nearest is"),
+        ("density={of: [square]}", "must be sphere or the names of two functions"),
+        ("density={of: [square, psi]}", "is 'psi', not the name of a function"),
+        ("density={times: [1/16]}", "none of the times of the statistics"),
+        ("density={cells: 1000}", "cells"),
+    ],
+)
+def test_mistakes_are_one_line(case_of, tmp_path, override, message):
+    for name, text in {
+        "bad": "time,value\n1,2\n",
+        "nan": "t,value\n0,1\n0.5,nan\n",
+        "far": "t,value\n7,1\n8,1\n",
+        "twice": "t,value\n1,1\n1,2\n",
+    }.items():
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(SpecError) as caught:
+        case_of(override)
+    assert len(caught.value.messages) == 1 and message in str(caught.value)
+
+
+def test_a_map_of_the_sphere_needs_one(case_of):
+    laser = "model={name: maxwell_bloch, sigma: [1, 1]}", "functions={y1: y1, y2: y2}"
+    with pytest.raises(SpecError, match="the states of maxwell_bloch are on none"):
+        case_of(*laser, "density=sphere")
+    assert case_of(*laser, "density={of: [y1, y2]}").density.times == (1.0,)
+    with pytest.raises(SpecError, match="no equation is solved for maxwell_bloch"):
+        case_of(*laser, "reference={y1: exact}")
+    with pytest.raises(SpecError, match="no stationary law is known"):
+        case_of(*laser, "reference={y1: stationary}")
+
+
+def test_the_uniform_law_of_the_sphere_stays(case_of):
+    """Paths that begin with it have the stationary means from the start, those from one state do not."""
+    about = "samples=2000", "functions={square: y1^2, y3: y3^4}", "statistics=[mean]"
+    known = "reference={square: stationary, y3: stationary}"
+    uniform = "initial={law: uniform_on_surface, through: [0, 0, 1]}"
+    found = results_of(case_of(*about, known, uniform))
+    assert np.allclose(found.reference.T, [1 / 3, 1 / 5]) and np.abs(found.deviation).max() < 4
+    assert np.abs(results_of(case_of(*about, known)).deviation[:, 1:]).min() > 20
+    with pytest.raises(SpecError, match="paths on one sphere, and here each has its own"):
+        case_of(*about, known, "initial={law: gaussian, mean: [0, 0, 1], sd: 0.1}")
+    with pytest.raises(SpecError, match="known for one initial state"):
+        case_of(*about, "reference={square: exact}", uniform)

@@ -1,0 +1,116 @@
+"""What is shown of a swept parameter: one table, one figure, columns of its values, and claims over all of them."""
+
+import io
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from helpers import compiled_only
+
+from spi import storage
+from spi.api.results import Results
+from spi.report import swept, views
+from spi.report.sections import section
+from spi.running import run as runner
+
+BODY = {"model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}, "schemes": ["splitting"]}
+STRONG = {
+    **{"kind": "strong", **BODY, "initial": ["cos(1.1)", 0, "sin(1.1)"], "final_time": 1, "samples": 64},
+    **{"steps": "2^-3 .. 2^-6", "reference_step": "2^-9", "schemes": ["splitting", "euler_maruyama"]},
+    **{"sweep": {"sigma": "2^-6 .. 2^-4"}, "title": "Over sigma"},
+    "expect": {"splitting": {"casimir_drift": "1e-12", "sigma up to 2^-5": {"order": "1 +- 0.2"}}},
+}
+
+
+def of_keys(keys, folder):
+    (folder / "s.yaml").write_text(yaml.safe_dump(keys), encoding="utf-8")
+    return runner.run(runner.load(folder / "s.yaml"), folder / "out")
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return of_keys(STRONG, tmp_path_factory.mktemp("swept"))
+
+
+def test_curves_hold_what_single_results_hold(path):
+    stored = storage.read(path)
+    (whole,) = swept.wholes("strong", views.readings(stored))
+    curves = {(curve.name, curve.about.scheme): curve for curve in whole.curves}
+    assert list(curves) == [(name, scheme) for name in ("order", "error") for scheme in STRONG["schemes"]]
+    error = curves["error", "euler_maruyama"]
+    groups = [group for group in stored.groups if group.variant == "euler_maruyama"]
+    assert (error.word, error.h) == ("sigma", 2**-6) and error.values.tolist() == [2**-6, 2**-5, 2**-4]
+    assert error.of("value").tolist() == [group.arrays["error"][-1] for group in groups]
+    halves = [1.96 * group.arrays["error_stderr"][-1] for group in groups]
+    np.testing.assert_allclose(error.of("high") - error.of("value"), halves)
+    assert curves["order", "splitting"].of("expected").tolist() == [0.5] * 3
+
+
+def test_tables_rows_and_claims(path):
+    stored, printed = storage.read(path), io.StringIO()
+    views.print_tables(stored, printed)
+    text = printed.getvalue()
+    assert text.count("0.015625") >= 2 and "error at" in text and "h = 2^-6" in text and text.count("passed") == 2
+    first, last = views.verdicts(stored)
+    assert first.found.at[0] == "sigma" and last.found.at[1] <= 2**-5
+    rows = views.rows(stored)
+    assert len(rows) == 3 * 2 * 4 and {row["sigma"] for row in rows} == {2**-6, 2**-5, 2**-4}
+    assert all(row["claim[order]"] == "passed" for row in rows if row["scheme"] == "splitting")
+    told = section(path, stored, "a").told
+    assert len(told) == 1 and told[0][1].startswith("Order with splitting goes from 1.0")
+
+
+def test_the_figure_has_a_panel_of_each_quantity(path):
+    figure = views.figure(storage.read(path))
+    order, error = figure.axes
+    assert (order.get_ylabel(), order.get_yscale()) == ("order", "linear")
+    assert (error.get_ylabel(), error.get_yscale()) == ("error at $h=2^{-6}$", "log")
+    assert error.get_xlabel() == r"$\sigma$" and len(error.containers) == 2 and len(order.lines) == 3
+    (legend,) = [legend for area in figure.subfigs for legend in area.legends]
+    said = {text.get_text() for text in legend.texts if text.get_text().strip()}
+    assert said == {"splitting", "Euler-Maruyama", "stated by theory, or known"}
+    assert views.figure(storage.read(path), "paper", "two").get_figwidth() == 7.0
+
+
+def test_parts_can_be_put_together_along_the_parameter(path):
+    results = Results(storage.read(path))
+    parts = [results[f"sigma={s}"]["splitting"].dataset for s in ("0.015625", "0.03125", "0.0625")]
+    assert xr.concat([part.error for part in parts], "sigma").sigma.values.tolist() == [2**-6, 2**-5, 2**-4]
+    assert len(results["splitting"].claims) == 2 and len(results["euler_maruyama"].claims) == 0
+
+
+def test_expectations_beside_a_formula(tmp_path):
+    """A body that does not turn by itself, with noise about axis 1: E y2 = y2(0) exp(-(s y1)^2 T / 2)."""
+    model = {**BODY["model"], "inertia": [1, 1, 1], "sigma": ["s", 0, 0]}
+    keys = STRONG | {"kind": "weak", "model": model, "initial": [0.6, 0.8, 0], "functions": "y2", "expect": {}}
+    keys |= {"estimators": ["kolmogorov"], "schemes": ["splitting"], "sweep": {"s": [0.5, 1, 2], "of": "expectation"}}
+    keys.pop("samples")
+    (whole,) = swept.wholes("weak", views.readings(storage.read(of_keys(keys, tmp_path))))
+    (curve,) = whole.curves
+    formula = [0.8 * math.exp(-((s * 0.6) ** 2) / 2) for s in (0.5, 1.0, 2.0)]
+    np.testing.assert_allclose(curve.of("expected"), formula, atol=1e-8)
+    np.testing.assert_allclose(curve.of("value"), formula, atol=0.02)
+
+
+@compiled_only
+def test_means_beside_a_formula(tmp_path):
+    """The same by paths, with quantiles and two cases; the formula of the reference has the parameter."""
+    model = {**BODY["model"], "inertia": [1, 1, 1], "sigma": ["s", "1e-9", "1e-9"]}
+    keys = {"kind": "statistics", **BODY, "model": model, "initial": [0.6, 0.8, 0], "final_time": 1, "step": "2^-6"}
+    keys |= {"functions": {"y2": "y2"}, "reference": {"y2": "0.8*exp(-(0.6*s)^2*t/2)"}, "samples": 2048}
+    keys |= {"statistics": ["mean", "variance", "quantiles"], "every": 64, "sweep": {"s": ["1", "2"]}}
+    keys |= {"cases": [{"name": "a", "seed": 1}, {"name": "b", "seed": 2}]}
+    stored = storage.read(of_keys(keys, tmp_path))
+    wholes = swept.wholes("statistics", views.readings(stored))
+    assert [whole.name for whole in wholes] == ["a", "b"]
+    for whole in wholes:
+        curves = {(curve.name, curve.function): curve for curve in whole.curves}
+        assert [*curves][:2] == [("mean", "y2"), ("variance", "y2")] and ("quantile", "y2, 0.5-quantile") in curves
+        mean = curves["mean", "y2"]
+        stderr = (mean.of("high") - mean.of("value")) / 1.96
+        assert (np.abs(mean.of("value") - mean.of("expected")) < 4 * stderr + 0.01).all()
+        assert curves["variance", "y2"].of("value")[1] > curves["variance", "y2"].of("value")[0]
+    figure = views.figure(stored)
+    assert len(figure.axes) == 2 * 5

@@ -1,0 +1,135 @@
+"""Laws of initial states in a spec: what they decide, files of states, and mistakes, one line each."""
+
+import numpy as np
+import pytest
+
+from spi.ensemble.random_states import RandomState
+
+SPEC = """\
+kind: weak
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+steps: [2^-3]
+reference_step: 2^-5
+schemes: [splitting]
+functions: y1^2
+estimators: [plain]
+samples: 100
+"""
+POINT = "[cos(1.1), 0, sin(1.1)]"
+COVARIANCE = "covariance: [[1, 1, 0], [1, 1, 0], [0, 0, 0]]"
+
+
+def with_law(text):
+    return SPEC, f"initial: {POINT}", f"initial: {{{text}}}"
+
+
+@pytest.mark.parametrize(
+    ("law", "text"),
+    [
+        ("law: uniform_on_surface, through: [0, 0, 2]", "uniform on surface, through (0, 0, 2)"),
+        ("law: gibbs, through: [0, 1, 0], temperature: 1/4", "gibbs, through (0, 1, 0), temperature 0.25"),
+        ("law: gaussian, mean: [0, 1, 0], sd: 0.1, project: true", "gaussian, mean (0, 1, 0), sd 0.1, project"),
+        (f"law: gaussian, mean: [0, 1, 0], {COVARIANCE}", None),
+    ],
+)
+def test_laws_decide_results(spec, law, text):
+    experiment = spec(*with_law(law))
+    initial = experiment.cases[0].initial
+    assert isinstance(initial, RandomState) and len(initial) == 3 and all(np.isfinite(initial))
+    assert experiment.effective["cases"]["main"]["initial"]["law"] == initial.told["law"]
+    assert experiment.hash != spec(SPEC).hash
+    assert text is None or initial.text == text
+
+
+def test_a_singular_covariance(spec):
+    law = spec(*with_law(f"law: gaussian, mean: [0, 1, 0], {COVARIANCE}")).cases[0].initial.law
+    assert law.factor == ((0, 0, 1.0), (1, 0, 1.0))
+
+
+def test_files_of_states(spec, tmp_path):
+    """CSV with and without names, in any order, and NumPy's: the same law; with weights another."""
+    y = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    (tmp_path / "plain.csv").write_text("0,0,0\n1, 2, 3\n4,5,6\n\n")
+    (tmp_path / "named.csv").write_text("y3,y1,y2\n0,0,0\n3,1,2\n6,4,5\n")
+    (tmp_path / "weighted.csv").write_text("y1,y2,y3,weight\n0,0,0,1\n1,2,3,0\n4,5,6,3\n")
+    np.savez(tmp_path / "y.npz", y=y)
+    np.savez(tmp_path / "weighted.npz", y=y, weight=[1.0, 0.0, 3.0])
+    of = {p.name: spec(*with_law(f"law: points, file: {p.name}")) for p in tmp_path.glob("*.[cn][sp][vz]")}
+    assert len({of[name].hash for name in ("plain.csv", "named.csv", "y.npz")}) == 1
+    assert of["weighted.csv"].hash == of["weighted.npz"].hash != of["y.npz"].hash
+    initial = of["named.csv"].cases[0].initial
+    assert np.array_equal(initial.law.points, y)
+    assert tuple(initial) == (1.0, 2.0, 3.0) and initial.text == "points, points 3"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no states"),
+        ("y1,y2\n1,2\n", "with the columns y1, y2; must have the columns y1, y2, y3, and perhaps weight"),
+        ("1,2\n", "whose state 1 is '1,2'; must be 3 numbers with commas between them"),
+        ("y1,y2,y3\n1,2,x\n", "whose state 1 is '1,2,x'"),
+        ("1,2,nan\n", "not finite at [0, 2]"),
+        ("y1,y2,y3,weight\n1,2,3,-1\n", "which has other weights"),
+    ],
+)
+def test_files_that_hold_no_states(error, tmp_path, text, message):
+    (tmp_path / "y.csv").write_text(text)
+    told = error(*with_law("law: points, file: y.csv"))
+    assert told.startswith("3: initial.file: is 'y.csv'") and message in told
+
+
+def test_damaged_files_of_numpy(error, tmp_path):
+    np.savez(tmp_path / "y.npz", y=np.ones((2, 4)))
+    assert "with y of shape (2, 4); must have an array y of 3 columns" in error(*with_law("law: points, file: y.npz"))
+    (tmp_path / "y.npz").write_bytes((tmp_path / "y.npz").read_bytes()[:-60])
+    assert "in which there are no such arrays" in error(*with_law("law: points, file: y.npz"))
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ("law: uniform", "initial.law: is 'uniform'"),
+        ("law: uniform_on_surface", "initial.through: missing key"),
+        ("law: uniform_on_surface, through: [0, 0]", "initial.through: has 2 entries; must have 3"),
+        ("law: uniform_on_surface, through: [0, 0, 0]", "initial.through: is 0, a surface of one state"),
+        ("law: gibbs, through: [0, 0, 1], temperature: 0", "initial.temperature: is 0"),
+        ("law: gibbs, through: [0, 0, 1], temperature: 1e-4", "initial.temperature: is 0.0001, at which about"),
+        ("law: gaussian, mean: [0, 0, 1]", "initial: has no width; must have one of sd, covariance"),
+        ("law: gaussian, mean: [0, 0], sd: 1", "initial.mean: has 2 entries"),
+        ("law: gaussian, mean: [0, 0, 1], sd: [1, 1]", "initial.sd: has 2 entries"),
+        ("law: gaussian, mean: [0, 0, 1], covariance: [[1, 0], [0, 1]]", "initial.covariance: has 2 rows"),
+        (
+            "law: gaussian, mean: [0, 0, 1], covariance: [[1, 2, 0], [2, 1, 0], [0, 0, 1]]",
+            "initial.covariance: is no covariance matrix",
+        ),
+        ("law: points, file: none.csv", "initial.file: is 'none.csv', and there is no file none.csv"),
+    ],
+)
+def test_mistakes(error, law, message):
+    assert error(*with_law(law)).startswith(f"3: {message}")
+
+
+QUARTIC = "{algebra: so(3), hamiltonian: y1^4, noises: [y1]}"
+
+
+@pytest.mark.parametrize(
+    ("model", "law", "message"),
+    [
+        ("{name: maxwell_bloch}", "uniform_on_surface, through: [0, 1, 0]", "initial.law: is for Casimir surfaces"),
+        ("{name: maxwell_bloch}", "gaussian, mean: [0, 1, 0], sd: 1, project: true", "initial.project: is for"),
+        (QUARTIC, "gibbs, through: [0, 1, 0], temperature: 1", "initial.law: is 'gibbs', which is drawn where H is"),
+        ("{name: zeitlin, n: 3}", "gaussian, mean: [0, 1, 0], sd: 1", "initial: is a law, which is for models of"),
+    ],
+)
+def test_laws_that_do_not_fit_the_model(error, model, law, message):
+    body = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
+    assert error(*with_law(f"law: {law}"), body, model).startswith(f"3: {message}")
+
+
+def test_what_takes_one_initial_state(error):
+    law = with_law("law: uniform_on_surface, through: [0, 0, 1]")
+    told = error(*law, "estimators: [plain]", "estimators: [kolmogorov]")
+    assert "has 'kolmogorov', which follows one initial state, and here each path has its own; use" in told

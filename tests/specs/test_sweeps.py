@@ -1,0 +1,147 @@
+"""A swept parameter: which cases a spec makes of its values, and what is wrong with one."""
+
+import re
+
+import pytest
+from helpers import RIGID_BODY
+
+from spi.compiler.inlining import types_of
+from spi.running.load import plans, remarks
+from spi.specs import SpecError
+
+STRONG = """\
+title: A title
+kind: strong
+sweep: {sigma: [0.5, 2]}
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+steps: 2^-1 .. 2^-3
+reference_step: 2^-5
+schemes: [splitting]
+samples: 70
+"""
+SWEEP, SIGMA = "sweep: {sigma: [0.5, 2]}", "sigma: [1, 1, 1]"
+STATISTICS = """\
+kind: statistics
+model: {algebra: so(3), variables: [P1, P2, P3], parameters: {a: 1}, hamiltonian: a*P1^2/2, noises: [P1], sigma: [0.5]}
+sweep: {a: [1, 2]}
+initial: [1, 1, 0]
+functions: {scaled: P1/a}
+reference: {scaled: "exp(-t)/a"}
+final_time: 1
+step: 2^-4
+schemes: [splitting]
+samples: 10
+"""
+
+
+def test_a_parameter_of_the_model_by_its_name(spec):
+    found = spec(STRONG)
+    assert [case.name for case in found.cases] == ["sigma=0.5", "sigma=2"]
+    assert [case.title for case in found.cases] == ["sigma = 0.5", "sigma = 2"]
+    assert [case.model for case in found.cases] == [RIGID_BODY._replace(sigma=(s, s, s)) for s in (0.5, 2.0)]
+    assert {(case.owner, case.sweep.title) for case in found.cases} == {("main", "A title")}
+    plain = spec(STRONG, SWEEP + "\n", "", SIGMA, "sigma: [2, 2, 2]")
+    assert found.effective["cases"]["sigma=2"] == plain.effective["cases"]["main"]
+    assert [case.model for case in spec(STRONG, ", " + SIGMA, "").cases] == [case.model for case in found.cases]
+
+
+def test_a_word_in_formulas(spec):
+    found = spec(
+        STRONG, SWEEP, "sweep: {s: 2^-1 .. 2^1}", SIGMA, "sigma: [s, 0, s/2]", "final_time: 1", "final_time: 2*s"
+    )
+    assert [case.model.sigma for case in found.cases] == [(s, None, s / 2) for s in (0.5, 1.0, 2.0)]
+    assert [case.final_time for case in found.cases] == [1.0, 2.0, 4.0]
+
+
+def test_keys_with_a_number(spec):
+    assert [case.damping for case in spec(STRONG, SWEEP, "sweep: {damping: [0, 0.5]}").cases] == [0.0, 0.5]
+    found = spec(
+        STRONG, SWEEP, "sweep: {final_time: [1, 2]}", "reference_step: 2^-5", "reference_step: final_time*2^-5"
+    )
+    assert [(case.final_time, case.reference_step) for case in found.cases] == [(1.0, 2**-5), (2.0, 2**-4)]
+
+
+def test_a_parameter_of_a_system_and_formulas_beside_it(spec):
+    first, second = spec(STATISTICS).cases
+    assert (first.model.a, second.model.a) == (1.0, 2.0) and type(first.model) is type(second.model)
+    assert [case.reference["scaled"] for case in (first, second)] == ["exp(-t)/(1)", "exp(-t)/(2)"]
+    assert second.functions == {"scaled": "P1/(2)"}
+    found = spec(STATISTICS, "sweep: {a:", "sweep: {sigma:", "P1/a", "P1", "exp(-t)/a", "exp(-sigma^2*t)")
+    assert [case.reference["scaled"] for case in found.cases] == ["exp(-(1)^2*t)", "exp(-(2)^2*t)"]
+    assert [case.model.sigma for case in found.cases] == [(1.0,), (2.0,)]
+
+
+def test_all_values_need_the_kernels_of_one(spec):
+    """What is compiled follows from the types of the arguments."""
+
+    def kernels(experiment):
+        calls = [call for plan in plans(experiment) for call in plan.kernel_calls()]
+        return {(call.kernel, types_of(call.kernel, call.arguments)) for call in calls}
+
+    many = kernels(spec(STRONG, "[0.5, 2]", "2^-8 .. 2^2"))
+    assert many == kernels(spec(STRONG, SWEEP, "")) and len(kernels(spec(STRONG, "[0.5, 2]", "[0, 2]"))) > len(many)
+    assert len(kernels(spec(STATISTICS))) == len(kernels(spec(STATISTICS, "[1, 2]", "[1, 2, 3, 4]")))
+
+
+def test_layers_above_a_sweep(spec):
+    profiles = "profiles:\n  quick: {sweep: {sigma: [1, 3]}}\n"
+    of = STRONG.replace("2]}", "2], of: error}") + profiles
+    assert [case.sweep[:3] for case in spec(of, profile="quick").cases] == [("sigma", (1.0, 3.0), ("error",))] * 2
+    assert spec(of, overrides=["sweep.of=[order, error]"]).cases[0].sweep.of == ("order", "error")
+    assert len(spec(of, overrides=["sweep=null"]).cases) == 1
+    found = spec(STRONG, SWEEP, "", overrides=["sweep.damping=[0, 1]", "model.sigma=[2, 1, 0]"])
+    assert [case.name for case in found.cases] == ["damping=0", "damping=1"]
+
+
+def test_cases_are_swept_each_by_itself(spec):
+    cases = "cases:\n- {name: a, title: A}\n- {name: b, sweep: {damping: [0, 1]}}\n"
+    found = spec(STRONG + cases)
+    assert [case.name for case in found.cases] == ["a_sigma=0.5", "a_sigma=2", "b_damping=0", "b_damping=1"]
+    assert [case.title for case in found.cases][:3] == ["A, sigma = 0.5", "A, sigma = 2", "b, damping = 0"]
+    assert [case.owner for case in found.cases] == ["a", "a", "b", "b"]
+    assert remarks(found) == []
+
+
+@pytest.mark.parametrize(
+    ("replaced", "message"),
+    [
+        ([SWEEP, "sweep: {sgima: [1, 2]}"], r"3: sweep: the parameter 'sgima' is not used; did you mean 'sigma'\?"),
+        ([SWEEP, "sweep: {word: [1, 2]}"], r"3: sweep: the parameter 'word' is not used; use it in one of model, .*"),
+        ([SWEEP, "sweep: {sigma: [1]}"], r"3: sweep\.sigma: has one value; give several, or leave out the sweep .*"),
+        ([SWEEP, "sweep: {sigma: [1, -1]}"], r"3: sweep\.sigma: with sigma = -1: model\.sigma: entry 1 is '-1'; .*"),
+        (
+            [SWEEP, "sweep: {sigma: [1, x]}"],
+            r"3: sweep\.sigma: entry 2 is 'x' \(unknown word 'x'\); must be a number .*",
+        ),
+        ([SWEEP, "sweep: {sigma: [1, 2], of: [oder]}"], r"3: sweep\.of: has 'oder'; did you mean 'order'\?"),
+        ([SWEEP, "sweep: {sigma: [1, 2], of: 3}"], r"3: sweep\.of: has '3'; known: order, error, .*"),
+        ([SWEEP, "sweep: {sigma: [1, 2], of: {a: b}}"], r"3: sweep\.of: is no list of quantities; write .*"),
+        ([SWEEP, "sweep: {of: error}"], r"3: sweep: has 0 parameters; must have one and its values, .*"),
+        (
+            [SWEEP, "sweep: {steps: [2^-3]}"],
+            r"3: sweep: 'steps' cannot be swept; write steps: \[\.\.\.\] without .*",
+        ),
+        ([SIGMA, "sigma: [1, 0, 1]"], r"3: sweep: has 'sigma', whose entries differ; write the parameter in them, .*"),
+        ([SWEEP, "sweep: {final_time: [1, 3/4]}"], r"3: sweep\.final_time: with final_time = 3/4: steps: has 0\.5, .*"),
+        ([SWEEP, "sweep: {samples: [1, 2]}"], r"3: sweep: the parameter 'samples' is not used; .*"),
+        (["samples: 70", "smaples: 70"], r"10: smaples: is not a known key; did you mean 'samples'\?"),
+        (["initial: [", "initial: [1, "], r"5: initial: has 4 entries; must have 3, the dimension of rigid_body"),
+        (["kind: strong", "kind: trajectory"], None),
+    ],
+)
+def test_each_mistake_gets_one_line(error, replaced, message):
+    if message is None:
+        path = STRONG.replace("kind: strong", "kind: trajectory\npanels: [casimirs]\nstep: 2^-5")
+        path = re.sub("steps: .*\nreference_step.*\n|samples.*\n", "", path)
+        assert re.fullmatch(r"5: sweep: is for results of many paths .*; write a case for each value, .*", error(path))
+    else:
+        assert re.fullmatch(message, error(STRONG, *replaced))
+
+
+def test_all_cases_are_swept_or_none(error, spec):
+    cases = "cases:\n- {name: a}\n- {name: b, sweep: null}\n"
+    assert error(STRONG + cases).startswith("11: cases: has 'b' without sweep beside others with one; ")
+    with pytest.raises(SpecError, match=r"with sigma = -1: .*\n.*with sigma = -2: "):
+        spec(STRONG, "[0.5, 2]", "[-1, 1, -2]")
