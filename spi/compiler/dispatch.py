@@ -39,7 +39,7 @@ def kernel(function=None, *, parallel=False):
     """
     if function is None:
         return functools.partial(kernel, parallel=parallel)
-    return keep_on_disk(njit(parallel=parallel, **OPTIONS, **TO_RUN)(function))
+    return keep_on_disk(njit(parallel=parallel, nogil=True, **OPTIONS, **TO_RUN)(function))
 
 
 def device(function=None, *, inline=True, by_type=False):

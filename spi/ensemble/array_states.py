@@ -42,3 +42,17 @@ def add_block_noises(array_state_model, times, width, y, out, work):
 @method
 def add_block_ito_correction(array_state_model, h, width, y, out, work):
     """out + h/2 sum_k sigma_k^2 f_k'(y) f_k(y), f_k = B grad Ĥ_k, in place."""
+
+
+@method(optional=True)
+def block_noise_slopes(array_state_model, width, y, slopes, work):
+    """(X_k H)(y) with X_k = B grad Ĥ_k, of noise k and state j in slopes[k * width + j]; what a temperature needs."""
+
+
+@method(optional=True)
+def block_friction_times(array_state_model, t, width, y, times, work):
+    """For how long the noise flows act in the place of friction for the time t, as ``block_noise_flow`` takes it.
+
+    What all friction does at once, to order 2 where these flows act in one order in one half of a step and in the other
+    order in the other half.
+    """

@@ -29,7 +29,8 @@ from .protocol import (
 @trait
 def lie_poisson(model):
     """Whether B is linear in y: whether a model leaves ``structure_derivative`` as it is by default."""
-    return not answers(structure_derivative, class_of(model))
+    told = getattr(class_of(model), "lie_poisson", None)  # of a model around another
+    return told(model) if told else not answers(structure_derivative, class_of(model))
 
 
 @trait

@@ -17,7 +17,9 @@ from ..numerics.rng import (
     LANES,
     STEPS_PER_DRAW,
     STEPS_PER_TOSS,
+    UNIFORMS,
     draw_increments,
+    draw_uniforms,
     read_coins,
     toss,
 )
@@ -156,7 +158,7 @@ class Kept(NamedTuple):
 
     substeps: NamedTuple  #: one of INDICES: into how many sub-steps it is resolved
     areas: NamedTuple  #: ``areas.Areas`` or ``areas.NoAreas``
-    coins: NamedTuple  #: Coins or NoCoins
+    coins: NamedTuple  #: NoCoins, Coins or Uniforms
 
 
 @device
@@ -245,6 +247,11 @@ def truncate(kept, model, dW, clipped, h):
 
 
 @method
+def coins_length(kept, model):
+    """How many floats a row of coins is."""
+
+
+@method
 def draw_coins(kept, noise, n, block, bits, coins, row):
     """The coins of step n in a row; `bits`, those of STEPS_PER_TOSS steps, are kept from step to step."""
 
@@ -262,6 +269,9 @@ def turn_coins(kept, coins, source, target):
 class NoCoins(NamedTuple):
     """No scheme tosses: kernels contain nothing about coins."""
 
+    def coins_length(kept, model):
+        return LANES
+
     def draw_coins(kept, noise, n, block, bits, coins, row):
         pass
 
@@ -275,6 +285,9 @@ class NoCoins(NamedTuple):
 class Coins(NamedTuple):
     """A scheme tosses."""
 
+    def coins_length(kept, model):
+        return LANES
+
     def draw_coins(kept, noise, n, block, bits, coins, row):
         if n % STEPS_PER_TOSS == 0:
             toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
@@ -287,3 +300,24 @@ class Coins(NamedTuple):
     def turn_coins(kept, coins, source, target):
         for lane in range(LANES):
             coins[target, lane] = -coins[source, lane]
+
+
+class Uniforms(NamedTuple):
+    """A scheme judges flows: behind the coins stand uniform numbers, one for each noise and one for the drift."""
+
+    def coins_length(kept, model):
+        return (1 + 4 * (noises(model) // 4 + 1)) * LANES
+
+    def draw_coins(kept, noise, n, block, bits, coins, row):
+        if n % STEPS_PER_TOSS == 0:
+            toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
+        read_coins(bits, n, coins[row])
+        draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
+
+    def copy_coins(kept, coins, source, target):
+        for i in range(coins.shape[1]):
+            coins[target, i] = coins[source, i]
+
+    def turn_coins(kept, coins, source, target):
+        for i in range(coins.shape[1]):
+            coins[target, i] = -coins[source, i] if i < LANES else coins[source, i]

@@ -18,7 +18,7 @@ from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
 from .given import coins_of_step, noise_of_steps
-from .increments import copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
+from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
 from .random_states import RandomState, block_states
@@ -142,7 +142,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
     owned = (
         aligned(states.size).reshape(states.shape),  # because another block's row may share a line of the cache
         aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
-        aligned((flipped + 1) * LANES).reshape(flipped + 1, -1),
+        aligned((flipped + 1) * coins_length(kept.coins, model)).reshape(flipped + 1, -1),
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
@@ -294,7 +294,10 @@ def add_reports(total, reports):
 
 
 def report_columns(report):
-    """What there is in a report (..., columns), by name: of solvers if there was one, of angles if any was large."""
-    solver, angle = REPORT[:-1], REPORT[-1]
-    columns = {name: report[..., i] for i, name in enumerate(solver)} if report[..., 0].any() else {}
-    return columns | ({angle: report[..., -1]} if report[..., -1].any() else {})
+    """What there is in a report (..., columns), by name: of solvers or of flows judged if there were any, and the rest.
+
+    That is the largest angle, if any was large.
+    """
+    by_name = {name: report[..., i] for i, name in enumerate(REPORT)}
+    groups = (*REPORT[:3], REPORT[7]), REPORT[3:7], REPORT[8:]
+    return {name: by_name[name] for names in groups if by_name[names[0]].any() for name in names}

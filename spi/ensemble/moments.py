@@ -18,24 +18,33 @@ def energies(model, states, energy):
 
 
 @kernel
-def add_moments(values, first_block, end, sums, one, other, products):
-    """Add values (blocks, T, F, LANES) and their squares to `sums` (2, T, F, groups).
+def add_moments(values, first_block, end, sums, one, other, products, times):
+    """Add values (blocks, T, F, LANES) and their squares to `sums` (2, T, F, groups), at times[0] <= t < times[1].
 
     And to `products` (1, T, P, groups) the products of the functions one[p] and other[p].  Lane l of block b is in
     group (b mod G/8) * 8 + l mod 8; paths from number `end` on do not count.
     """
-    blocks, times, functions, _ = values.shape
+    blocks, _, functions, _ = values.shape
     rounds = sums.shape[3] // PARTS
     for row in range(blocks):
         block = first_block + row
         group = block % rounds * PARTS
         paths = min(LANES, end - block * LANES)
-        for t in range(times):
+        for t in range(times[0], times[1]):
             for f in range(functions):
-                for lane in range(paths):
-                    value, place = values[row, t, f, lane], group + lane % PARTS
-                    sums[0, t, f, place] += value
-                    sums[1, t, f, place] += value * value
+                for part in range(PARTS):
+                    total, square = sums[0, t, f, group + part], sums[1, t, f, group + part]
+                    if paths == LANES:  # a loop of known length, which is unrolled
+                        for first in range(0, LANES, PARTS):
+                            value = values[row, t, f, first + part]
+                            total += value
+                            square += value * value
+                    else:
+                        for lane in range(part, paths, PARTS):
+                            value = values[row, t, f, lane]
+                            total += value
+                            square += value * value
+                    sums[0, t, f, group + part], sums[1, t, f, group + part] = total, square
             for p in range(len(one)):
                 for lane in range(paths):
                     product = values[row, t, one[p], lane] * values[row, t, other[p], lane]
@@ -43,16 +52,16 @@ def add_moments(values, first_block, end, sums, one, other, products):
 
 
 @kernel
-def count_values(values, first_block, end, low, inverse_width, counts):
+def count_values(values, first_block, end, low, inverse_width, counts, times):
     """Count values (blocks, T, F, LANES) in `counts` (T, F, 2 + bins): below all bins, in each, and above all or NaN.
 
     The first bin of function f at time t begins at low[t, f]; their width is 1 / inverse_width[t, f].  Values of
-    further functions are not counted.
+    further functions are not counted, and those at times[0] <= t < times[1] only.
     """
-    times, functions, bins = counts.shape[0], counts.shape[1], counts.shape[2] - 2
+    functions, bins = counts.shape[1], counts.shape[2] - 2
     for row in range(len(values)):
         paths = min(LANES, end - (first_block + row) * LANES)
-        for t in range(times):
+        for t in range(times[0], times[1]):
             for f in range(functions):
                 begin, scale = low[t, f], inverse_width[t, f]
                 for lane in range(paths):

@@ -25,6 +25,11 @@ def tosses(scheme):
     """Whether the scheme needs a fair coin per step and path."""
 
 
+@trait(bool, default=False)
+def judges(scheme):
+    """Whether the scheme accepts flows or not, and needs uniform numbers behind the coins, see ``increments.py``."""
+
+
 @trait(int, default=1)
 def substeps(scheme):
     """Into how many equal sub-steps, a power of two, the increments of a step must be resolved."""
@@ -48,6 +53,10 @@ def memory_size(scheme, model):
 
 
 #: What schemes report, per step size and over all paths and steps: how often they solved an equation, iterations and
-#: failures in all, the largest relative residual; and the largest |angle| of a rotation (0 if none is above pi/4).
-REPORT = ("solves", "iterations", "failures", "largest_residual", "largest_angle")
-SUMMED = 3  #: so many of them are sums, the others maxima
+#: failures in all; how many noise flows and steps of the drift were judged, and how many of them accepted; the largest
+#: relative residual; and the largest |angle| of a rotation (0 if none is above pi/4).
+REPORT = (
+    *("solves", "iterations", "failures", "noise_judged", "noise_accepted", "drift_judged", "drift_accepted"),
+    *("largest_residual", "largest_angle"),
+)
+SUMMED = 7  #: so many of them are sums, the others maxima

@@ -3,9 +3,9 @@
 from ..compiler.dispatch import INDICES, device
 from ..compiler.records import is_none
 from .areas import Areas, NoAreas
-from .increments import Coins, Kept, NoCoins
+from .increments import Coins, Kept, NoCoins, Uniforms
 from .protocol import area_pairs, large
-from .scheme_protocol import advance, advance_large, memory_size, needs_areas, substeps, tosses, work_size
+from .scheme_protocol import advance, advance_large, judges, memory_size, needs_areas, substeps, tosses, work_size
 
 
 @device(by_type=True)
@@ -28,9 +28,10 @@ def kept_of_steps(reference_scheme, scheme, model):
     """What either scheme must know of a step besides its increments: :class:`~spi.ensemble.increments.Kept`."""
     schemes = [one for one in (reference_scheme, scheme) if not is_none(one)]
     areas = any(_keeps_areas(s, model) for s in schemes)
-    coins = areas or any(tosses(s) for s in schemes)
+    coins = Coins() if areas or any(tosses(s) for s in schemes) else NoCoins()
+    coins = Uniforms() if any(judges(s) for s in schemes) else coins
     finest = INDICES[max(substeps(s) for s in schemes)]()
-    kept = Kept(finest, Areas() if areas else NoAreas(), Coins() if coins else NoCoins())
+    kept = Kept(finest, Areas() if areas else NoAreas(), coins)
     return lambda reference_scheme, scheme, model: kept
 
 

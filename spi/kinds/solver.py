@@ -5,6 +5,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from spi.ensemble.loop import report_columns
+from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.storage.stored import Array, Described, array
 
 
@@ -27,6 +28,13 @@ class Solver(Described):
         return _ratio(self.iterations, self.solves, np.nan)
 
 
+class Acceptance(Described):
+    """How often a scheme that judges flows accepted them; arrays of one shape."""
+
+    noise_accepted: Annotated[Array, array("", "share of the noise flows that were accepted")]
+    drift_accepted: Annotated[Array, array("", "share of the steps of the drift that were accepted")]
+
+
 def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
     """`part` over `whole`, and `otherwise` where the whole is 0."""
     whole = np.asarray(whole, float)
@@ -34,7 +42,28 @@ def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
 
 
 def reported(report: np.ndarray) -> dict[str, Any]:
-    """The fields `solver` and `largest_angle` of a record, from reports (..., columns); None where there is nothing."""
+    """The fields `solver`, `acceptance` and `largest_angle` of a record, from reports (..., columns).
+
+    None where there is nothing.
+    """
     columns = report_columns(report)
-    angle = columns.pop("largest_angle", None)
-    return {"solver": Solver(**columns) if columns else None, "largest_angle": angle}
+    solver = {name: columns[name] for name in Solver.__annotations__ if name in columns}
+    judged = [columns[name] for name in REPORT[3:SUMMED] if name in columns]
+    return {
+        "solver": Solver(**solver) if solver else None,
+        "acceptance": _acceptance(*judged) if judged else None,
+        "largest_angle": columns.get("largest_angle"),
+    }
+
+
+def _acceptance(noise: np.ndarray, noise_accepted: np.ndarray, drift: np.ndarray, accepted: np.ndarray) -> Acceptance:
+    shares = _ratio(noise_accepted, noise, np.nan), _ratio(accepted, drift, np.nan)
+    return Acceptance(noise_accepted=shares[0], drift_accepted=shares[1])
+
+
+def acceptance_note(acceptance: Acceptance | None, i: int = -1) -> str:
+    """What to print of the step size number i, "" where nothing was judged."""
+    if acceptance is None:
+        return ""
+    noise, drift = (float(np.ravel(each)[i]) for each in (acceptance.noise_accepted, acceptance.drift_accepted))
+    return f"accepted: {noise:.1%} of the noise flows, {drift:.1%} of the steps of the drift"

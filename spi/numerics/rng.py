@@ -20,6 +20,7 @@ COINS = 1  # what is added to the stream of the increments: the coins of the sam
 BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
 AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.area_series
 INITIAL = 2**13  # what is added to it: the initial states of the same paths, where these are random
+UNIFORMS = 2**11  # what is added to it: uniform numbers of the same paths, channel = 4 * (number // 4) + step mod 4
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
@@ -102,6 +103,25 @@ def toss(seed, stream, draw, block, words):
     for lane in range(LANES):
         w = philox(draw, stream << np.uint64(16), c2 + np.uint64(lane), c3, k0, k1)
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+
+
+@device
+def draw_uniforms(seed, stream, step, block, uniforms):
+    """Uniform numbers of (0, 1) of one step for the paths of a block, number i of lane l at [i * LANES + l].
+
+    There are as many as there is room for, a multiple of 4; each has 32 bits, (word + 1/2) / 2^32.
+    """
+    k0, k1 = seed & _LOW, seed >> _32
+    c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
+    for first in range(0, len(uniforms) // LANES, 4):
+        c1 = (stream << np.uint64(16)) | np.uint64(first + step % 4)
+        rows = uniforms[first * LANES :]
+        for lane in range(LANES):
+            w0, w1, w2, w3 = philox(np.uint64(step // 4), c1, c2 + np.uint64(lane), c3, k0, k1)
+            rows[lane] = np.float64(np.int64(w0)) * 2.0**-32 + 2.0**-33
+            rows[LANES + lane] = np.float64(np.int64(w1)) * 2.0**-32 + 2.0**-33
+            rows[2 * LANES + lane] = np.float64(np.int64(w2)) * 2.0**-32 + 2.0**-33
+            rows[3 * LANES + lane] = np.float64(np.int64(w3)) * 2.0**-32 + 2.0**-33
 
 
 @device

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from .. import specs, storage, systems
 from ..kinds import KINDS
 from ..kinds.plans import Plan
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import typical_ns
 from ..specs.document import text_of
 from ..specs.files import Files, UntrustedCode

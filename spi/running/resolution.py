@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..models.zeitlin import Zeitlin
 from ..models.zeitlin.fields import size_of, vorticity
 from ..models.zeitlin.lattice import modes

@@ -13,7 +13,7 @@ from ..compiler import modules
 from ..ensemble.loop import thread_count
 from ..kinds.plans import KernelCall, Plan
 from ..kinds.state import State
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Results
 from . import compiling

@@ -2,13 +2,15 @@
 
 import math
 
+from ..ensemble.friction import has_friction
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import exact_flows
+from ..ensemble.scheme_protocol import judges
 from .costs import typical_ns
 from .entries import SCHEMES, Scheme, register_scheme
 from .inner_steps import is_reversible, preserved
 from .splitting import splitting
-from .stages import has_loops, is_own_reverse
+from .stages import has_loops, is_own_reverse, with_friction
 from .table import POISSON
 
 __all__ = [
@@ -36,9 +38,10 @@ def weak_exponents(entry, model, count):
     p, p + 1, ... (Talay and Tubaro, Stochastic Analysis and Applications 8, 1990), and p, p + 2, ... of a composition
     that equals itself reversed.  Those of a scheme for the multiscale system would not be uniform in eps.
     """
-    if entry.multiscale or not has_theory(entry, model):
+    if entry.multiscale or judges(entry.record) or not has_theory(entry, model):
         return None
-    symmetric = entry.composition is not None and is_own_reverse(entry.composition, model) and is_reversible(model)
+    reversible = is_reversible(model) and not has_friction(model)  # which is exact to order 2
+    symmetric = entry.composition is not None and is_own_reverse(entry.composition, model) and reversible
     apart = 2 if symmetric else 1
     return tuple(entry.weak_order + apart * i for i in range(count))
 
@@ -46,8 +49,11 @@ def weak_exponents(entry, model, count):
 def of_model(entry, model):
     """An entry as it holds for a model, which may have inner steps in the place of flows that are not known.
 
-    These leave the strong orders as they are, and the weak order where no noise needs them.
+    These leave the strong orders as they are, and the weak order where no noise needs them.  A composition has friction
+    among its stages where the model is at a temperature.
     """
+    if entry.composition is not None and has_friction(model):
+        entry = entry._replace(record=entry.record._replace(stages=with_friction(entry.composition)))
     lacking = flows_lacking(model)
     if entry.composition is None or not lacking or not inner(model):
         return entry

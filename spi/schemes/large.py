@@ -16,6 +16,7 @@ from ..ensemble.array_states import (
     add_block_ito_correction,
     add_block_noises,
     block_drift_flow,
+    block_friction_times,
     block_noise_flow,
     block_work,
     noise_groups,
@@ -149,7 +150,9 @@ def _step(known):
     used = 0
     for i, stage in enumerate(known):
         backwards = "tails" if stage.coin else str(stage.order is Backwards)
-        if stage.part == "drift":
+        if stage.part == "friction":
+            lines += _friction_stage(i, stage.order)
+        elif stage.part == "drift":
             arguments = f"{backwards}, {stage.order is Symmetric}, stages[{i}].fraction * h"
             lines.append(f"    largest = max(largest, drift_stage(model, {arguments}, width, states, scratch))")
         else:
@@ -157,6 +160,7 @@ def _step(known):
             used += stage.length
     lines += ["    put(y, some, width, states)", "    done += count", "report_large_angle(largest, report)"]
     names = {"np": np, "WIDTH": WIDTH, "dimension": dimension, "noises": noises, "noise_groups": noise_groups}
+    names["block_friction_times"] = block_friction_times
     functions = (lanes_by_coin, group_size, take, put, take_times, drift_stage, noise_groups_stage, report_large_angle)
     names |= {f.__name__: f for f in functions}
     return function_of(lines, names)
@@ -182,6 +186,19 @@ def _noise_stage(first, stage, backwards):
         flows = f"noise_groups_stage(model, {low}, {high}, {back}, times, width, states, scratch)"
         lines += [
             f"    take_times(model, dW, some, width, {span}, times)",
+            f"    largest = max(largest, {flows})",
+        ]
+    return lines
+
+
+def _friction_stage(i, order):
+    """Lines for a stage of friction, in halves there and back where it is symmetric."""
+    share = f"{0.5 if order is Symmetric else 1.0} * stages[{i}].fraction * h"
+    lines = []
+    for backwards in (False, True) if order is Symmetric else (order is Backwards,):
+        flows = f"noise_groups_stage(model, 0, noise_groups(model), {backwards}, times, width, states, scratch)"
+        lines += [
+            f"    block_friction_times(model, {share}, width, states, times, scratch)",
             f"    largest = max(largest, {flows})",
         ]
     return lines

@@ -134,6 +134,10 @@ class Together(NamedTuple):
         return joint_angle(model, k, t[0], t[1], y)
 
 
+class Friction(NamedTuple):
+    """What friction does along the noises, see ``ensemble/friction.py``; nothing for a model without a temperature."""
+
+
 class Loops(NamedTuple):
     """The loops of flows of pairs of noises that do not commute, see the head of this file."""
 
@@ -183,5 +187,6 @@ class Shared(NamedTuple):
     """The noise flows have shares of the increment of the whole step."""
 
 
-PARTS = {"drift": Drift(), "noise": Noise(), "joint": Joint(), "loops": Loops(), "areas": Areas()}
+PARTS = {"drift": Drift(), "noise": Noise(), "friction": Friction(), "joint": Joint()}
+PARTS |= {"loops": Loops(), "areas": Areas()}
 ORDERS = {"forwards": Forwards(), "backwards": Backwards(), "symmetric": Symmetric()}

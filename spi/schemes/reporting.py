@@ -8,7 +8,8 @@ from ..numerics.elementary import SMALL, bits, from_bits
 from ..numerics.rng import LANES
 
 _SMALL_BITS, _INFINITE_BITS = int(bits(SMALL)), int(bits(np.inf))
-_LARGEST_ANGLE = REPORT.index("largest_angle")
+_LARGEST_ANGLE, _LARGEST_RESIDUAL = REPORT.index("largest_angle"), REPORT.index("largest_residual")
+_JUDGED = REPORT.index("noise_judged")
 
 
 @device
@@ -24,4 +25,13 @@ def report_solves(report, iterations, failures, residual):
     report[0] += LANES
     report[1] += LANES * iterations
     report[2] += failures
-    report[3] = np.maximum(report[3], residual)  # keeps NaN
+    report[_LARGEST_RESIDUAL] = np.maximum(report[_LARGEST_RESIDUAL], residual)  # keeps NaN
+
+
+@device
+def report_judged(report, noises, noise, drifts, drift):
+    """Report that so many noise flows and steps of the drift were judged, and how many of each were accepted."""
+    report[_JUDGED] += noises
+    report[_JUDGED + 1] += noise
+    report[_JUDGED + 2] += drifts
+    report[_JUDGED + 3] += drift

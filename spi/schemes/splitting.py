@@ -12,6 +12,7 @@ import numpy as np
 from ..compiler.dispatch import INDICES, device, number
 from ..compiler.generated import function_of
 from ..compiler.records import class_of, field, is_array, is_none
+from ..ensemble.friction import friction_time
 from ..ensemble.inexact import inexact_noises, inexact_pieces
 from ..ensemble.joint import bracket_factors, most_joined
 from ..ensemble.lanes import load_lane, store_lane
@@ -64,8 +65,8 @@ def splitting(*stages):
     """
     of = {part: [stage for stage in stages if type(stage.part) is type(record)] for part, record in PARTS.items()}
     noise = [*of["noise"], *of["joint"]]
-    for part in ("drift", "noise"):
-        total = sum(stage.fraction for stage in (*of[part], *of["joint"]))
+    for part in ("drift", "noise", *["friction"] * bool(of["friction"])):
+        total = sum(stage.fraction for stage in (*of[part], *(() if part == "friction" else of["joint"])))
         if abs(total - 1.0) > 1e-12:
             raise ValueError(f"the fractions of the {part} add up to {total:g} and not to 1")
     if len({stage.shared is None for stage in noise}) > 1:
@@ -152,9 +153,14 @@ def _step(sweeps, inexact, most):
     The bits of the largest |angle| are handed on in a variable: a store in every sweep would cost 5 % of the speed.
     """
     lines = ["def step(stages, model, h, dW, coins, y, work, report):", "largest = 0"]
-    for stage, part, k, share, coin, time in sweeps:
+    for n, (stage, part, k, share, coin, time) in enumerate(sweeps):
         drift = _DRIFT_TIME.format(stage=stage, share=share)
-        if isinstance(time, LoopTime):
+        if part == "friction":
+            lines.append(f"friction_times(index_{k}, model, {drift}, y, work)")
+            if _are_one_flow(*sweeps[n : n + 2]):
+                continue
+            part, time = "noise", "work"
+        elif isinstance(time, LoopTime):
             lines += _loop_time(time)
             time = "work"
         elif part == "bracket":
@@ -167,7 +173,8 @@ def _step(sweeps, inexact, most):
             part = f"Together({None if coin else drift}, index_{len(time)}, index_{most})"
             time = "work"
         elif part == "noise" or coin or k in dict(inexact)[part]:
-            lines += _in_lanes(0, coin, _noise_time(k, time) if time else drift)
+            friction = "work[lane] + " if n and _are_one_flow(*sweeps[n - 1 : n + 1]) else ""
+            lines += _in_lanes(0, coin, friction + (_noise_time(k, time) if time else drift))
             time = "work"
         else:
             time = drift
@@ -184,12 +191,21 @@ def _step(sweeps, inexact, most):
         "sweep": sweep,
         "inner_sweep": inner_sweep,
         "report_angle": report_angle,
+        "friction_times": friction_times,
         "Together": Together,
         "bracket_factors": bracket_factors,
     }
     names |= PARTS | {"bracket": Bracket()}
     names |= {f"index_{k}": index() for k, index in enumerate(INDICES)}
     return function_of(lines, names)
+
+
+def _are_one_flow(sweep, after=None):
+    """Whether friction and the flow after it move along the field of one noise, so that their times add up."""
+    if sweep[1] != "friction" or after is None:
+        return False
+    _, part, k, _, coin, time = after
+    return (part, k, coin) == ("noise", sweep[2], 0) and not isinstance(time, LoopTime)
 
 
 def _in_lanes(place, coin, time):
@@ -279,6 +295,13 @@ def _sweep_up_to(largest, part, index, model, y, t):
 def sweep_within(angles, part, index, model, y, t):
     for lane in range(LANES):
         store_lane(y, lane, flow(part, model, number(index), time_of(part, t, lane), load_lane(model, y, lane), angles))
+
+
+@device
+def friction_times(index, model, t, y, times):
+    """How long the flow of noise number(index) acts in each lane in the place of friction for the time t."""
+    for lane in range(LANES):
+        times[lane] = friction_time(model, number(index), t, load_lane(model, y, lane))
 
 
 @device(by_type=True)

@@ -30,6 +30,7 @@ from typing import NamedTuple
 
 from ..compiler.dispatch import INDICES
 from ..compiler.records import class_of, field
+from ..ensemble.friction import has_friction
 from ..ensemble.joint import joined_noises, joint_parts
 from ..ensemble.protocol import area_pairs, noise_indices, piece_indices
 from .parts import ORDERS, PARTS, Coin, Shared, Symmetric
@@ -69,6 +70,8 @@ def flows(part, order="forwards", fraction=1.0, coin=False, shared=False):
         raise ValueError(f"{part} have neither a fraction nor an order nor a word; each loop has one coin already")
     if part == "drift" and shared:
         raise ValueError("the drift has no increments that flows could share")
+    if part == "friction" and (coin or shared):
+        raise ValueError("friction has neither a coin nor increments that flows could share")
     length = _eighths(order, fraction, shared) if part in ("noise", "joint") else 0
     words = Coin() if coin else None, Shared() if shared else None
     return Flows(PARTS[part], ORDERS[order], float(fraction), *words, INDICES[length]())
@@ -111,6 +114,7 @@ def indices_of(model):
     return {
         "drift": piece_indices(model),
         "noise": noise_indices(model),
+        "friction": noise_indices(model) if has_friction(model) else (),
         "joint": joint_parts(model),
         "loops": area_pairs(model),
         "areas": area_pairs(model),
@@ -200,7 +204,9 @@ def is_reversed_by_coin(stages):
     """Whether all flows of a step act in reversed order where the coin is turned, whatever the model."""
     if has_loops(stages):
         return False
-    indices = {"drift": (0, 1, 2), "noise": (0, 1, 2), "joint": tuple(("joint", k) for k in range(3))}
+    indices = dict.fromkeys(("drift", "noise", "friction"), (0, 1, 2)) | {
+        "joint": tuple(("joint", k) for k in range(3))
+    }
     heads, tails = (acting_flows(stages, indices, coin) for coin in (1, -1))
     return heads == tails[::-1]
 
@@ -215,6 +221,22 @@ def is_own_reverse(stages, model):
         return False
     words = {acting_flows(stages, indices_of(model), coin) for coin in (1, -1)}
     return len(words) == 1 and all(flows == flows[::-1] for flows in words)
+
+
+def with_friction(stages):
+    """The stages with friction, as they are if they have some.
+
+    It stands before the noise, and where all flows act in reversed order if the coin is turned, half of it behind.
+    """
+    parts = [stage.part for stage in stages_known(stages)]
+    noise = [i for i, part in enumerate(parts) if part in ("noise", "joint")]
+    if "friction" in parts or not noise:
+        return stages
+    first, end = noise[0], noise[-1] + 1
+    if not is_reversed_by_coin(stages):
+        return (*stages[:first], flows("friction", "backwards"), *stages[first:])
+    halves = flows("friction", "backwards", 1 / 2), flows("friction", "forwards", 1 / 2)
+    return (*stages[:first], halves[0], *stages[first:end], halves[1], *stages[end:])
 
 
 def substeps(stages):

@@ -1,11 +1,13 @@
 """The table of the schemes: what is known of each of them, one entry each."""
 
 from ..ensemble.fields import lie_poisson, noise_field_derivative
+from ..ensemble.friction import has_friction
 from ..ensemble.protocol import squared_length_is_casimir
 from .asymptotic import AsymptoticPreserving, ExplicitEuler, ImplicitEuler, ImplicitMidpoint, MultiscaleEuler
 from .entries import register_scheme
 from .euler_maruyama import EulerMaruyama, RenormalisedEulerMaruyama
 from .isospectral import IsospectralMidpoint, turns_alone
+from .metropolis import Metropolis
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasAreas, MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
 from .roessler import RoesslerRS2
@@ -108,6 +110,21 @@ register_scheme(
     look=("8", "#000000"),
     weak_order=2.0,
     **POISSON,
+)
+register_scheme(
+    "splitting_metropolis",
+    record=Metropolis(),
+    label="splitting, Metropolis",
+    formula=f"z = D N y, each flow of N = {_NOISE} and the palindrome D of the drift flows accepted with "
+    "min(1, exp(-dH/T)), D turned over where it is not",
+    reference="docs/temperature.md",
+    look=("3", "#D55E00"),
+    strong_order=0.25,
+    strong_order_commuting=0.25,
+    weak_order=0.5,
+    preserves="Casimirs, the Gibbs law",
+    work=16.0,
+    needs=has_friction,
 )
 register_scheme(
     "euler_maruyama",

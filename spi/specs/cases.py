@@ -10,7 +10,7 @@ from ..ensemble.areas import HOW
 from ..ensemble.protocol import NonNegative, Positive, dimension
 from ..expressions import canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
@@ -26,13 +26,13 @@ from .checks import (
     check_word_of_areas,
 )
 from .compositions import Compositions, weak_order
-from .damping import damped_model
 from .expect import Expect, claims
 from .initial import Initial
 from .keys import (
     Eps,
     Functions,
     Keys,
+    OrInfinite,
     SchemeName,
     Schemes,
     Seed,
@@ -48,6 +48,7 @@ from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
 from .sweep import PLACES, SWEEP, Swept, check_shown
+from .temperature import dissipation, dissipative_model
 
 CLIP = "clip increments to sqrt(4 h |ln h|) in modulus, for all schemes"
 
@@ -66,6 +67,7 @@ class BaseCase(Keys):
     title: str
     model: Model
     damping: key_of(NonNegative, "rate gamma of linear damping, the field -gamma y added to the drift", "1/time") = 0.0
+    temperature: key_of(OrInfinite, "T of the friction along the noises; inf is no friction", "energy") = math.inf
     initial: key_of(
         Initial,
         "initial value y_0: a number per component, or a complex one such as 0.1+0.3i per mode; a vorticity; or a law",
@@ -141,25 +143,26 @@ class BaseCase(Keys):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those of the model by name, and the damping where there is one."""
+        """Those of the model by name, and the damping or temperature where there is one."""
         model = undamped(self.model)
         own = {key: _told(value) for key, value in model._asdict().items() if key not in hidden(model)}
-        return own | ({"damping": self.damping} if self.damping else {})
+        return own | dissipation(self)
 
     @property
     def last_time(self) -> float:
         """The time at which the longest paths end."""
         raise NotImplementedError
 
-    @condition("damping", "model", "panels")
-    def _check_damping(self) -> Self:
-        """The case with its damping in the record of the model."""
-        return self.model_copy(update={"model": damped_model(self)}) if self.damping else self
+    @condition("damping", "temperature", "model", "panels")
+    def _check_dissipation(self) -> Self:
+        """The case with its damping or its temperature in the record of the model."""
+        return self.model_copy(update={"model": dissipative_model(self)})
 
     @pydantic.model_serializer(mode="wrap")
     def _without_zero(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
         said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
+        said["temperature"] = lambda temperature: temperature < math.inf
         said |= dict.fromkeys(("damping", "times", "autocorrelation", "density", "reference_step"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 

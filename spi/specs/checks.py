@@ -6,11 +6,12 @@ from typing import Any
 
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
+from ..ensemble.friction import has_friction
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import area_pairs, large
 from ..ensemble.scheme_protocol import needs_areas
 from ..models import MODELS
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.richardson import places
 from ..systems import inexact
@@ -189,6 +190,11 @@ def check_needs(case: Any) -> None:
         check_large(case)
     for name in case.schemes_used:
         needs = case.row(name).needs
+        if has_friction(case.model) and case.row(name).multiscale:
+            what = f"has '{name}', whose noise is a fast process, for which no friction is known"
+            raise wrong(what, "leave out the scheme or temperature", "schemes")
+        if needs is has_friction and not needs(case.model):
+            raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
         if needs and not needs(case.model):
             able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
             listed = name in case.schemes

@@ -1,7 +1,8 @@
 """An experiment made into one of another kind, with defaults that suit it.
 
-What is integrated stays: model, damping, initial value, seed, eps, compositions, schemes and the truncation of
-increments.  Step sizes, final times and numbers of paths suit the other kind, in proportion to the largest step.
+What is integrated stays: model, damping, temperature, initial value, seed, eps, compositions, schemes and the
+truncation of increments.  Step sizes, final times and numbers of paths suit the other kind, in proportion to the
+largest step.
 """
 
 from contextlib import suppress
@@ -15,7 +16,7 @@ from .sweep import versions
 from .writing import as_yaml
 
 #: The keys that say what is integrated.
-_KEPT = ("model", "damping", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
+_KEPT = ("model", "damping", "temperature", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
 
 
 class Given(NamedTuple):

@@ -7,7 +7,7 @@ from ..models.damped import damped
 from .keys import quantity, wrong
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
-_LAWS = ("law", "distance", "moments")  # panels about a stationary law
+LAWS = ("law", "distance", "moments")  # panels about a stationary law
 
 
 def damped_model(case: Any) -> Any:
@@ -18,7 +18,7 @@ def damped_model(case: Any) -> Any:
     if len(degrees) != conserved(case.model):
         what = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
         raise wrong(what, "leave it out, or state casimir_degrees", "damping")
-    if laws := [panel for panel in getattr(case, "panels", ()) if panel in _LAWS]:
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
         raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
     most = _MOST_DECAY / max(degrees, default=1) / case.last_time
     if case.damping > most:

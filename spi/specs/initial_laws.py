@@ -20,7 +20,7 @@ import pydantic
 from ..ensemble.protocol import NonNegative, dimension, large, populations
 from ..ensemble.random_states import Gaussian, Gibbs, Points, RandomState, Spheres, Uniform
 from ..exact.surfaces import least_on, quadratic, spheres
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..systems import variables
 from .arrays import array_of, check_finite
 from .files import Files, content

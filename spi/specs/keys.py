@@ -178,8 +178,15 @@ def _number(kind: type, value: Any) -> Any:
     return kind(number)
 
 
+def _number_or_infinity(value: Any) -> float:
+    """The same of a float that may be infinite."""
+    return math.inf if value in ("inf", ".inf") else float(_number(float, value))
+
+
 def _read(hint: Any) -> Any:
     """An annotation with arithmetic in its numbers; models, which know nothing of specs, leave that to us."""
+    if hint == OrInfinite:
+        return hint
     origin, arguments = get_origin(hint), get_args(hint)
     base = arguments[0] if origin is Annotated else hint
     if base in _NUMBERS:
@@ -265,6 +272,7 @@ def key_of(hint: Any, description: str | None, unit: str | None = None) -> Any:
     return Annotated[_read(hint), *units, Field(description=description)]
 
 
+OrInfinite = Annotated[float, BeforeValidator(_number_or_infinity, json_schema_input_type=float | str)]
 _List = Annotated[tuple[Positive, ...], MinLen(1)]
 Steps = Annotated[_List, BeforeValidator(powers_of_two, json_schema_input_type=_read(_List) | str)]
 _State = tuple[float, ...]

@@ -21,7 +21,7 @@ from ..checks.passed import check_once
 from ..compiler import modules
 from ..ensemble.protocol import fault, large
 from ..models import MODELS, check_model_class
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from .files import Files
 from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, text_in, wrong
 from .systems import KEYS, read_system

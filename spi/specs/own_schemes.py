@@ -18,7 +18,7 @@ from ..checks.registration import check_class
 from ..checks.scheme_checks import check_scheme
 from ..compiler import modules
 from ..ensemble.protocol import large
-from ..models.damped import undamped
+from ..models.delegation import undamped
 from ..schemes import Scheme
 from .files import Files
 from .keys import Keys, key_of, text_in, wrong

@@ -24,9 +24,9 @@ from .keys import powers_of_two, suggestion, wrong
 from .models import SOURCES
 from .systems import BY_ENTRY, system_in_file
 
-POINT = ("model", "damping", "initial", "eps")  #: where the parameter may stand in stability
-_NUMBERS = ("damping", "eps", "final_time", "step", "reference_step", "step_count")
-PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[2:])  #: the same elsewhere
+POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the parameter may stand in stability
+_NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
+PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: the same elsewhere
 
 SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them"
 _NO_FORMULAS = (*SOURCES, "file", "results")

@@ -114,3 +114,17 @@ def test_a_map_of_the_sphere_needs_one(case_of):
         case_of(*laser, "reference={y1: exact}")
     with pytest.raises(SpecError, match="no stationary law is known"):
         case_of(*laser, "reference={y1: stationary}")
+
+
+def test_the_uniform_law_of_the_sphere_stays(case_of):
+    """Paths that begin with it have the stationary means from the start, those from one state do not."""
+    about = "samples=2000", "functions={square: y1^2, y3: y3^4}", "statistics=[mean]"
+    known = "reference={square: stationary, y3: stationary}"
+    uniform = "initial={law: uniform_on_surface, through: [0, 0, 1]}"
+    found = results_of(case_of(*about, known, uniform))
+    assert np.allclose(found.reference.T, [1 / 3, 1 / 5]) and np.abs(found.deviation).max() < 4
+    assert np.abs(results_of(case_of(*about, known)).deviation[:, 1:]).min() > 20
+    with pytest.raises(SpecError, match="paths on one sphere, and here each has its own"):
+        case_of(*about, known, "initial={law: gaussian, mean: [0, 0, 1], sd: 0.1}")
+    with pytest.raises(SpecError, match="known for one initial state"):
+        case_of(*about, "reference={square: exact}", uniform)

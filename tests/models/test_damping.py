@@ -38,7 +38,8 @@ from spi.ensemble.protocol import (
 )
 from spi.ensemble.scheme_protocol import REPORT, advance, work_size
 from spi.models import RigidBody
-from spi.models.damped import Damped, damped, undamped
+from spi.models.damped import Damped, damped
+from spi.models.delegation import undamped
 from spi.numerics.angles import ANY_ANGLES
 from spi.running.run import plans
 from spi.schemes.stages import compositions

@@ -206,7 +206,7 @@ NUMBER = "must be a number or arithmetic such as 2/3, 2^-16 or cos(1.1)"
 WHOLE = "must be a whole number such as 500 or 10^6"
 SCHEMES = (
     "splitting, splitting_drift_first, splitting_areas, splitting_joint_lie, splitting_joint, "
-    "splitting_joint_areas, splitting_order2, splitting_symmetric, euler_maruyama, "
+    "splitting_joint_areas, splitting_order2, splitting_symmetric, splitting_metropolis, euler_maruyama, "
     "euler_maruyama_renormalised, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, munthe_kaas_areas, "
     "isospectral_midpoint, roessler_rs2, ap_splitting, ap_splitting_midpoint, multiscale_euler, "
     "multiscale_euler_semi_implicit"

@@ -20,11 +20,12 @@ def numbers_of_steps(final_time, steps):
 def acting_on_functions(flows, active):
     """The flows of a composition in the order in which they act on functions, those left out that are not active.
 
-    `flows` are ("drift" or "noise", k, share of the step), `active(part, k)` says whether such a flow moves anything.
+    `flows` are ("drift", "noise" or "friction", k, share of the step), `active(part, k)` says whether such a flow
+    moves anything.
     """
     for part, _, _ in flows:
-        if part not in ("drift", "noise"):
-            raise ValueError(f"a composition consists of 'drift' and 'noise', not {part!r}")
+        if part not in ("drift", "noise", "friction"):
+            raise ValueError(f"a composition consists of 'drift', 'noise' and 'friction', not {part!r}")
     return tuple(flow for flow in reversed(flows) if active(*flow[:2]))
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spi.kinds.solver import Solver
+from spi.kinds.solver import Acceptance, Solver
 from spi.storage.stored import Array, Described, Stored, array, axis, fact
 
 
@@ -57,6 +57,7 @@ class LongTimes(Stored):
     bias: Annotated[Array, array("h casimir", "mean error of the Casimir at the end, per step")]
     bias_stderr: Annotated[Array, array("h casimir", "standard error of the bias")]
     solver: Annotated[Solver | None, array("h", "what an implicit scheme reports")] = None
+    acceptance: Annotated[Acceptance | None, array("h", "how often flows were accepted")] = None
     largest_angle: Annotated[Array | None, array("h", "largest angle of a rotation, where any exceeds pi/4", "rad")] = (
         None
     )

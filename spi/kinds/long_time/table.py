@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
@@ -140,6 +141,9 @@ def _remarks(readings: Sequence[LongTimes]) -> Iterator[str]:
     snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
     yield f"{first.samples} paths of {_count(first.steps_each)} steps each{snapshots}"
     yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
+    for reading in readings:
+        for i, h in enumerate(reading.h.tolist() if reading.acceptance else ()):
+            yield f"{reading.about.label}, h = {h:g}: {acceptance_note(reading.acceptance, i)}"
     if first.law:
         count = len(first.law.moments)
         yield f"by chance the largest |z| of {count} independent means is below {chance(count):.1f} in 95 % of cases"

@@ -22,7 +22,10 @@ Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 class Case(FunctionsCase):
     """What schemes keep of the equation where it is hard: sweeps the step size and a parameter of your choice."""
 
-    sweep: key_of(Swept, "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, initial or eps")
+    sweep: key_of(
+        Swept,
+        "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, temperature, initial or eps",
+    )
     samples: key_of(Samples, "number of Brownian paths")
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import numpy as np
 
-from spi.kinds.solver import Solver
+from spi.kinds.solver import Acceptance, Solver
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
 #: From good to bad; a scheme is in the worst regime that applies.
@@ -68,6 +68,7 @@ class Stability(Stored):
     positive: Annotated[Array | None, array("value h", "fraction of the paths whose populations stay positive")] = None
     largest_angle: Annotated[Array | None, array("value h", "largest angle of a rotation; 0 up to pi/4", "rad")] = None
     solver: Annotated[Solver | None, array("value h", "what an implicit scheme reports")] = None
+    acceptance: Annotated[Acceptance | None, array("value h", "how often flows were accepted")] = None
     word: Annotated[str, fact("swept parameter of the spec", name="sweep", column=True)]
     functions: Annotated[tuple[str, ...], fact("formulas of the test functions")]
     accurate: Annotated[float, fact("error up to which a scheme counts as accurate")]

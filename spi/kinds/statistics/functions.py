@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,8 @@ from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, l
 from spi.ensemble.special import frozen
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.models.damped import undamped
+from spi.expressions.trees import Component
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
 
 Array = np.ndarray
@@ -87,7 +89,13 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
     if text not in names and (found := _INVARIANT.fullmatch(text)):
         return PathFunction(functional, text, _invariant(model, found))
     tree = parse_expression(text, dimension(model), names)
-    return PathFunction(functional, condition if functional == "passage" else canonical(tree), as_numpy(tree))
+    values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
+    return PathFunction(functional, condition if functional == "passage" else canonical(tree), values)
+
+
+def _component(k: int, states: Array) -> Array:
+    """A view."""
+    return np.asarray(states)[k]
 
 
 def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:

@@ -79,9 +79,12 @@ def _unknown(case: Any, name: str, known: str) -> str | None:
         return "that is known of functions of the state, not of the path"
     if case.damping:
         return "that is known on a Casimir surface, which paths leave with damping"
+    told = case.initial.told if isinstance(case.initial, RandomState) else {}
     if known == STATIONARY:
+        if told and told["law"] not in ("uniform_on_surface", "gibbs") and not told.get("project"):
+            return "that is known of paths on one sphere, and here each has its own"
         return obstacle(case.model, case.initial)
-    if isinstance(case.initial, RandomState):
+    if told:
         return "that is known for one initial state, and here each path has its own"
     if not can_solve_equation(case.model):
         return f"no equation is solved for {case.model_name}, only for systems on spheres with flows about the axes"

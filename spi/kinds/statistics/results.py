@@ -4,6 +4,7 @@ from typing import Annotated
 
 import numpy as np
 
+from spi.kinds.solver import Acceptance
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
@@ -93,6 +94,7 @@ class Statistics(Stored):
     difference: Annotated[Array | None, array("function t", "mean less the reference")] = None
     difference_stderr: Annotated[Array | None, array("function t", "standard error of the difference")] = None
     reference_step: Annotated[float | None, fact("step size of the finer paths, on the same noise", "time")] = None
+    acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
     nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
     step: Annotated[float, fact("step size", "time")]
     samples: Annotated[int, fact("number of paths", column=True)]

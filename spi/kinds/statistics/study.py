@@ -1,12 +1,8 @@
-"""Statistics of functions of paths at many times: sums over paths, and what follows from them.
+"""Statistics of functions of paths at many times: sums over paths, and what follows from them."""
 
-What is summed up stands in columns: the functions of the case, for each passage those that look at fewer times, for
-each autocorrelation the value at its first time, and differences from finer paths on the same noise.
-"""
-
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,16 +12,18 @@ from spi.ensemble.loop import grid, integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
+from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import Cost, Done, State
+from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
 from spi.storage.records import Part
 
-from .estimates import COARSER, Moments
-from .functions import origin_of
+from .columns import Columns, Map, in_threads
+from .estimates import Moments
 from .maps import SPHERE, Cells
 from .quantiles import Bins, histogram, quantiles
 from .references import known_means
@@ -62,51 +60,26 @@ class StatisticsPlan(BlocksPlan):
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
 
     @cached_property
-    def functions(self) -> tuple[Any, ...]:
-        """Those of the case, and behind them for each passage those that look at every second and fourth time."""
-        found = self.case.path_functions
-        passages = [one for one in found if one.functional == "passage"]
-        return *found, *(one._replace(every=every) for every in COARSER for one in passages)
-
-    @cached_property
-    def since(self) -> list[tuple[int, int]]:
-        """The functions with autocorrelations, and the times from which these count, by their numbers."""
-        names = list(self.case.functions)
-        return [(names.index(name), self.case.place(t)) for name, t in self.case.autocorrelation.items()]
-
-    @cached_property
-    def compared(self) -> list[int]:
-        """The functions whose means are compared with those of finer paths."""
-        names = enumerate(self.case.functions) if self.case.reference_step else ()
-        return [f for f, name in names if name not in self.case.reference]
-
-    @cached_property
-    def columns(self) -> int:
-        """How many columns there are."""
-        return len(self.functions) + len(self.since) + len(self.compared)
-
-    @cached_property
-    def origins(self) -> np.ndarray:
-        """(F, 1) what functions are at t = 0, which is taken from all values, so that variances do not cancel."""
-        return np.array([[origin_of(function, self.initial)] for function in self.functions])
-
-    @cached_property
-    def places(self) -> np.ndarray:
-        """Which of the stored states have statistics."""
-        return self.case.places
+    def columns(self) -> Columns:
+        """What is summed up."""
+        return Columns.of(self.case, len(self.steps))
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """The pairs of columns whose products are summed up: those of covariances, then those of autocorrelations."""
         one, other = np.triu_indices(len(self.case.functions) if "covariance" in self.case.statistics else 0)
-        first = len(self.functions)
-        remembered = np.array([f for f, _ in self.since], int)
+        first = len(self.columns.functions)
+        remembered = np.array([f for f, _ in self.columns.since], int)
         return np.append(one, remembered), np.append(other, first + np.arange(len(remembered)))
 
     @cached_property
     def _pilot(self) -> np.ndarray:
         """(T, F, paths) what the first paths do."""
-        values = self._evaluated(0, _PILOT, _PILOT * LANES)[0][:, :, : len(self.functions)]
+        y = self.rows(0, 0, _PILOT, _PILOT * LANES).states
+        values = np.empty((_PILOT, len(self.case.places), self.columns.number, LANES))
+        with in_threads() as each:
+            self.columns.evaluate(each, y, values)
+        values = values[:, :, : len(self.columns.functions)]
         return np.moveaxis(values, 0, -2).reshape(*values.shape[1:3], -1)
 
     @cached_property
@@ -130,83 +103,70 @@ class StatisticsPlan(BlocksPlan):
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths."""
-        times, case = len(self.places), self.case
+        times, case, columns = len(self.case.places), self.case, self.columns
         return Sums(
             paths=0,
             seconds=0.0,
             cpu_seconds=0.0,
-            values=np.zeros((2, times, self.columns, GROUPS)),
+            values=np.zeros((2, times, columns.number, GROUPS)),
             products=np.zeros((1, times, len(self.pairs[0]), GROUPS)),
-            counts=np.zeros((times, len(self.functions) if case.fine_bins else 0, 2 + case.fine_bins), np.int64),
+            counts=np.zeros((times, len(columns.functions) if case.fine_bins else 0, 2 + case.fine_bins), np.int64),
             cells=np.zeros((len(self.map_times), 1, 2 + (case.density.count if case.density else 0)), np.int64),
             nonfinite=0,
+            report=np.zeros(SUMMED),
         )
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        levels = len(self.steps)
-        times = round(self.case.final_time / self.case.step) // self.case.stride + 1
-        return max(1, int(_BATCH_BYTES / (8 * LANES * times * (levels * len(self.initial) + 4 * self.columns))))
+        columns = self.columns
+        return max(1, int(_BATCH_BYTES / (8 * LANES * columns.levels * columns.stored * len(self.initial))))
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """What some blocks contribute; see :class:`Blockwise`."""
-        values, states = self._evaluated(first, blocks, end)
-        maps = np.empty((blocks, 0, 1, LANES))
-        if self.cells is not None:
-            pair = np.moveaxis(values[:, self.map_times][:, :, list(self.cells.pair)], 2, 0)
-            maps = np.ascontiguousarray(self.cells.places(states[:, :, self.places[self.map_times]], pair))
-        return Rows(values, maps, np.logical_not(np.isfinite(states[:, :, -1]).all(axis=0)))
-
-    def _evaluated(self, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """Values (blocks, T, columns, LANES) less their origins, and states (d, blocks, stored, LANES)."""
-        d, steps, levels = len(self.initial), self.steps, len(self.steps)
-        each = int(steps[-1]) // self.case.stride + 1  # states of a level
-        y = np.empty((blocks, levels * each, d * LANES))
-        y[:, ::each] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
+        y = np.empty((blocks, self.columns.levels * self.columns.stored, len(self.initial) * LANES))
+        y[:, :: self.columns.stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
         recorder = state_recorder(self.grid, y, self.case.stride)
-        integrated(self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder)
-        states = np.moveaxis(y.reshape(blocks, levels * each, d, LANES), 2, 0)
-        values = np.empty((blocks, len(self.places), self.columns, LANES))
-        few = max(1, _CACHED // (each * LANES))
-        pieces = [slice(begin, begin + few) for begin in range(0, blocks, few)]
-        with ThreadPoolExecutor(min(thread_count(), len(pieces))) as threads:
-            list(threads.map(lambda piece: self._evaluate(states[:, piece], values[piece]), pieces))
-        return values, states[:, :, -each:]
-
-    def _evaluate(self, states: np.ndarray, values: np.ndarray) -> None:
-        """Put the columns of states (d, blocks, levels * stored, LANES) into values (blocks, T, columns, LANES)."""
-        each, count = states.shape[2] // len(self.steps), len(self.functions)
-        own, finer = states[:, :, -each:], states[:, :, :each]
-        for f, origin in enumerate(self.origins):
-            np.subtract(self._along(f, own), origin, out=values[:, :, f])
-        for column, (f, place) in enumerate(self.since, count):
-            values[:, :, column] = values[:, place : place + 1, f]
-        for column, f in enumerate(self.compared, count + len(self.since)):
-            np.subtract(self._along(f, own), self._along(f, finer), out=values[:, :, column])
-
-    def _along(self, f: int, states: np.ndarray) -> np.ndarray:
-        """A function at the times of the statistics, (blocks, T, LANES)."""
-        function, every = self.functions[f], len(self.places) == states.shape[2]
-        with np.errstate(all="ignore"):
-            if not function.functional:
-                return function.values(states if every else states[:, :, self.places])
-            found = np.broadcast_to(function.values(states), states.shape[1:])
-            return function.along(found, self.case.stride * self.case.step)[:, self.places]
+        what = self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, recorder
+        _, report = integrated(*what)
+        return Rows(y, report[:, -1, :SUMMED])
 
     def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
-        """The sums with the rows `at`, of which the first is that of block `first`."""
-        rows = rows.at(at)
-        added = sums._replace(
-            **{name: getattr(sums, name).copy() for name in ("values", "products", "counts", "cells")}
-        )
-        add_moments(rows.values, first, end, added.values, *self.pairs, added.products)
-        if sums.counts.size:
-            count_values(rows.values, first, end, self.bins.low, 1 / self.bins.width, added.counts)
-        if rows.cells.size:
-            begin = np.zeros((rows.cells.shape[1], 1))
-            count_values(rows.cells, first, end, begin, begin + 1, added.cells)
-        counted = first * LANES + np.arange(rows.lost.size).reshape(rows.lost.shape) < end
-        return added._replace(nonfinite=sums.nonfinite + int((rows.lost & counted).sum()))
+        """The sums with the rows `at`, of which the first is that of block `first`.
+
+        As many blocks at once as caches hold, if memory does.
+        """
+        (states, report), times, columns = rows.at(at), len(self.case.places), self.columns
+        copied = ("values", "products", "counts", "cells")
+        added = sums._replace(**{name: getattr(sums, name).copy() for name in copied})
+        few = max(1, _CACHED // (columns.stored * LANES)) * thread_count()
+        few = max(1, min(few, int(_BATCH_BYTES / (8 * LANES * times * columns.number))))
+        values = np.empty((min(few, len(states)), times, columns.number, LANES))
+        with in_threads() as each:
+            for begin in range(0, len(states), few):
+                some = states[begin : begin + few]
+                columns.evaluate(each, some, values[: len(some)])
+                self._add(each, added, some, values[: len(some)], first + begin, end)
+        lost = np.logical_not(np.isfinite(states[:, -1]).reshape(len(states), -1, LANES).all(axis=1))
+        counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
+        diverged = sums.nonfinite + int((lost & counted).sum())
+        return added._replace(nonfinite=diverged, report=sums.report + report.sum(axis=0))
+
+    def _add(self, each: Map, sums: Sums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
+        """Add the values of some blocks with states y to sums, in each thread at other times."""
+
+        def add(times: tuple[int, int]) -> None:
+            add_moments(values, first, end, sums.values, *self.pairs, sums.products, times)
+            if sums.counts.size:
+                count_values(values, first, end, self.bins.low, 1 / self.bins.width, sums.counts, times)
+
+        times = values.shape[1]
+        list(each(add, pairwise(np.linspace(0, times, min(thread_count(), times) + 1).astype(int).tolist())))
+        if self.cells is not None:
+            pair = np.moveaxis(values[:, self.map_times][:, :, list(self.cells.pair)], 2, 0)
+            states = self.columns.states(y)[:, :, self.case.places[self.map_times]]
+            maps = np.ascontiguousarray(self.cells.places(states, pair))
+            begin = np.zeros((len(self.map_times), 1))
+            count_values(maps, first, end, begin, begin + 1, sums.cells, (0, len(self.map_times)))
 
     def progress(self, state: State) -> Done:
         """Paths done, all paths, and the standard error of the first mean at the last time."""
@@ -219,14 +179,14 @@ class StatisticsPlan(BlocksPlan):
 
     def results(self, state: State) -> Statistics:
         """The results of one scheme of a case, from its final state."""
-        sums, case, functions = state.total(), self.case, self.functions
+        sums, case, functions = state.total(), self.case, self.columns.functions
         names, count = tuple(case.functions), len(case.functions)
         found = Moments.of(sums.values, sums.products, self.samples)
-        bins = self.bins._replace(low=self.bins.low + self.origins.T) if sums.counts.size else None
+        bins = self.bins._replace(low=self.bins.low + self.columns.origins.T) if sums.counts.size else None
         of_values = [function.functional != "passage" for function in functions[:count]]
         counted: tuple[Any, Any, Any] = sums.counts, bins, of_values
         passages = [f for f in range(count) if not of_values[f]]
-        mean = (found.mean[: len(functions)] + self.origins)[:count]
+        mean = (found.mean[: len(functions)] + self.columns.origins)[:count]
         return Statistics(
             **self.whole(state),
             functions=names,
@@ -235,12 +195,13 @@ class StatisticsPlan(BlocksPlan):
             mean=mean,
             mean_stderr=(stderr := found.stderr(found.mean, found.mean_without))[:count],
             band=found.band(count),
-            passages=found.passages(passages, count, case.t, self.places) if passages else None,
+            passages=found.passages(passages, count, case.t, case.places) if passages else None,
             **self._second_moments(found),
             quantiles=quantiles(*counted, case.quantiles) if "quantiles" in case.statistics else None,
             histogram=histogram(*counted, case.bins) if "histogram" in case.statistics else None,
             density_map=self._map(sums.cells, names),
             **self._differences(found, mean, stderr),
+            acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
             nonfinite=sums.nonfinite,
             step=case.step,
             samples=self.samples,
@@ -254,14 +215,14 @@ class StatisticsPlan(BlocksPlan):
         if "variance" in case.statistics:
             told["variance"], told["variance_stderr"] = found.variances(count)
         one, other = self.pairs
-        own = len(one) - len(self.since)
+        own = len(one) - len(self.columns.since)
         if "covariance" in case.statistics:
             told["others"] = tuple(case.functions)
             told["covariance"], told["covariance_stderr"] = found.covariances(one[:own], other[:own], count)
-        if self.since:
+        if self.columns.since:
             value, error = np.full((2, count, len(case.t)), np.nan)
             since = np.full(count, np.nan)
-            chosen, begin = np.array(self.since).T
+            chosen, begin = np.array(self.columns.since).T
             value[chosen], error[chosen] = found.autocorrelations(one[own:], other[own:], begin)
             since[chosen] = case.t[begin]
             told |= {"autocorrelation": value, "autocorrelation_stderr": error, "since": since}
@@ -269,13 +230,13 @@ class StatisticsPlan(BlocksPlan):
 
     def _differences(self, found: Moments, mean: np.ndarray, stderr: np.ndarray) -> dict[str, Any]:
         """What is known of means (F, T), how far they are from it, and its standard error."""
-        if not self.case.reference and not self.compared:
+        if not self.case.reference and not self.columns.compared:
             return {}
         known, error = known_means(self.case)
         difference, error = mean - known, np.hypot(stderr[: len(mean)], error)
-        first = self.columns - len(self.compared)
-        difference[self.compared], error[self.compared] = found.mean[first:], stderr[first:]
-        known[self.compared] = (mean - difference)[self.compared]
+        first = self.columns.number - len(self.columns.compared)
+        difference[self.columns.compared], error[self.columns.compared] = found.mean[first:], stderr[first:]
+        known[self.columns.compared] = (mean - difference)[self.columns.compared]
         told = {"reference": known, "difference": difference, "difference_stderr": error}
         return told | {"reference_step": self.case.reference_step}
 
@@ -283,6 +244,7 @@ class StatisticsPlan(BlocksPlan):
         """The maps, if there are some."""
         if self.cells is None:
             return None
-        pair = list(self.cells.pair)
-        sides, origins = (tuple(names[f] for f in pair), self.origins[pair, 0]) if pair else (SPHERE_SIDES, np.zeros(2))
+        sides, origins = SPHERE_SIDES, np.zeros(2)
+        if pair := self.cells.pair:
+            sides, origins = (names[pair[0]], names[pair[1]]), self.columns.origins[list(pair), 0]
         return self.cells.densities(counts, self.case.t[self.map_times], sides, origins)

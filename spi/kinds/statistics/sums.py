@@ -1,4 +1,4 @@
-"""What is summed up of paths, and what blocks of them contribute."""
+"""What is summed up of paths."""
 
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ class Sums(NamedTuple):
     counts: np.ndarray  #: (T, F, 2 + bins) int64: below all bins, in each, and above all or NaN
     cells: np.ndarray  #: (maps, 1, 2 + cells) int64: outside of all cells, in each, and NaN
     nonfinite: int
+    report: np.ndarray  #: (SUMMED,) what steps report that is summed up
 
     def plus(self, later: "Sums") -> "Sums":
         """These paths and some later ones."""
@@ -26,9 +27,8 @@ class Sums(NamedTuple):
 class Rows(NamedTuple):
     """What some blocks contribute."""
 
-    values: np.ndarray  #: (blocks, T, columns, LANES) values less their origins
-    cells: np.ndarray  #: (blocks, maps, 1, LANES) in which cells of a map they are
-    lost: np.ndarray  #: (blocks, LANES) whether a path diverged
+    states: np.ndarray  #: (blocks, levels * stored, d * LANES), level after level
+    report: np.ndarray  #: (blocks, SUMMED)
 
     def at(self, some: slice) -> "Rows":
         """Those of some of the blocks."""

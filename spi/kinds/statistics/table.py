@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, short, with_interval
@@ -85,6 +86,8 @@ def _remarks(readings: Sequence[Statistics]) -> Iterator[str]:
         lost = f", {one.nonfinite} of them diverged" * bool(one.nonfinite)
         speed = f"{one.ns_per_step:.1f} ns per step and path"
         yield f"{one.about.label}: {one.samples} paths with h = {one.step:g}{lost}, {speed}"
+        if note := acceptance_note(one.acceptance):
+            yield f"    {note}"
         if one.passages:
             yield from _passages_told(one, one.passages)
         if one.reference_step:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from spi.kinds.solver import Solver
+from spi.kinds.solver import Acceptance, Solver
 from spi.storage.records import Order
 from spi.storage.stored import Array, Stored, array, axis, fact
 
@@ -24,6 +24,7 @@ class StrongErrors(Stored):
     seconds: Annotated[Array | None, array("h", "time of all steps of all paths on one thread", "s")] = None
     ns_per_step: Annotated[Array | None, array("h", "time of a step and path on one thread", "ns")] = None
     solver: Annotated[Solver | None, array("h", "what an implicit scheme reports")] = None
+    acceptance: Annotated[Acceptance | None, array("h", "how often flows were accepted")] = None
     largest_angle: Annotated[Array | None, array("h", "largest angle of a rotation, where any exceeds pi/4", "rad")] = (
         None
     )

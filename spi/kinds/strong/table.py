@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, orders, sentence, whose
 from spi.printing.text import (
@@ -79,6 +80,8 @@ def _summary(reading: StrongErrors) -> Iterator[str]:
         yield f"    {reading.reference_nonfinite} reference paths diverged (NaN or infinity)"
     if reading.largest_angle is not None and (note := angle_note(float(reading.largest_angle.max()))):
         yield f"    {note}"
+    for i, h in enumerate(reading.h.tolist() if reading.acceptance else ()):
+        yield f"    h = {h:g}: {acceptance_note(reading.acceptance, i)}"
     if reading.solver:
         solver = reading.solver
         solves, iterations, failures = (each.sum() for each in (solver.solves, solver.iterations, solver.failures))

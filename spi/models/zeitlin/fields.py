@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..damped import undamped
+from ..delegation import undamped
 from ..sine_euler import SineEuler
 from . import Zeitlin
 from .lattice import modes, shell

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...compiler.dispatch import FieldOf, device
 from ...compiler.vectors import TILE, WIDTH
+from ...ensemble.array_states import add_block_drift
 from .flows import turn
 from .lattice import lines, modes, places
 from .matrices import first_casimirs
@@ -87,6 +88,21 @@ class ZeitlinTables(NamedTuple):
                 field[:] = 0.0
                 turn(False, model.lattice, model.noise.line[group], width, y, field, work)
                 turn(False, model.lattice, model.noise.line[group], width, field, out, work)
+
+    def block_noise_slopes(model, width, y, slopes, work):
+        # X_k H is the change of -Ĥ_k along B grad H
+        field, work = work[: model.d * WIDTH], work[model.d * WIDTH :]
+        field[:] = 0.0
+        add_block_drift(model, 1.0, width, y, field, work)
+        of = model.noise
+        for e in range(len(of.process)):
+            i, k, factor = 2 * of.mode[e] * width, of.process[e] * width, -2.0 * of.weight[e]
+            for path in range(width):
+                re, im = field[i + path], field[i + width + path]
+                if of.form[e] == QUADRATIC:
+                    slopes[k + path] = factor * (y[i + path] * re + y[i + width + path] * im)
+                else:
+                    slopes[k + path] = factor * (re if of.form[e] == REAL else im)
 
     def hamiltonian(model, y):
         energy = 0.0

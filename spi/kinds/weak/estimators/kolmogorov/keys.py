@@ -4,6 +4,7 @@ import functools
 from collections.abc import Iterator
 from typing import Any
 
+from spi.ensemble.friction import has_friction
 from spi.ensemble.protocol import Positive, dimension
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import Demands, can_solve, demands
@@ -36,6 +37,8 @@ def check(case: Any) -> None:
     """What the solvers without sampling can do."""
     if case.damping:
         what = "follows paths on a Casimir surface, which they leave with damping"
+    elif has_friction(case.model):
+        what = "knows no friction"
     elif not can_solve(case.model):
         able = [name for name, cls in MODELS.items() if can_solve(cls)]
         what = f"is for {' and '.join(able)}, also in YAML, whose Casimir surfaces are two-dimensional"

@@ -1,0 +1,173 @@
+"""Any model at a temperature T: friction along the fields of its noises X_k = B grad Ĥ_k,
+
+    dy = B grad H dt + sum_k [sigma_k X_k ∘ dW_k - c_k (X_k H) X_k dt],      c_k = sigma_k^2 / (2 T),
+
+with which exp(-H/T) is the density of a stationary law on each Casimir surface, see docs/temperature.md.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from ..compiler.dispatch import FieldOf, device, number, unrolled
+from ..compiler.vectors import WIDTH
+from ..ensemble.array_states import add_block_drift, add_block_noises, block_noise_slopes, block_work
+from ..ensemble.fields import (
+    add_scaled,
+    cross_product,
+    dot,
+    lie_poisson,
+    noise_field,
+    noise_field_derivative,
+)
+from ..ensemble.protocol import (
+    conserved,
+    dimension,
+    drift_gradient,
+    drift_hessian,
+    in_kernels,
+    large,
+    noise_gradient,
+    noise_hessian,
+    noise_indices,
+    noises,
+    pieces,
+    strengths,
+)
+from ..ensemble.special import frozen
+from .delegation import answering_as_inner, inner
+
+
+@answering_as_inner("add_dissipation", "structure_is_kept")
+class Thermal(NamedTuple):
+    """A model with friction: its traits and methods are those of the model, but for these.
+
+    All friction together is B times -sum_k c_k (X_k H) grad Ĥ_k.  So what schemes know as grad H, beside the flows of
+    its pieces, is grad H with that added.
+    """
+
+    model: Any
+    temperature: float  #: T, which may be negative
+    sigma: tuple  #: that of the model
+
+    has_friction = True
+
+    def structure_is_cross_product(model):
+        return cross_product(inner(model))
+
+    def lie_poisson(model):
+        return lie_poisson(inner(model))
+
+    def frozen(model, begin, h):
+        within = frozen(model.model, begin, h)
+        return Thermal(within, model.temperature, within.sigma)
+
+    def friction_time(model, k, t, y):
+        """To order 2, from s' = -c g' and q = c g'' t at s = 0; where g is quadratic s = s' t (1 - exp(-q)) / q.
+
+        That quotient is taken as 1 / (1 + q/2 + q^2/12), which is right to third order, and never large: friction over
+        long times, or near a maximum of g, is too weak, but cannot carry the state away.
+        """
+        c = strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+        field = noise_field(model.model, k, y)
+        gradient = drift_gradient(model.model, y)
+        bent = dot(gradient, noise_field_derivative(model.model, k, y, field))
+        q = c * t * (bent + dot(field, drift_hessian(model.model, y, field)))
+        return -c * t * dot(gradient, field) / (1.0 + q * (0.5 + q * (1.0 / 12.0)))
+
+    def drift_gradient(model, y):
+        gradient = drift_gradient(model.model, y)
+        return _add_friction(model, gradient, gradient, y)
+
+    def drift_hessian(model, y, v):
+        turned = drift_hessian(model.model, y, v)
+        return _add_friction_derivative(model, turned, drift_gradient(model.model, y), turned, y, v)
+
+
+@unrolled(noise_indices)
+def _add_friction(index, model, value, gradient, y):
+    """value - sum_k c_k (X_k H)(y) grad Ĥ_k(y), given grad H."""
+    k = number(index)
+    c = strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+    slope = dot(gradient, noise_field(model.model, k, y))
+    return add_scaled(value, -c * slope, noise_gradient(model, k, y))
+
+
+@unrolled(noise_indices)
+def _add_friction_derivative(index, model, value, gradient, turned, y, v):
+    """The derivative of that along v, given grad H and Hess H v."""
+    k = number(index)
+    c = strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+    field = noise_field(model.model, k, y)
+    change = dot(turned, field) + dot(gradient, noise_field_derivative(model.model, k, y, v))
+    value = add_scaled(value, -c * change, noise_gradient(model, k, y))
+    return add_scaled(value, -c * dot(gradient, field), noise_hessian(model, k, y, v))
+
+
+@answering_as_inner()
+class ThermalArrays(NamedTuple):
+    """The same of an array-state model."""
+
+    model: Any
+    temperature: float
+
+    large = True
+
+    def has_friction(model):
+        return True
+
+    def in_kernels(model):
+        tables = in_kernels(model.model)
+        sizes = (asked(tables) for asked in (dimension, pieces, noises, conserved))
+        return ThermalTables(tables, model.temperature, tables.sigma, *sizes)
+
+
+@answering_as_inner()
+class ThermalTables(NamedTuple):
+    """What kernels are given of it."""
+
+    model: Any
+    temperature: float
+    sigma: Any  #: (m,)
+    d: int
+    p: int
+    m: int
+    c: int
+
+    large = True
+    has_friction = True
+    dimension, pieces, noises, conserved = FieldOf("d"), FieldOf("p"), FieldOf("m"), FieldOf("c")
+
+    def block_work(model):
+        return block_work(model.model) + (model.d + model.m) * WIDTH
+
+    def block_friction_times(model, t, width, y, times, work):
+        """From the slopes at t/2, where the state is found along the fields at first."""
+        middle, work = work[: model.d * WIDTH], work[model.d * WIDTH :]
+        for i in range(model.d * width):
+            middle[i] = y[i]
+        _take_friction_times(model, 0.5 * t, width, y, times, work)
+        add_block_noises(model.model, times, width, y, middle, work)
+        _take_friction_times(model, t, width, middle, times, work)
+
+    def add_block_drift(model, t, width, y, out, work):
+        """With the friction."""
+        times, rest = work[: model.m * WIDTH], work[model.m * WIDTH :]
+        add_block_drift(model.model, t, width, y, out, rest)
+        _take_friction_times(model, t, width, y, times, rest)
+        add_block_noises(model.model, times, width, y, out, rest)
+
+
+@device
+def _take_friction_times(model, t, width, y, times, work):
+    """-c_k t (X_k H)(y) of all noises."""
+    block_noise_slopes(model.model, width, y, times, work)
+    for k in range(model.m):
+        for path in range(width):
+            times[k * width + path] *= -t * model.sigma[k] * model.sigma[k] / (2.0 * model.temperature)
+
+
+def thermal(model, temperature):
+    """The record of a model at a temperature, the model itself where that is infinite."""
+    if math.isinf(temperature):
+        return model
+    return ThermalArrays(model, temperature) if large(model) else Thermal(model, temperature, model.sigma)

@@ -1,0 +1,65 @@
+"""What a temperature asks of a case."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ..ensemble.protocol import casimirs, conserved, dimension, large, noise_indices, squared_length_is_casimir
+from ..models.thermal import thermal
+from .damping import LAWS, damped_model
+from .keys import quantity, wrong
+
+
+def dissipation(case: Any) -> dict[str, float]:
+    """The keys about dissipation that a case has, by name."""
+    told = {"damping": bool, "temperature": math.isfinite}
+    return {key: getattr(case, key) for key, is_there in told.items() if is_there(getattr(case, key))}
+
+
+def dissipative_model(case: Any) -> Any:
+    """The record of the model of a case with its damping or at its temperature."""
+    if math.isfinite(case.temperature):
+        return thermal_model(case)
+    return damped_model(case) if case.damping else case.model
+
+
+def thermal_model(case: Any) -> Any:
+    """The record of the model of a case at its temperature; raises the error about it if it cannot be."""
+    model, temperature = case.model, case.temperature
+    if temperature == 0:
+        right = "for selective decay at the rate gamma take a small one, T, and sigma = sqrt(2*gamma*T)"
+        raise wrong("is 0, at which friction would be infinite", right, "temperature")
+    if case.damping:
+        raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
+    if not noise_indices(model):
+        what = "is given to a model without noise, which nothing would bring to it"
+        raise wrong(what, "leave it out, or give sigma a number above 0", "temperature")
+    if temperature < 0 and not has_compact_surfaces(model):
+        what = f"is {quantity(temperature)}, and no sum of Casimir functions of {case.model_name} bounds the state"
+        raise wrong(what, "must be above 0 where energy has no upper bound", "temperature")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', whose law is that without a temperature", "leave out one of them", "panels")
+    return thermal(model, temperature)
+
+
+def has_compact_surfaces(model: Any) -> bool:
+    """Whether the quadratic Casimir functions that grow in every direction in which they change add up to all of |y|.
+
+    Sufficient, not necessary: Casimir functions of other forms are not looked at.
+    """
+    if large(model) or squared_length_is_casimir(model):
+        return True
+    d, total = dimension(model), np.zeros((dimension(model), dimension(model)))
+    unit, probe = np.eye(d), np.random.default_rng(1).standard_normal(d)
+
+    def value(c: int, y: Any) -> float:
+        return float(casimirs(model, tuple(map(float, y)))[c])
+
+    for c in range(conserved(model)):
+        ends = np.array([[value(c, a + b) - value(c, a - b) for b in unit] for a in unit]) / 4
+        quadratic = abs(value(c, probe) - probe @ ends @ probe) <= 1e-9 * (1 + abs(value(c, probe)))
+        sign = 1 if np.trace(ends) >= 0 else -1
+        if quadratic and np.linalg.eigvalsh(sign * ends)[0] >= -1e-9:
+            total += sign * ends
+    return bool(np.linalg.eigvalsh(total)[0] > 1e-9)
