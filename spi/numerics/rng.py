@@ -22,6 +22,7 @@ AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, c
 INITIAL = 2**13  # what is added to it: the initial states of the same paths, where these are random
 UNIFORMS = 2**11  # what is added to it: uniform numbers of the same paths, channel = 4 * (number // 4) + step mod 4
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
+ANSWERS = 512  # those of path set number j of an answer: ANSWERS + 2 j
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
