@@ -16,7 +16,10 @@ from .sweep import versions
 from .writing import as_yaml
 
 #: The keys that say what is integrated.
-_KEPT = ("model", "damping", "temperature", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
+_KEPT = (
+    *("model", "damping", "temperature", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise"),
+    "noise",
+)
 
 
 class Given(NamedTuple):
@@ -80,7 +83,7 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], files: Files, k
 
 
 def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
-    if any(case.row(name).needs_truncation for name in case.schemes):
+    if case.noise is None and any(case.row(name).needs_truncation for name in case.schemes):
         keys["truncate_noise"] = True
     keys.setdefault("schemes", list(case.schemes))
     h = max(getattr(case, "steps", None) or (case.step,))  # type: ignore[attr-defined]

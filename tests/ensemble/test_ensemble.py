@@ -21,9 +21,9 @@ from helpers import (
 )
 from helpers import WITHOUT_SUBSTEPS as SCHEMES
 
-from spi.ensemble.loop import add_reports, brownian, integrated, nested_grid, report_columns
+from spi.ensemble.loop import add_reports, brownian, integrated, nested_grid
 from spi.ensemble.observer import path_observer
-from spi.ensemble.scheme_protocol import REPORT, needs_areas
+from spi.ensemble.scheme_protocol import REPORT, needs_areas, report_columns
 
 IMPLICIT = ("midpoint", "isospectral_midpoint")
 

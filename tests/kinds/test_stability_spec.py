@@ -31,7 +31,7 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
         (["sweep: " + WORD + "\n", ""], r"1: sweep: missing key 'sweep'; add sweep: .*"),
         (
             [SIGMA, "[1, 1, 1]"],
-            r"11: sweep: the parameter 's' is not used; use it in .* model, damping, initial, eps",
+            r"11: sweep: the parameter 's' is not used; use it in .* model, damping, .*, initial, eps",
         ),
         ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 parameters; must have one and its values.*"),
         ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
