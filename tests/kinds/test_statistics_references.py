@@ -7,6 +7,7 @@ from states import check_going_on, chunks_of, finished, same_numbers
 from statistics_cases import BODY, results_of, study_of, written
 
 from spi.exact.kolmogorov import exact_expectations
+from spi.kinds.statistics.figure import draw
 from spi.specs import SpecError
 
 
@@ -114,6 +115,18 @@ def test_a_map_of_the_sphere_needs_one(case_of):
         case_of(*laser, "reference={y1: exact}")
     with pytest.raises(SpecError, match="no stationary law is known"):
         case_of(*laser, "reference={y1: stationary}")
+
+
+def test_a_figure_shows_the_panels_that_are_named(case_of):
+    """Each draws something, and all of them are drawn by default."""
+    about = "functions={square: y1^2, out: {passage: y1 < 0.4}}", "autocorrelation={square: 1/2}", "density=sphere"
+    counts = []
+    for panels in ("", "mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps"):
+        named = [f"panels=[{panels}]"] * bool(panels)
+        reading = results_of(case_of(*about, "reference={square: exact}", *named))
+        axes = draw("A title", [[reading]]).axes
+        counts.append(len([ax for ax in axes if ax.get_label() != "<colorbar>"]))
+    assert min(counts) > 0 and sum(counts[1:]) == counts[0]
 
 
 def test_the_uniform_law_of_the_sphere_stays(case_of):
