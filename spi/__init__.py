@@ -30,7 +30,8 @@ DISTRIBUTION = "stochastic-poisson-integrators"
 #: What Python users are offered, name -> the module that has it; imported when it is first asked for.
 _OFFERED = {
     **dict.fromkeys(
-        ("Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"), "api"
+        ("Integrator", "Results", "answer", "expectations", "experiments", "increments", "load", "run", "trajectory"),
+        "api",
     ),
     "SpecError": "specs",
     "StorageError": "storage",

@@ -26,7 +26,7 @@ from spi.ensemble.loop import RandomStream, grid, integrated, paths_of
 from spi.ensemble.observer import STATES, last_states_only
 from spi.ensemble.pairs import area_count
 from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
-from spi.ensemble.scheme_protocol import REPORT, advance, memory_size, needs_areas, substeps, work_size
+from spi.ensemble.scheme_protocol import REPORT, advance, judges, memory_size, needs_areas, substeps, work_size
 from spi.models import RigidBody
 from spi.models.damped import Damped
 from spi.numerics.angles import ANY_ANGLES
@@ -37,8 +37,8 @@ from spi.schemes import SCHEMES as ALL_SCHEMES
 COMPILED = not numba.config.DISABLE_JIT
 compiled_only = pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 
-#: The schemes of the equation itself; those of the multiscale system have a test file of their own.
-SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not row.multiscale}
+#: The schemes of the equation itself; those of the multiscale system and at a temperature have test files of their own.
+SCHEMES = {name: row for name, row in ALL_SCHEMES.items() if not (row.multiscale or judges(row.record))}
 #: Those whose step takes one increment of each noise; what has sub-steps is tested in tests/ensemble/test_substeps.py.
 WITHOUT_SUBSTEPS = {name: row for name, row in SCHEMES.items() if substeps(row.record) == 1}
 #: Those that have a near relative, with the same stages in another order or fewer of them: their loops are compiled by

@@ -16,7 +16,7 @@ MODELS = {
 SPLITTINGS = tuple(BY_HAND)
 JOINT = ("splitting_joint_lie", "splitting_joint", "splitting_joint_areas")
 RENORMALISED = SCHEMES["euler_maruyama_renormalised"].record
-SOLVES, ITERATIONS, FAILURES, RESIDUAL, ANGLE = range(len(REPORT))
+SOLVES, ITERATIONS, FAILURES, RESIDUAL, ANGLE = map(REPORT.index, (*REPORT[:3], *REPORT[-2:]))
 
 
 @pytest.fixture

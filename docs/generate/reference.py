@@ -99,7 +99,7 @@ def spec_keys() -> str:
         text += f"\n## {kind}\n\n{plain(module.keys.Case.__doc__ or '')}\n\n{key_table(own)}"
         text += _claimable(module.keys.Case.quantities)
         names = ", ".join(f"`{name}`" for name, keys in experiments_known().items() if keys["kind"] == kind)
-        text += f"\nExperiments: {names}.\n"
+        text += f"\nExperiments: {names}.\n" if names else ""
     text += "\n## A system under `model`\n\nSee [systems in YAML](../own_systems.md).\n\n"
     text += table(("key", "what it is"), ((f"`{key}`", plain(said)) for key, said in SYSTEM_KEYS.items()))
     text += "\n## A file under `initial`\n\n"

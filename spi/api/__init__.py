@@ -4,13 +4,14 @@ import warnings
 
 from .. import CACHE_PROBLEM
 from ..running import shipped
+from .answering import answer
 from .expecting import expectations
 from .integrator import Integrator, increments
 from .paths import trajectory
 from .results import Results, load
 from .running import run
 
-__all__ = ["Integrator", "Results", "expectations", "experiments", "increments", "load", "run", "trajectory"]
+__all__ = ["Integrator", "Results", "answer", "expectations", "experiments", "increments", "load", "run", "trajectory"]
 
 if CACHE_PROBLEM:
     warnings.warn(f"{CACHE_PROBLEM}; compiled kernels cannot be saved for other processes", stacklevel=2)

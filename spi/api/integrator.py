@@ -3,11 +3,12 @@
 import math
 from collections.abc import Sequence
 from contextlib import nullcontext
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from ..ensemble.drivers import Driver
 from ..ensemble.given import Given, draw_noise, draw_paths
 from ..ensemble.loop import (
     add_reports,
@@ -15,15 +16,15 @@ from ..ensemble.loop import (
     empty_report,
     integrate,
     limited_threads,
-    report_columns,
 )
 from ..ensemble.moving import move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises
 from ..ensemble.random_states import first_states
-from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, substeps, tosses
+from ..ensemble.scheme_protocol import REPORT, memory_size, needs_areas, report_columns, substeps, tosses
 from ..numerics.rng import LANES, STEPS_PER_TOSS
 from ..specs import SpecError
+from ..specs.drivers import law_of, stream_of
 from .paths import plan_of
 from .specs import whole
 
@@ -32,22 +33,45 @@ Array = npt.NDArray[np.float64]
 _NO_AREAS, _NO_COINS = np.zeros((0, 0, 0)), np.zeros((0, 0))  # for schemes that need none
 
 
+class Noise(NamedTuple):
+    """The noise of some steps of some paths, see :meth:`Integrator.noise`."""
+
+    dW: Array  #: (n * steps, paths, noises): increments over sub-steps, n = ``Integrator.substeps`` of them a step
+    areas: Array  #: (steps, paths, pairs): Lévy areas over steps, of ``Integrator.pairs``; empty where not needed
+    coins: Array  #: (steps, paths): 1.0 or -1.0; empty where not needed
+
+
 def increments(
-    seed: int, paths: int, step: float, steps: int, *, noises: int = 1, first_path: int = 0, first_step: int = 0
+    seed: int,
+    paths: int,
+    step: float,
+    steps: int,
+    *,
+    noises: int = 1,
+    first_path: int = 0,
+    first_step: int = 0,
+    noise: Any = None,
+    final_time: float | None = None,
 ) -> Array:
     """The increments dW (steps, paths, noises) of the Brownian paths of a seed over steps of size `step`.
 
     They are, to the last bit, those of a run with this seed and this step (in a study of errors this reference step;
     the increment of a step twice as large is the sum of two), so that another program can follow the same paths.
+    With `noise`, a mapping as in a spec, they are those of another process; those of a fractional one depend on
+    `final_time`, that of the run, by default the end of these steps.
 
     Raises SpecError for numbers that are none.
     """
     if not 0 < step < math.inf:
         raise SpecError(f"step: is {step!r}; must be a positive number")
     shape = whole("steps", steps, 1), whole("paths", paths, 1), whole("noises", noises, 1)
-    dW = np.empty(shape)
     first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
-    draw_paths(brownian(whole("seed", seed, 0)), float(step), *first, dW)
+    stream = brownian(whole("seed", seed, 0))
+    if law := law_of(noise):
+        driver = Driver(law, stream, 0.0 if final_time is None else final_time)
+        return driver.increments(float(step), first[0], shape[0], first[1], *shape[1:])
+    dW = np.empty(shape)
+    draw_paths(stream, float(step), *first, dW)
     return dW
 
 
@@ -79,7 +103,7 @@ class Integrator:
     ) -> None:
         plan = plan_of(model, scheme, {"initial": initial, "final_time": step, "step": step, **options})
         self._scheme, self._model, self._grid = plan.scheme, plan.model, plan.grid
-        self._initial = plan.initial
+        self._case, self._initial = plan.case, plan.initial
         if memory_size(self._scheme, self._model):
             raise SpecError(f"scheme: is {scheme!r}, which has a fast process besides the states; use spi.trajectory")
         self.step_size = plan.case.step
@@ -125,12 +149,12 @@ class Integrator:
             raise SpecError(f"{missing[0]}: missing; this scheme needs them, and Integrator.noise has some")
         areas = _array("areas", areas, n, len(self.pairs), first=steps) if self.pairs else _NO_AREAS
         coins = _array("coins", coins, n, first=steps) if "coins" in self.needs else _NO_COINS
-        return self._moved(y, Given(dW, areas, coins), steps, 0, 0, out, float(time))
+        return self._moved(y, Given(dW, areas, coins, 0), steps, 0, 0, out, float(time))
 
     def sample(
         self, y: Any, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0, out: Array | None = None
     ) -> Array:
-        """The states after so many steps along the Brownian paths of a seed: from `first_path` on, those of a run.
+        """The states after so many steps along the paths of a seed: from `first_path` on, those of a run.
 
         `first_path` is a multiple of 64, and `first_step`, the number of steps that the paths have made before, one
         of 128; numbers are drawn in such portions.
@@ -139,18 +163,26 @@ class Integrator:
         for name, value, unit in (("first_path", first_path, LANES), ("first_step", first_step, STEPS_PER_TOSS)):
             if whole(name, value, 0) % unit:
                 raise SpecError(f"{name}: is {value}; must be a multiple of {unit}")
-        return self._moved(self._states(y), brownian(whole("seed", seed, 0)), steps, first_step, first_path, out)
+        return self._moved(self._states(y), self._stream(seed), steps, first_step, first_path, out)
 
-    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Given:
+    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
         """What :meth:`sample` uses, arrays dW, areas, coins: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
         areas = np.zeros((*shape, len(self.pairs))) if self.pairs else _NO_AREAS
         coins = np.zeros(shape) if "coins" in self.needs else _NO_COINS
-        given = Given(np.zeros((shape[0] * self.substeps, shape[1], self.noises)), areas, coins)
+        given = Given(np.zeros((shape[0] * self.substeps, shape[1], self.noises)), areas, coins, 0)
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
-        stream = brownian(whole("seed", seed, 0))
+        stream = self._stream(seed)
+        if isinstance(stream, Driver):
+            from_step, from_path = first
+            dW = stream.increments(self.step_size, from_step, shape[0], from_path, shape[1], self.noises, self.substeps)
+            return Noise(dW, areas, stream.coins(from_step, shape[0], from_path, shape[1]) if len(coins) else coins)
         draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
-        return given
+        return Noise(*given[:3])
+
+    def _stream(self, seed: int) -> Any:
+        """The noise of a run with this seed."""
+        return stream_of(self._case.model_copy(update={"seed": whole("seed", seed, 0)}))
 
     def _states(self, y: Any) -> Array:
         return _array("y", y, self.dimension)
@@ -178,7 +210,9 @@ class Integrator:
         times = self._grid._replace(reference_steps=steps, first_step=first_step, start=time)
         first, end, self._report = first_path // LANES, first_path + paths, empty_report(blocks, 1)
         with limited_threads(self.threads) if self.threads else nullcontext():
-            integrate(self._scheme, self._model, states, times, noise, self._observer, self._report, first, end)
+            for piece, given, begin, last in noise.pieces(self._scheme, self._model, times, first, blocks, end):
+                what = states, piece, given, self._observer, self._report, begin, last
+                integrate(self._scheme, self._model, *what)
         out[...] = states.reshape(blocks, d, LANES).transpose(0, 2, 1).reshape(-1, d)[:paths]
         return out
 

@@ -6,7 +6,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from . import cache, running, showing, starting
+from . import answering, cache, running, showing, starting
 from .options import DONE, FAILED, INVALID, STOPPED, As, Overrides, Profile, Samples, Seed, Specs, TrustCode, load
 from .signals import STOP
 from .streams import drop_unwritable_output, takes_all_characters, tell, write_what_the_terminal_can
@@ -38,6 +38,7 @@ def _common(
 
 
 app.command()(running.run)
+app.command()(answering.answer)
 app.command("list")(starting.list_)
 app.command()(starting.new)
 app.command()(running.merge)

@@ -203,6 +203,8 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
         told["samples"] = f"{count(own['samples'])} samples"
     if about.truncate_noise:
         told["truncate_noise"] = "truncated noise"
+    if about.driver:
+        told["driver"] = plain(f"driver: {about.driver}")
     if about.areas != "exact":
         told["areas"] = "Gaussian areas"
     if own.get("estimator"):

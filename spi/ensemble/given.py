@@ -6,7 +6,7 @@ import numpy as np
 
 from ..compiler.dispatch import device, kernel, number
 from ..compiler.records import class_of
-from ..numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments
+from ..numerics.rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
 from .increments import draw_coins, draw_steps, first_lane, row_length
 from .lanes import aligned
 from .pairs import channels
@@ -14,7 +14,7 @@ from .steppers import kept_of_steps
 
 
 class Given(NamedTuple):
-    """The noise of some paths as arrays, for steps from number 0 on; of increments over n sub-steps each.
+    """The noise of some paths as arrays; of increments over n sub-steps of each step.
 
     Where a scheme needs no areas or coins their arrays have no steps.
     """
@@ -22,6 +22,11 @@ class Given(NamedTuple):
     dW: np.ndarray  #: (n * steps, paths, noises)
     areas: np.ndarray  #: (steps, paths, pairs): Lévy areas of ``protocol.area_pairs``
     coins: np.ndarray  #: (steps, paths) of 1.0 or -1.0
+    first: int = 0  #: the number of the first of these steps
+
+    def pieces(self, scheme, model, times, first, blocks, end):
+        """As those of ``loop.RandomStream``."""
+        return ((times, self, first, end),)
 
 
 @device(by_type=True)
@@ -50,7 +55,7 @@ def copy_steps(kept, model, rows, noise, draw, block):
     finest = number(kept.substeps)
     paths, steps = noise.dW.shape[1], noise.dW.shape[0] // finest
     for drawn in range(STEPS_PER_DRAW):
-        n, row = STEPS_PER_DRAW * np.int64(draw) + drawn, rows[drawn]
+        n, row = STEPS_PER_DRAW * np.int64(draw) + drawn - noise.first, rows[drawn]
         if n >= steps:
             break
         for lane in range(LANES):
@@ -84,7 +89,7 @@ def copy_coins_of(noise, n, block, coins):
     """The coins of step n, where there are any."""
     if len(noise.coins) > 0:
         for lane in range(LANES):
-            coins[lane] = noise.coins[n, min(np.int64(block) * LANES + lane, noise.coins.shape[1] - 1)]
+            coins[lane] = noise.coins[n - noise.first, min(np.int64(block) * LANES + lane, noise.coins.shape[1] - 1)]
 
 
 @kernel
@@ -140,3 +145,20 @@ def draw_paths(noise, h, first_step, first_path, dW):
                 for n in range(max(begin, 0), min(begin + STEPS_PER_DRAW, steps)):
                     for path in range(max(first, 0), min(first + LANES, paths)):
                         dW[n, path, k] = rows[(n - begin) * LANES + path - first]
+
+
+@kernel
+def draw_all_coins(noise, first_step, first_path, coins):
+    """Fill `coins` (steps, paths) with those of a run from `first_step` and `first_path` on."""
+    steps, paths = coins.shape
+    bits, row = aligned(STEPS_PER_DRAW * LANES).view(np.uint64), aligned(LANES)
+    for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
+        first = block * LANES - first_path
+        for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
+            if n % STEPS_PER_TOSS == 0:
+                where = np.uint64(n // STEPS_PER_TOSS), np.uint64(block)
+                toss(noise.seed, noise.stream + np.uint64(COINS), *where, bits)
+            if n >= first_step:
+                read_coins(bits, n, row)
+                for path in range(max(first, 0), min(first + LANES, paths)):
+                    coins[n - first_step, path] = row[path - first]

@@ -8,7 +8,6 @@ Where one needs Lévy areas, those of coarser steps are made from finer incremen
 """
 
 import contextlib
-import time
 from typing import NamedTuple
 
 import numpy as np
@@ -92,21 +91,29 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, a
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
 
 
-def steps_of(times):
-    """(levels,) how many steps each step size of a grid takes."""
-    return times.reference_steps >> times.doublings
-
-
-def shortest(times):
-    """The grid with so few steps that each step size takes at least one."""
-    return times._replace(reference_steps=1 << int(times.doublings[-1]))
-
-
 class RandomStream(NamedTuple):
     """Which random numbers: the 64-bit seed and one of the streams of ``spi.numerics.rng``, as uint64."""
 
     seed: np.uint64
     stream: np.uint64
+
+    @property
+    def keys(self):
+        """Of what the random numbers of these paths are functions: itself."""
+        return self
+
+    @property
+    def for_a_trial(self):
+        """A stream of the same type whose numbers are quickly made."""
+        return self
+
+    def most_blocks(self, model, times):
+        """How many blocks fit into memory, as far as their noise is concerned."""
+        return 2**62
+
+    def pieces(self, scheme, model, times, first, blocks, end):
+        """(grid, noise, first block, end of paths) of the calls of the loop that together make all steps of a grid."""
+        return ((times, self, first, end),)
 
 
 def brownian(seed):
@@ -230,34 +237,30 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
         integrate_block(scheme, model, states[row], grid, noise, observer, report[row], block, row, paths)
 
 
-def arguments_of(scheme, model, initial, times, noise, first, blocks, end, observer=None):
-    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left."""
+def arguments_of(*what):
+    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left.
+
+    `what`: scheme, model, initial, times, noise, first block, blocks, end of paths, and perhaps an observer.  With a
+    :class:`~spi.ensemble.drivers.Driver` as noise those of the first of several calls.
+    """
+    return next(_calls(*what))
+
+
+def _calls(scheme, model, initial, times, noise, first, blocks, end, observer=None):
+    """The arguments of one call after the other, on the same states and with the same report."""
     given = not isinstance(initial, RandomState) and np.ndim(initial) > 1
     states = np.array(initial, float) if given else states_at(initial, scheme, model, times, blocks, noise, first)
     observer = last_states_only(times) if observer is None else beginning_at(observer, model, initial, states)
-    return scheme, model, states, times, noise, observer, empty_report(blocks, len(times.doublings)), first, end
+    report = empty_report(blocks, len(times.doublings))
+    for piece, given, begin, last in noise.pieces(scheme, model, times, first, blocks, end):
+        yield scheme, model, states, piece, given, observer, report, begin, last
 
 
 def integrated(*what):
     """What :func:`integrate` makes of :func:`arguments_of`: the last states, and the report."""
-    arguments = arguments_of(*what)
-    integrate(*arguments)
+    for arguments in _calls(*what):
+        integrate(*arguments)
     return arguments[2], arguments[6]
-
-
-def in_batches(state, advance, left, most):
-    """Move a state on with ``advance(state, blocks)`` until no blocks are ``left(state)``; yields it after each batch.
-
-    A batch has at most `most` blocks and takes about BATCH_SECONDS, the first one a block per thread.
-    """
-    least = min(thread_count(), most)
-    blocks = least
-    while left(state) > 0:
-        began = time.perf_counter()
-        state = advance(state, min(blocks, left(state)))
-        yield state
-        rate = blocks / (time.perf_counter() - began)
-        blocks = int(np.clip(rate * BATCH_SECONDS, least, min(most, 4 * blocks)))
 
 
 def thread_count():
@@ -291,13 +294,3 @@ def add_reports(total, reports):
     added = total + reports.sum(axis=0)
     added[:, SUMMED:] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, SUMMED:]
     return added
-
-
-def report_columns(report):
-    """What there is in a report (..., columns), by name: of solvers or of flows judged if there were any, and the rest.
-
-    That is the largest angle, if any was large.
-    """
-    by_name = {name: report[..., i] for i, name in enumerate(REPORT)}
-    groups = (*REPORT[:3], REPORT[7]), REPORT[3:7], REPORT[8:]
-    return {name: by_name[name] for names in groups if by_name[names[0]].any() for name in names}

@@ -21,7 +21,7 @@ def move(records, y, dW, areas, coins):
     steps = len(dW) // substeps(scheme)
     times = Grid(grid.reference_step, steps, *grid[2:])
     states, report = aligned(d * LANES).reshape(1, -1), np.zeros((1, len(REPORT)))
-    noise = Given(dW, areas, coins)
+    noise = Given(dW, areas, coins, 0)
     for block in range(-(-paths // LANES)):
         first = block * LANES
         for lane in range(LANES):

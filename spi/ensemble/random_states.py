@@ -207,7 +207,7 @@ def _normals(law, noise, attempt, count, first, blocks):
     """The normal numbers (count, numbers, paths) of attempts from number `attempt` on."""
     steps = -(-law.numbers // STEPS_PER_DRAW) * STEPS_PER_DRAW
     z = np.empty((count * steps, blocks * LANES, 1))
-    own = noise._replace(stream=np.uint64(int(noise.stream) + INITIAL))
+    own = noise.keys._replace(stream=np.uint64(int(noise.keys.stream) + INITIAL))
     draw_paths(own, 1.0, attempt * steps, first * LANES, z)
     return z.reshape(count, steps, -1)[:, : law.numbers]
 

@@ -60,3 +60,13 @@ REPORT = (
     *("largest_residual", "largest_angle"),
 )
 SUMMED = 7  #: so many of them are sums, the others maxima
+
+
+def report_columns(report):
+    """What there is in a report (..., columns), by name: of solvers or of flows judged if there were any, and the rest.
+
+    That is the largest angle, if any was large.
+    """
+    by_name = {name: report[..., i] for i, name in enumerate(REPORT)}
+    groups = (*REPORT[:3], REPORT[7]), REPORT[3:7], REPORT[8:]
+    return {name: by_name[name] for names in groups if by_name[names[0]].any() for name in names}

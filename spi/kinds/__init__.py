@@ -106,4 +106,5 @@ KINDS = {
     "stability": Kind("spi.kinds.stability"),
     "long_time": Kind("spi.kinds.long_time"),
     "statistics": Kind("spi.kinds.statistics"),
+    "answer": Kind("spi.kinds.answer"),
 }

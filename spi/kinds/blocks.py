@@ -1,18 +1,35 @@
 """Plans whose paths are summed up block after block."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from spi.compiler.inlining import is_loaded
-from spi.ensemble.loop import in_batches
+from spi.ensemble.loop import BATCH_SECONDS, thread_count
 from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
 from .plans import KernelCall, PathsPlan, State
+
+
+def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
+    """Move a state on with ``advance(state, blocks)`` until no blocks are ``left(state)``; yields it after each batch.
+
+    A batch has at most `most` blocks and takes about BATCH_SECONDS, the first one a block per thread.
+    """
+    least = min(thread_count(), most)
+    blocks = least
+    while left(state) > 0:
+        began = time.perf_counter()
+        state = advance(state, min(blocks, left(state)))
+        yield state
+        rate = blocks / (time.perf_counter() - began)
+        blocks = int(np.clip(rate * BATCH_SECONDS, least, min(most, 4 * blocks)))
 
 
 class _Batch(NamedTuple):
@@ -35,6 +52,11 @@ class Blockwise(Protocol):
     def most_blocks(self, number: int) -> int:
         """How many blocks of a path set a batch may have, because of memory."""
 
+    @property
+    def most_at_once(self) -> int:
+        """How many blocks of any path set a batch may have, because of memory."""
+        return 2**62
+
     def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
         """What `blocks` blocks of a path set contribute, from block `first` on; paths from number `end` on are idle."""
 
@@ -56,8 +78,8 @@ class Blockwise(Protocol):
         number, last = chunks[0].path_set, chunks[-1].first + chunks[-1].blocks
         sums = self.empty(number) if known is None else known
         begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
-        advance = partial(self._batch, chunks)
-        for batch in in_batches(begin, advance, lambda batch: last - batch.block, self.most_blocks(number)):
+        advance, most = partial(self._batch, chunks), min(self.most_blocks(number), self.most_at_once)
+        for batch in in_batches(begin, advance, lambda batch: last - batch.block, most):
             yield batch.added
 
     def _batch(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> _Batch:
@@ -91,6 +113,11 @@ class BlocksPlan(PathsPlan, Blockwise):
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
         return (PathSet(self.samples, chunk_blocks(int(self.steps.sum()), dimension(self.model))),)
+
+    @property
+    def most_at_once(self) -> int:
+        """As many as have room for their noise."""
+        return int(self.stream.most_blocks(self.model, self.grid))
 
     def so_far(self, state: State) -> State | None:
         """The state of the first paths, as many as are known without a gap."""

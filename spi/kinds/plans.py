@@ -8,17 +8,19 @@ multilevel estimator does.  When there are none, it **finalises**: it measures t
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from spi.ensemble.given import draw_paths
 from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
-from spi.ensemble.loop import Grid, RandomStream, arguments_of, brownian, integrate, shortest, thread_count
+from spi.ensemble.loop import Grid, arguments_of, integrate, thread_count
 from spi.ensemble.protocol import casimirs, in_kernels, large
 from spi.ensemble.random_states import RandomState, first_states
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
+from spi.specs.drivers import parts_of, stream_of
 from spi.statistics.tallies import Chunk, PathSet, Sums
 from spi.storage.records import Description, Part
 from spi.storage.stored import Stored
@@ -163,16 +165,18 @@ class PartPlan:
         """The record of the scheme."""
         return self.row.record
 
-    @property
-    def stream(self) -> RandomStream:
-        """The increments of the paths of the case's seed."""
-        return brownian(self.case.seed)
+    @cached_property
+    def stream(self) -> Any:
+        """The increments of the paths of the case's seed: a ``RandomStream`` or a ``Driver``."""
+        return stream_of(self.case)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """The keys of the case that decide paths, with those of its compositions that the part uses, and the part."""
         used = {self.part.scheme, getattr(self.case, "reference_scheme", None)}
         rows = self.case.model_dump(include={"compositions"}).get("compositions", {})
-        own = {"compositions": {name: flows for name, flows in rows.items() if name in used}}
+        own: dict[str, Any] = {"compositions": {name: flows for name, flows in rows.items() if name in used}}
+        if self.case.noise is not None:
+            own["parts"] = parts_of(self.case)
         return {
             "plan": type(self).__name__,
             "part": self.part,
@@ -205,12 +209,13 @@ class PartPlan:
         """None."""
         return []
 
-    def calls_of_a_step(self, times: Grid, stream: RandomStream) -> list[KernelCall]:
+    def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
         """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
-        start = np.array(self.initial)
-        step = arguments_of(self.scheme, self.model, start, shortest(times), stream, 0, 1, LANES)
+        shortest = times._replace(reference_steps=1 << int(times.doublings[-1]))  # a step of each size
+        what = self.scheme, self.model, np.array(self.initial), shortest, stream.for_a_trial
+        step = arguments_of(*what, 0, 1, LANES)
         calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
-        drawing = KernelCall(draw_paths, (stream, 1.0, 0, 0, np.empty((1, 1, 1))))
+        drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
         return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
 
     def initial_extra(self) -> Any:

@@ -4,8 +4,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from spi.ensemble.loop import report_columns
-from spi.ensemble.scheme_protocol import REPORT, SUMMED
+from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.storage.stored import Array, Described, array
 
 

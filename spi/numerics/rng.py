@@ -20,8 +20,10 @@ COINS = 1  # what is added to the stream of the increments: the coins of the sam
 BRIDGES = 2**15  # what is added to it: the bridges of the same paths, channel = 2^12 * number of the bridge + process
 AREAS = 2**14  # what is added to it: the Fourier coefficients of Lévy areas, channels as in spi.ensemble.area_series
 INITIAL = 2**13  # what is added to it: the initial states of the same paths, where these are random
+DRIVERS = 2**12  # what is added to it, and up to 2 more: further numbers of drivers that are no Brownian motion
 UNIFORMS = 2**11  # what is added to it: uniform numbers of the same paths, channel = 4 * (number // 4) + step mod 4
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
+ANSWERS = 512  # those of path set number j of an answer: ANSWERS + 2 j
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
@@ -96,13 +98,20 @@ def draw_normals(seed, stream, channel, draw, block, words, normals):
 
 
 @device
-def toss(seed, stream, draw, block, words):
-    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+def draw_words(seed, stream, channel, draw, block, words):
+    """The four words of the LANES paths of a block, word r of lane l at [r * LANES + l]."""
     k0, k1 = seed & _LOW, seed >> _32
+    c1 = (stream << np.uint64(16)) | channel
     c2, c3 = (block << np.uint64(6)) & _LOW, block >> np.uint64(26)
     for lane in range(LANES):
-        w = philox(draw, stream << np.uint64(16), c2 + np.uint64(lane), c3, k0, k1)
+        w = philox(draw, c1, c2 + np.uint64(lane), c3, k0, k1)
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
+
+
+@device
+def toss(seed, stream, draw, block, words):
+    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+    draw_words(seed, stream, np.uint64(0), draw, block, words)
 
 
 @device

@@ -10,17 +10,31 @@ from .text import lines_of, new_table, power_of_two, print_whole, short, with_in
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 _UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances
 
 
 def show(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
-    """Print the table of a case that is swept: for each scheme, estimator and test function a line per value."""
+    """Print the tables of a case that is swept: for each scheme, estimator and test function a line per value.
+
+    Quantities of other test functions, as quantiles are, have a table of their own.
+    """
+    by_functions: dict[tuple[str, ...], list[Curve]] = {}
+    for name in dict.fromkeys(curve.name for curve in curves):
+        members = [curve for curve in curves if curve.name == name]
+        by_functions.setdefault(tuple(dict.fromkeys(curve.function for curve in members)), []).extend(members)
+    for members in by_functions.values():
+        print_whole(console, _table(heading, members))
+        console.print()
+
+
+def _table(heading: str, curves: Sequence[Curve]) -> "Table":
     from rich.text import Text
 
-    names = list(dict.fromkeys(curve.name for curve in curves))
+    names = {curve.name: curve.label for curve in curves}
     of = {(*_whose(curve), curve.name): curve for curve in curves}
-    headings = [f"{name.replace('_', ' ')}{_at(curves, name)}\n(95 %)" for name in names]
+    headings = [f"{label}{_at(curves, name)}\n(95 %)" for name, label in names.items()]
     several = any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)
     labels = ["scheme", *["estimator"] * several[0], *["function"] * several[1]]
     table = new_table(heading, [*labels, curves[0].word, *headings], left=len(labels), labels=0)
@@ -29,15 +43,12 @@ def show(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
         about, function = members[0].about, members[0].function
         cells = [lines_of(about), *[about.estimator] * several[0], *[function] * several[1]]
         for value in dict.fromkeys(value for curve in members for value in curve.values.tolist()):
-            points = {
-                curve.name: point for curve in members for point in curve.points if point.at == (curve.word, value)
-            }
-            told = (_told(points[name]) if name in points else "" for name in names)
+            here = {curve.name: one for curve in members for one in curve.points if one.at == (curve.word, value)}
+            told = (_told(here[name]) if name in here else "" for name in names)
             table.add_row(*map(Text, cells), f"{value:g}", *map(Text, told))
             cells = [""] * len(cells)
         table.add_section()
-    print_whole(console, table)
-    console.print()
+    return table
 
 
 def _whose(curve: Curve) -> tuple[str, str, str]:
@@ -76,6 +87,6 @@ def _ends(curve: Curve) -> str:
     places = [f"{curve.word} = {value:g}" for value in (curve.values[0], curve.values[-1])]
     of = f" of {curve.function}" * bool(curve.function)
     return (
-        f"{curve.name.replace('_', ' ')}{of} with {whose(curve.about)} goes from {_told(first)} at {places[0]} "
+        f"{curve.label}{of} with {whose(curve.about)} goes from {_told(first)} at {places[0]} "
         f"to {_told(last)} at {places[1]}"
     )

@@ -9,7 +9,10 @@ the states that the spec names.  In its place on disk such a text is read as wel
 
 import io
 import json
+import math
+import zlib
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -20,6 +23,7 @@ from .files import Files, as_text, content
 from .keys import shown, wrong
 
 _MOST_BYTES = 9_000_000  # of an array: 1024 x 1024 numbers
+_MOST_UNPACKED = 90_000_000  # of an array of increments
 _RIGHT = "give a file that numpy.save wrote, of real or complex numbers in one or two dimensions"
 
 
@@ -41,16 +45,36 @@ def array_in(files: Files, path: str) -> np.ndarray:
     return values
 
 
-def array_of(data: bytes) -> np.ndarray:
+def arrays_in(files: Files, path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Arrays of a file that ``numpy.savez`` wrote, by their names; raises the error about the key ``file``."""
+    data = content(files.text(path, "file", _MOST_BYTES, binary=True))
+    found = {}
+    try:
+        with ZipFile(io.BytesIO(data)) as archive:
+            for name in names:
+                with archive.open(f"{name}.npy") as member:
+                    text = member.read(_MOST_UNPACKED + 1)
+                if len(text) > _MOST_UNPACKED:
+                    raise ValueError("too large")
+                found[name] = array_of(text, (0, 1, 2, 3))
+    except (ValueError, SyntaxError, RuntimeError, MemoryError, KeyError, OSError, EOFError, BadZipFile, zlib.error):
+        right = f"give a file of numpy.savez with {' and '.join(names)}, of at most {_MOST_UNPACKED // 10**6} MB"
+        raise wrong(f"is {shown(path)}, which holds no such arrays", right, "file") from None
+    for name in names:
+        check_finite(found[name], f"{shown(path)}, in which {name}", "file")
+    return found
+
+
+def array_of(data: bytes, dimensions: tuple[int, ...] = (1, 2)) -> np.ndarray:
     """What ``numpy.load`` would return, without trust in the size that a file claims; ValueError if it is damaged."""
     file = io.BytesIO(data)
     version = np.lib.format.read_magic(file)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, by_columns, kind = read(file)
-    if kind.kind not in "iufc" or len(shape) not in (1, 2) or not all(shape):
+    if kind.kind not in "iufc" or len(shape) not in dimensions or not all(shape):
         raise ValueError("not such an array")
     rest = data[file.tell() :]
-    if len(rest) != kind.itemsize * shape[0] * (shape[1] if shape[1:] else 1):
+    if len(rest) != kind.itemsize * math.prod(shape):
         raise ValueError("not of the size that it claims")
     values = np.frombuffer(rest, kind).reshape(shape, order="F" if by_columns else "C")
     if values.dtype.kind == "c":

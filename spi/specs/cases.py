@@ -8,29 +8,26 @@ import pydantic
 
 from ..ensemble.areas import HOW
 from ..ensemble.protocol import NonNegative, Positive, dimension
-from ..expressions import canonical, is_constant, parse_expression
-from ..expressions.arithmetic import NumberError
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
-from ..systems.keys import MOST
 from .checks import (
-    ROUNDING,
     check_count,
     check_eps,
-    check_multiple,
     check_names,
     check_needs,
     check_schemes,
     check_word_of_areas,
+    dyadic,
 )
 from .compositions import Compositions, weak_order
+from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
+from .functions import FunctionKeys
 from .initial import Initial
 from .keys import (
     Eps,
-    Functions,
     Keys,
     OrInfinite,
     SchemeName,
@@ -41,10 +38,8 @@ from .keys import (
     entries_in,
     key_of,
     quantity,
-    shown,
     wrong,
 )
-from .mistakes import every
 from .models import Model, check_words, name_of
 from .own_schemes import check_steps
 from .sweep import PLACES, SWEEP, Swept, check_shown
@@ -78,6 +73,7 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
+    noise: key_of(Noise, "what drives the noises, as in {kind: levy, alpha: 1.5}; default: Brownian motion") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = pydantic.Field(default_factory=dict)
     sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
@@ -86,6 +82,7 @@ class BaseCase(Keys):
     neutral: ClassVar[frozenset[str]] = frozenset(
         ["name", "title", "expect", "schemes", "compositions", "eps", "samples", "panels"]
     )
+    driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
@@ -138,6 +135,11 @@ class BaseCase(Keys):
         return variables(undamped(self.model))
 
     @property
+    def driver(self) -> str:
+        """What drives the noises in place of Brownian motion; empty if that does."""
+        return told(self.noise)
+
+    @property
     def model_name(self) -> str:
         return name_of(self.model)
 
@@ -163,7 +165,7 @@ class BaseCase(Keys):
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
         said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
         said["temperature"] = lambda temperature: temperature < math.inf
-        said |= dict.fromkeys(("damping", "times", "panels", "autocorrelation", "density", "reference_step"), bool)
+        said |= dict.fromkeys("damping noise times panels autocorrelation density reference_step".split(), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")
@@ -189,6 +191,7 @@ class BaseCase(Keys):
     @condition("schemes", "reference_scheme", "model")
     def _check_needs(self) -> Self:
         check_needs(self)
+        check_noise(self)
         return self
 
     @condition("areas", "schemes", "reference_scheme")
@@ -233,7 +236,7 @@ class ErrorCase(BaseCase):
     def _check_steps(self) -> Self:
         """The case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
-        steps = [self._dyadic(h) for h in self.steps]
+        steps = [dyadic(self, h) for h in self.steps]
         if len(set(steps)) < len(steps):
             raise wrong(f"has {quantity(next(h for h in steps if steps.count(h) > 1))} twice", "remove one", "steps")
         check_schemes(self, self.schemes_used if self.bounded_increments else (), steps, "steps")
@@ -246,55 +249,6 @@ class ErrorCase(BaseCase):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
         return self
 
-    def _dyadic(self, h: float) -> float:
-        """h as exactly the reference step times a power of two that divides the final time."""
-        end, reference = self.final_time, self.reference_step
-        if h > end * (1 + ROUNDING):
-            raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
-        doublings = math.log2(h) - math.log2(reference)
-        exact = reference * 2.0 ** round(doublings)
-        if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
-            lower = reference * 2.0 ** max(1, math.floor(doublings))
-            what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
-            raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
-        check_multiple(end, h, "steps", "has")
-        return exact
 
-
-class FunctionsCase(ErrorCase):
+class FunctionsCase(FunctionKeys, ErrorCase):
     """What the cases with test functions have."""
-
-    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi") = (
-        pydantic.Field(default_factory=dict)
-    )
-
-    @property
-    def expressions(self) -> tuple:
-        """The trees of the test functions, in the order of their names."""
-        return tuple(parse_expression(text, dimension(self.model)) for text in self.functions.values())
-
-    @pydantic.field_serializer("functions")
-    def _canonical(self, functions: dict[str, str]) -> Any:
-        # pairs, because their order decides that of the results, and in the least text that decides the values
-        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
-
-    @condition("functions", "model")
-    def _check_functions(self) -> Self:
-        trees = every(self._tree, self.functions.items())
-        if not self.variables:
-            return self
-        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
-        return self.model_copy(update={"functions": texts})
-
-    def _tree(self, name: str, text: str) -> Any:
-        """The tree of a test function."""
-        try:
-            tree = parse_expression(text, d := dimension(self.model), self.variables)
-            if is_constant(tree):
-                raise NumberError("constant")
-        except NumberError as error:
-            known = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
-            example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
-            right = f"must be an expression in {known} such as {example}"
-            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
-        return tree

@@ -37,6 +37,21 @@ def check_multiple(end: float, h: float, key: str, has: str) -> None:
         raise wrong(what, f"the nearest multiples are {quantity(lower)} and {quantity(lower + h)}", key)
 
 
+def dyadic(case: Any, h: float) -> float:
+    """h as exactly the reference step times a power of two that divides the final time."""
+    end, reference = case.final_time, case.reference_step
+    if h > end * (1 + ROUNDING):
+        raise wrong(f"has {quantity(h)}", f"must not exceed final_time, which is {quantity(end)}", "steps")
+    doublings = math.log2(h) - math.log2(reference)
+    exact: float = reference * 2.0 ** round(doublings)
+    if round(doublings) < 1 or abs(h - exact) > ROUNDING * h:
+        lower = reference * 2.0 ** max(1, math.floor(doublings))
+        what = f"has {quantity(h)}, which is not 2, 4, 8, ... times the reference_step {quantity(reference)}"
+        raise wrong(what, f"the nearest are {quantity(lower)} and {quantity(2 * lower)}", "steps")
+    check_multiple(end, h, "steps", "has")
+    return exact
+
+
 def check_once(listed: Sequence[Any], key: str) -> None:
     if len(set(listed)) < len(listed):
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
@@ -136,7 +151,7 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
         row, where = case.row(name), "schemes" if name in listed else "reference_scheme"
-        if row.needs_truncation and name in used and not truncated:
+        if row.needs_truncation and name in used and not truncated and case.noise is None:
             raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", where)
         if pairs > MOST and needs_areas(row.record):
             what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"

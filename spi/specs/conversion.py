@@ -16,7 +16,10 @@ from .sweep import versions
 from .writing import as_yaml
 
 #: The keys that say what is integrated.
-_KEPT = ("model", "damping", "temperature", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise")
+_KEPT = (
+    *("model", "damping", "temperature", "initial", "seed", "eps", "compositions", "schemes", "truncate_noise"),
+    "noise",
+)
 
 
 class Given(NamedTuple):
@@ -49,7 +52,8 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], files: Files, k
     """The YAML of an experiment of another kind.
 
     `text` is that of a valid file called `name`, of which `cases` are the records and which names `files`; `keys` is
-    the module of the kind, whose function ``of_another`` says what it needs besides: Given -> keys and values.
+    the module of the kind, whose function ``of_another`` says what it needs besides: Given -> keys and
+    values, None for a key that it lacks.
     """
     document = Document(text, lambda line: f"line {line}:")
     own = {case["name"]: case for case in document.data.get("cases") or ()}
@@ -66,7 +70,9 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], files: Files, k
             raw = [*versions(raw, first.swept_in, files).values()][middle]
             case, title = (sweep.cases or [first, *others])[middle], sweep.title or title
         given = _given(case, {key: raw[key] for key in _KEPT if key in raw})
-        made.append({"name": name, "title": title, **given.keys, **keys.of_another(given)})
+        of_kind = {**given.keys, **keys.of_another(given)}
+        kept = {key: value for key, value in of_kind.items() if value is not None}
+        made.append({"name": name, "title": title, **kept})
     title = f"{document.data.get('title', name)} ({kind})"
     if not own:
         made[0].pop("name"), made[0].pop("title")
@@ -77,8 +83,9 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], files: Files, k
 
 
 def _given(case: BaseCase, keys: dict[str, Any]) -> Given:
-    if any(case.row(name).needs_truncation for name in case.schemes):
+    if case.noise is None and any(case.row(name).needs_truncation for name in case.schemes):
         keys["truncate_noise"] = True
+    keys.setdefault("schemes", list(case.schemes))
     h = max(getattr(case, "steps", None) or (case.step,))  # type: ignore[attr-defined]
     length = max(round(case.last_time / h), 1)
     while length < 8 or (h >= 1 and "truncate_noise" in keys):

@@ -153,18 +153,18 @@ def apart(cases: Sequence[Any]) -> list[Any]:
     for case, value in zip(cases, cases[0].sweep.values, strict=True):
         whole = "" if case.name == "main" else f"{case.name}_"
         title = "" if case.name == "main" else f"{case.title}, "
-        own = case.sweep._replace(case=case.name, title=case.title, value=value)
-        told = {"name": f"{whole}{own.word}={value:.12g}", "title": f"{title}{own.word} = {value:.12g}"}
+        own, number = case.sweep._replace(case=case.name, title=case.title, value=value), repr(value).removesuffix(".0")
+        told = {"name": f"{whole}{own.word}={number}", "title": f"{title}{own.word} = {number}"}
         found.append(case.model_copy(update=told | {"sweep": own}))
     return found
 
 
 def _place(data: Mapping[str, Any], word: str, declared: Sequence[str], keys: Sequence[str]) -> tuple[str, ...]:
     """Where a parameter of this name has its value; () if there is none, or if that is a formula with the name."""
-    model = data.get("model")
+    model: Any = data.get("model")
     if word in declared:
         return "model", "parameters", word
-    if word in _parameters(model) and not _names(model, word):
+    if word in _parameters(model) and not _names(model.get(word), word):
         return "model", word
     return (word,) if word in keys and word in _NUMBERS and not _names(data.get(word), word) else ()
 

@@ -24,6 +24,12 @@ class Curve(NamedTuple):
         return self.points[0].at[0] if self.points[0].at else ""
 
     @property
+    def label(self) -> str:
+        """What the quantity is called in print."""
+        told = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
+        return told.replace("casimir", "Casimir")
+
+    @property
     def values(self) -> np.ndarray:
         """(V,) the values of the parameter."""
         return np.array([point.at[1] for point in self.points if point.at])
@@ -34,8 +40,16 @@ class Curve(NamedTuple):
         steps = {point.h for point in self.points}
         return steps.pop() if len(steps) == 1 else None
 
+    @property
+    def poor(self) -> np.ndarray:
+        """(V,) whether the interval is too wide to say anything, or where an error is meant has no lower end."""
+        with np.errstate(invalid="ignore"):  # of paths that diverged
+            half = (self.of("high") - self.of("low")) / 2
+        below = (self.of("low") <= 0) & (self.of("low") < self.of("value")) & (self.name == "error")
+        return ~(half <= self.of("widest")) | below
+
     def of(self, field: str) -> np.ndarray:
-        """(V,) a field of the quantities: ``value``, ``low``, ``high`` or ``expected``."""
+        """(V,) a field of the quantities: ``value``, ``low``, ``high``, ``widest`` or ``expected``."""
         return np.array([getattr(point, field) for point in self.points])
 
 
@@ -59,7 +73,7 @@ def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
         first = next(iter(points.values())).about
         if place is None and first.eps is not None:
             first = first._replace(eps=None, variant=first.variant.replace(f"_eps_{first.eps:g}", ""))
-        if any(math.isfinite(point.value) for point in points.values()):
+        if not all(math.isnan(point.value) for point in points.values()):
             listed.append(Curve(name, function, first, tuple(points.values())))
     return sorted(listed, key=lambda curve: names.index(curve.name))
 

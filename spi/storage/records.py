@@ -111,6 +111,7 @@ class Description(NamedTuple):
     truncate_noise: bool
     extrapolate: int = 0  #: levels of Richardson extrapolation of weak errors
     areas: str = "exact"  #: how Lévy areas were drawn, if they were
+    driver: str = ""  #: what drove the noises in place of Brownian motion
     initial_law: str | None = None  #: the law of initial states, where each path has its own
     swept: Swept | None = None  #: where the case has one of the values of a swept parameter
 
@@ -151,6 +152,7 @@ class Description(NamedTuple):
             truncate_noise=case.truncate_noise,
             extrapolate=part.extrapolate,
             areas=getattr(case, "areas", "exact"),
+            driver=getattr(case, "driver", ""),
             initial_law=case.initial.text if isinstance(case.initial, RandomState) else None,
             swept=_swept_of(getattr(case, "sweep", None)),
         )
@@ -159,7 +161,7 @@ class Description(NamedTuple):
         """What a group keeps of it besides the names of the case and the variant."""
         plain = self._asdict()
         parameters = {f"{_MODEL}{name}": value for name, value in plain.pop("parameters").items()}
-        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator")}
+        empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator", "driver")}
         empty["areas"] = None if self.areas == "exact" else self.areas
         swept = {} if self.swept is None else {f"{_SWEPT}{name}": it for name, it in self.swept._asdict().items()}
         if not swept.get(f"{_SWEPT}of"):
@@ -189,6 +191,7 @@ class Description(NamedTuple):
             truncate_noise=bool(a.get("truncate_noise")),
             extrapolate=a.get("extrapolate") or 0,
             areas=a.get("areas") or "exact",
+            driver=a.get("driver") or "",
             initial_law=a.get("initial_law"),
             swept=_swept(a),
         )

@@ -31,7 +31,7 @@ WORD, SIGMA, START = "{s: [0.5, 2]}", "[s, s, s/2]", "[cos(1.1), 0, sin(1.1)]"
         (["sweep: " + WORD + "\n", ""], r"1: sweep: missing key 'sweep'; add sweep: .*"),
         (
             [SIGMA, "[1, 1, 1]"],
-            r"11: sweep: the parameter 's' is not used; use it in .* model, damping, initial, eps",
+            r"11: sweep: the parameter 's' is not used; use it in .* model, damping, .*, initial, eps",
         ),
         ([WORD, "{s: [0.5], t: [1]}"], r"11: sweep: has 2 parameters; must have one and its values.*"),
         ([WORD, "{s: [0.5, 1/2]}"], r"11: sweep\.s: has a value twice; remove one"),
@@ -90,6 +90,11 @@ def test_the_word_stands_for_its_values(spec):
     assert first.model.inertia == second.model.inertia == (2.0, 1.0, 2 / 3)
     assert [c.eps for c in spec(EPS).cases[0].sweep.cases] == [(0.0,), (0.6,)]
     assert [c.eps for c in spec(EPS, "eps: s", "eps: [2*s+1]").cases[0].sweep.cases] == [(1.0,), (2.2,)]
+
+
+def test_a_parameter_of_the_model_by_its_name(spec):
+    case = spec(RIGID, WORD, "{sigma: 2^-1 .. 2^1}", SIGMA, "[1, 1, 1]").cases[0]
+    assert [c.model.sigma for c in case.sweep.cases] == [(s, s, s) for s in (0.5, 1.0, 2.0)]
 
 
 def test_the_word_is_no_part_of_other_words_or_numbers(spec):

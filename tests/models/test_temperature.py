@@ -8,7 +8,15 @@ from model_cases import MODELS_UNDER_TEST, close
 from states import finished
 
 from spi.checks.differences import along, derivative
+from spi.checks.scheme_checks import check_scheme
 from spi.compiler.inlining import uncompiled
+from spi.ensemble.array_states import (
+    add_block_drift,
+    add_block_noises,
+    block_friction_times,
+    block_noise_slopes,
+    block_work,
+)
 from spi.ensemble.fields import (
     add_ito_correction,
     drift_field,
@@ -25,6 +33,7 @@ from spi.ensemble.protocol import (
     drift_gradient,
     drift_hessian,
     hamiltonian,
+    in_kernels,
     noise_flow,
     noise_indices,
     noises,
@@ -33,6 +42,7 @@ from spi.ensemble.protocol import (
 )
 from spi.models.delegation import undamped
 from spi.models.thermal import Thermal, thermal
+from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.angles import ANY_ANGLES
 from spi.running.run import plans
 from spi.schemes import SCHEMES, of_model, weak_exponents
@@ -42,6 +52,7 @@ from spi.specs import SpecError
 from spi.specs.temperature import has_compact_surfaces
 
 TEMPERATURE = 0.3
+STATE = (0.5, 0.6, -0.4)
 
 
 @pytest.fixture(params=[pytest.param(case, id=case[0]) for case in MODELS_UNDER_TEST])
@@ -96,7 +107,7 @@ def test_friction_flows_belong_to_the_field_and_keep_casimirs(case):
 
 def test_the_time_of_friction_is_that_of_the_exact_solution_to_order_two():
     """H of the rigid body along a rotation is R cos(2 (theta - a)) and a constant: tan(u/2) grows exponentially."""
-    model, y, k = thermal(RIGID_BODY, TEMPERATURE), (0.5, 0.6, -0.4), 0
+    model, y, k = thermal(RIGID_BODY, TEMPERATURE), STATE, 0
     rate, c = y[k] / RIGID_BODY.noise_inertia[k], 1.0 / (2 * TEMPERATURE)
     # H = const + (y2^2 - y3^2) (1/I2 - 1/I3) / 4, and y2 + i y3 = r exp(i phi) turns by -theta
     radius, phi = np.hypot(y[1], y[2]), np.arctan2(y[2], y[1])
@@ -155,6 +166,42 @@ def test_friction_has_its_place_in_every_composition():
         splitting(flows("friction", fraction=1 / 2), flows("noise"), flows("drift"))
     with pytest.raises(ValueError, match="friction has neither a coin"):
         flows("friction", coin=True)
+
+
+@pytest.mark.parametrize(
+    "name", ["splitting", "splitting_order2", "splitting_joint", "midpoint", "munthe_kaas_midpoint"]
+)
+def test_steps_are_consistent_with_the_friction(name):
+    """The mean of a step against the Itô drift, friction included."""
+    model = thermal(RIGID_BODY, TEMPERATURE)
+    assert check_scheme(of_model(SCHEMES[name], model).record, model, STATE) == []
+    without = of_model(SCHEMES[name], RIGID_BODY).record  # which has no friction among its stages
+    if SCHEMES[name].composition is not None:
+        assert "the mean of a step is not" in check_scheme(without, model, STATE)[0]
+
+
+def test_slopes_of_arrays_are_those_of_h_along_the_noises():
+    """(X_k H)(y) of quadratic and linear noises, against differences of H along their fields."""
+    model = thermal(Zeitlin(5, (Noise(0.7, shell=1, hamiltonian="linear"), Noise(0.5, shell=2))), TEMPERATURE)
+    with uncompiled():
+        kernel = in_kernels(model)
+        d, m = dimension(kernel), noises(kernel)
+        assert (d, m, has_friction(kernel)) == (24, noises(model), True)
+        y, work, slopes = np.random.default_rng(3).standard_normal(d), np.zeros(block_work(kernel)), np.zeros(m)
+        block_noise_slopes(kernel.model, 1, y, slopes, work)
+        for k in range(m):
+            field = np.zeros(d)
+            add_block_noises(kernel, np.eye(m)[k], 1, y, field, work)
+            assert slopes[k] == pytest.approx(
+                derivative(lambda s, f=field: np.array([hamiltonian(kernel, y + s * f)]))[0]
+            )
+        times, friction = np.zeros(m), np.zeros(d)
+        block_friction_times(kernel, 1e-6, 1, y, times, work)
+        assert times / 1e-6 == pytest.approx(-(kernel.sigma**2) / (2 * TEMPERATURE) * slopes, rel=1e-4, abs=1e-6)
+        add_block_drift(kernel, 1.0, 1, y, friction, work)
+        add_block_drift(kernel.model, -1.0, 1, y, friction, work)
+        add_block_noises(kernel, -times / 1e-6, 1, y, friction, work)
+        assert np.abs(friction).max() < 1e-4 * np.abs(times).max() / 1e-6
 
 
 # --- the law ---------------------------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ FLOORS = [
     {
         "kinds": [],
         **{f"kinds.{kind}": ["kinds"] for kind in ("long_time", "stability", "strong", "trajectory", "weak")},
+        "kinds.answer": ["kinds", "kinds.weak"],
         "kinds.work_precision": ["kinds", "kinds.strong", "kinds.weak"],
     },
     {"running": []},

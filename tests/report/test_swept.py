@@ -67,7 +67,7 @@ def test_the_figure_has_a_panel_of_each_quantity(path):
     order, error = figure.axes
     assert (order.get_ylabel(), order.get_yscale()) == ("order", "linear")
     assert (error.get_ylabel(), error.get_yscale()) == ("error at $h=2^{-6}$", "log")
-    assert error.get_xlabel() == r"$\sigma$" and len(error.containers) == 2 and len(order.lines) == 3
+    assert error.get_xlabel() == r"$\sigma$" and len(error.containers) == 2 and len(order.lines) == 2 * 2 + 1
     (legend,) = [legend for area in figure.subfigs for legend in area.legends]
     said = {text.get_text() for text in legend.texts if text.get_text().strip()}
     assert said == {"splitting", "Euler-Maruyama", "stated by theory, or known"}

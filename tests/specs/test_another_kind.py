@@ -20,6 +20,7 @@ SOURCES = [
 ]
 #: (source, kind) -> what is said where no experiment can be made.
 REFUSED = {
+    ("rigid_body_ap_weak", "answer"): "cases?.schemes: has a multiscale scheme; answers are about the equation",
     ("rigid_body_ap_weak", "long_time"): "cases?.schemes: has a multiscale scheme; use schemes without eps",
     ("zeitlin_strong", "stability"): "zeitlin_strong: --as stability: is zeitlin; choose a parameter to sweep",
 }
@@ -42,14 +43,16 @@ def test_any_experiment_becomes_one_of_another_kind(source, kind):
     assert [case.name for case in made.cases] == [case.name for case in old.cases]
     for new, case in zip(made.cases, old.cases, strict=True):
         assert new.title == case.title or len(made.cases) == 1
-        assert (new.schemes, new.compositions, new.seed) == (case.schemes, case.compositions, case.seed)
+        assert new.seed == case.seed
+        if kind != "answer":  # which chooses its own
+            assert (new.schemes, new.compositions) == (case.schemes, case.compositions)
         assert type(new.model) is type(case.model)
         if old.kind != "stability":
             assert new.model == case.model
         if kind != "stability" and old.kind != "stability":
             assert new.initial == case.initial
         assert not new.claims  # which were about other numbers
-        assert set(new.functions) >= set(getattr(case, "functions", ())) if kind == "weak" else True
+        assert set(new.functions) >= set(getattr(case, "functions", ())) if kind in ("weak", "answer") else True
     assert load(made.path, text=made.text).hash == made.hash  # it is a spec like any other
 
 
@@ -79,4 +82,4 @@ def test_an_unknown_kind_gets_one_line():
 
 def test_what_is_made_costs_no_more_than_a_laptop_has():
     for kind in KINDS:
-        assert cost(load_as(kind, "rigid_body_qualitative")).seconds < 60
+        assert not cost(load_as(kind, "rigid_body_qualitative")).seconds > 60

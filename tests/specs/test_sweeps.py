@@ -55,6 +55,13 @@ def test_a_word_in_formulas(spec):
     assert [case.final_time for case in found.cases] == [1.0, 2.0, 4.0]
 
 
+def test_a_parameter_to_which_formulas_refer_has_the_value_itself(spec):
+    found = spec(STRONG, "inertia: [2, 1, 2/3]", "inertia: [sigma+1, 1, 2/3]", "[0.5, 2]", "[0.1, 0.1000000000000001]")
+    assert [case.model.inertia[0] for case in found.cases] == [1.1, 1.1000000000000001]
+    assert [case.model.sigma[2] for case in found.cases] == [0.1, 0.1000000000000001]
+    assert len({case.name for case in found.cases}) == 2
+
+
 def test_keys_with_a_number(spec):
     assert [case.damping for case in spec(STRONG, SWEEP, "sweep: {damping: [0, 0.5]}").cases] == [0.0, 0.5]
     found = spec(

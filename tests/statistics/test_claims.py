@@ -19,6 +19,7 @@ from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
+from spi.kinds.answer.results import Answer
 from spi.kinds.statistics.results import Quantiles, Statistics
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
@@ -289,6 +290,22 @@ MEANS = Statistics(
     samples=10,
     ns_per_step=1.0,
 )
+ANSWER = Answer(
+    about=Description.of(strong_group("splitting")),
+    functions=("phi",),
+    formulas=("y1",),
+    value=np.array([2.0]),
+    half=np.array([0.5]),
+    bias=np.array([0.1]),
+    stderr=np.array([0.2]),
+    accuracy=0.5,
+    aim=0.5,
+    reached=True,
+    why="",
+    cpu_seconds=1.0,
+    predicted_seconds=1.0,
+    next_digit_seconds=100.0,
+)
 PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
 WHOLE = {
     "strong": strong(strong_group("splitting")),
@@ -301,6 +318,7 @@ WHOLE = {
     "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
     "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
+    "answer": Results({"kind": "answer", "title": "Answer"}, (ANSWER.group(),)),
 }
 
 

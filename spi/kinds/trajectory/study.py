@@ -10,11 +10,12 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import growth, invariants_of
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated, report_columns
+from spi.ensemble.laws import at_once
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import decay_rates, large
 from spi.ensemble.random_states import RandomState
-from spi.ensemble.scheme_protocol import REPORT
+from spi.ensemble.scheme_protocol import REPORT, report_columns
 from spi.kinds.plans import Cost, Done, PathsPlan, State
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
@@ -63,8 +64,8 @@ class TrajectoryPlan(PathsPlan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of a large model not the final time, as a path goes on from its last state."""
-        found = super().deciding(number)
-        return {key: value for key, value in found.items() if key != "final_time" or not large(self.model)}
+        found, ends = super().deciding(number), not large(self.model) or at_once(self.case.noise)
+        return {key: value for key, value in found.items() if key != "final_time" or ends}
 
     def size(self, number: int) -> int:
         """The number of steps."""

@@ -23,6 +23,7 @@ class Case(SampledCase):
     ) = None
     repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
 
+    driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}

@@ -67,8 +67,8 @@ class StabilityPlan(PartPlan):
     @property
     def has_truth(self) -> bool:
         """Whether there are test functions, and their true expectations can be found without a scheme."""
-        random = isinstance(self.initial, RandomState)
-        return bool(self.case.functions) and not random and can_solve_equation(self.model)
+        known = self.case.noise is None and not isinstance(self.initial, RandomState)
+        return bool(self.case.functions) and known and can_solve_equation(self.model)
 
     def cost(self) -> Cost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""

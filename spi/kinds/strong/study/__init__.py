@@ -52,7 +52,8 @@ def plan(case: Any, part: Part) -> "StrongPlan":
     """The plan for one scheme of a case."""
     reference = case.reference_record(part.eps)
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
-    return StrongPlan(case=case, part=part, grid=times, samples=case.samples)
+    timed = case.noise is None  # other drivers are made beside the loop over time
+    return StrongPlan(case=case, part=part, grid=times, samples=case.samples, timed_steps=timed)
 
 
 class Times(NamedTuple):

@@ -8,7 +8,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.array_states import noise_groups
 from spi.ensemble.fields import noise_field, noise_field_derivative
 from spi.ensemble.protocol import in_kernels, large, noise_indices
-from spi.schemes import Scheme, has_theory
+from spi.schemes import Scheme, driven, has_theory
 from spi.statistics.estimators import RESOLVED, root_mean_square, samples_needed
 
 
@@ -54,14 +54,20 @@ def expected_order(row: Scheme, case: Any) -> float | None:
     if not has_theory(row, model):
         return None
     if large(model):  # noises of one group commute, and f_k' f_k, which Euler-Maruyama leaves out, is not 0
-        return row.strong_order_commuting if noise_groups(model) <= 1 else row.strong_order
+        commuting = noise_groups(model) <= 1
+        if case.noise is not None:
+            return driven.strong_order(case.noise, row, model, commuting)
+        return row.strong_order_commuting if commuting else row.strong_order
     states = np.array(case.initial) + np.random.default_rng(0).standard_normal((4, len(case.initial)))
     at = list(map(tuple, np.abs(states).tolist()))  # populations are positive
     if not noise_indices(model):
         return 1.0
     products = _products(noise_field_derivative, model, at)
     swapped = np.swapaxes(products, 1, 2)
-    if not np.allclose(products, swapped, rtol=1e-12, atol=1e-12):
+    commuting = np.allclose(products, swapped, rtol=1e-12, atol=1e-12)
+    if case.noise is not None:
+        return driven.strong_order(case.noise, row, model, commuting)
+    if not commuting:
         return row.strong_order
     if row.left_out is None:
         return row.strong_order_commuting

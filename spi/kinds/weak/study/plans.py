@@ -8,7 +8,7 @@ import numpy as np
 from spi.ensemble.loop import thread_count
 from spi.expressions import canonical
 from spi.kinds.plans import PartPlan
-from spi.schemes import has_theory, weak_exponents
+from spi.schemes import driven, has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
 from spi.statistics.richardson import Extrapolation
 
@@ -43,6 +43,8 @@ class WeakPlan(PartPlan):
     @property
     def expected_order(self) -> float | None:
         """The weak order of the scheme, after extrapolation; None where theory says nothing."""
+        if self.case.noise is not None:
+            return driven.weak_order(self.case.noise, self.row, self.model)
         if not self.part.extrapolate:
             return self.row.weak_order if has_theory(self.row, self.model) else None
         exponents = weak_exponents(self.row, self.model, self.part.extrapolate + 1)

@@ -1,0 +1,15 @@
+"""What a spec may expect of answers."""
+
+from collections.abc import Iterator, Sequence
+
+from spi.statistics.claims import Quantity, quantity
+
+from .results import Answer
+
+
+def quantities(readings: Sequence[Answer]) -> Iterator[Quantity]:
+    """The value of each function with its interval, and half the width of that."""
+    for one in readings:
+        for name, value, half in zip(one.functions, one.value, one.half, strict=True):
+            yield quantity("value", one.about, value, half, name)
+            yield quantity("interval", one.about, half, 0.0, name)

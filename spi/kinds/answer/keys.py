@@ -1,0 +1,109 @@
+"""The keys of an experiment of kind answer."""
+
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pydantic
+
+from spi.ensemble.inexact import flows_lacking
+from spi.ensemble.protocol import Positive, large
+from spi.expressions import as_numpy
+from spi.schemes import SCHEMES, has_theory
+from spi.specs.cases import BaseCase
+from spi.specs.checks import check_count, check_flows, check_once
+from spi.specs.conversion import Given
+from spi.specs.functions import FunctionKeys
+from spi.specs.keys import Functions, Levels, Schemes, condition, key_of, wrong
+from spi.statistics.claims import AT_MOST, EQUAL, Sort
+
+#: What is tried where no schemes are named, the first that a model can have: exact flows, or schemes without any.
+CANDIDATES = (("splitting_order2", "splitting_symmetric"), ("munthe_kaas_midpoint",), ("euler_maruyama",))
+
+#: The finest step is final_time / 2^FINEST.
+FINEST = 16
+
+#: No sum of float64 is known to better than this, relative to the largest values that it has.
+ROUNDING = 1e-13
+
+
+class Case(FunctionKeys, BaseCase):
+    """Expectations E phi(y(T)) to a wanted accuracy; scheme, steps, extrapolation and samples are chosen."""
+
+    final_time: key_of(Positive, "final time T", "time")
+    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi")
+    accuracy: key_of(
+        Positive, "half the width of the 95 % interval that is wanted, with what is left of the bias", "value"
+    )
+    schemes: key_of(Schemes, "schemes to choose from; default: those of weak order 2, or what the model can have") = ()
+    extrapolate: key_of(Levels, "levels of extrapolation to choose from, 0 to 3") = (0, 1, 2, 3)
+    sampling: key_of(pydantic.StrictBool, "sample, though the expectation may be known without it") = False
+    seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
+
+    truncate_noise: ClassVar[bool] = False
+    panels: ClassVar[tuple] = ()
+    quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
+    scoping: ClassVar = ("functions",)
+
+    @property
+    def last_time(self) -> float:
+        """T."""
+        return self.final_time
+
+    @property
+    def step(self) -> float:
+        """A step that resolves the paths, for an experiment of another kind."""
+        return self.final_time / 64
+
+    @condition("schemes", "model", "compositions")  # in the place of that of all cases, before claims name schemes
+    def _check_names(self) -> Self:
+        """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
+        if self.schemes:
+            return super()._check_names()
+        found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
+        return self.model_copy(update={"schemes": found, "compositions": {}})
+
+    @condition("extrapolate")
+    def _check_extrapolate(self) -> Self:
+        check_once(self.extrapolate, "extrapolate")
+        return self
+
+    @condition("accuracy", "functions", "initial", "model")
+    def _check_accuracy(self) -> Self:
+        y = np.reshape(np.asarray(self.initial, float), (-1, 1))
+        with np.errstate(all="ignore"):
+            values = np.abs([np.broadcast_to(as_numpy(tree)(y), 1)[0] for tree in self.expressions])
+        least = ROUNDING * float(values.max(initial=0.0, where=np.isfinite(values)))
+        if self.accuracy < least:
+            what = f"is {self.accuracy:g}, below what float64 knows of such values, about {least:.1g}"
+            raise wrong(what, "ask for more", "accuracy")
+        return self
+
+    @condition("final_time", "schemes", "model")
+    def _check_schemes(self) -> Self:
+        check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
+        check_once(self.schemes, "schemes")
+        for name in self.schemes:
+            if self.row(name).needs_truncation:
+                raise wrong(f"has '{name}', which needs bounded increments", "leave it out", "schemes")
+            if self.row(name).multiscale:
+                raise wrong(f"has '{name}' for the multiscale system", "use schemes without eps", "schemes")
+        check_flows(self)
+        return self
+
+    def _can_have(self, name: str) -> bool:
+        row = SCHEMES[name]
+        if large(self.model) and not row.for_large_models:
+            return False
+        if row.composition is not None:
+            return not flows_lacking(self.model) and has_theory(row, self.model)
+        return name == CANDIDATES[-1][0] or not row.needs or bool(row.needs(self.model))
+
+
+def of_another(given: Given) -> dict[str, Any]:
+    """What an experiment of another kind lacks to be one of this; the schemes are left to choose."""
+    if given.case.eps is not None:
+        raise wrong("has a multiscale scheme", "answers are about the equation; use schemes without eps", "schemes")
+    left = dict.fromkeys(("schemes", "truncate_noise", "compositions"))
+    time = given.case.last_time if given.functions else given.step * given.length
+    functions = given.functions or {"mean": "y1", "square": "y1^2"}
+    return {**left, "final_time": time, "functions": functions, "accuracy": 1e-3}

@@ -1,0 +1,67 @@
+"""The paths of an answer: those of a difference between neighbouring levels, and those of one level alone."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
+from spi.numerics.rng import ANSWERS, LANES
+from spi.schemes import typical_ns
+from spi.schemes.splitting import has_antithetic_path
+
+from .keys import FINEST
+
+LEVELS = FINEST + 1  #: levels 0, ..., FINEST
+SETS = 2 * LEVELS  #: path sets of a scheme: differences, and behind them values
+
+#: What a path costs besides its steps, its beginning and phi at its end, and the sums over a quantity of a function;
+#: measured, of typical speed.
+PATH_NS, SUM_NS = 25.0, 15.0
+
+DIFFERENCE, VALUE = range(2)
+
+
+class Paths(NamedTuple):
+    """The paths of one sample of a path set.
+
+    The rows of `weights` make its quantities of phi on the paths: DIFFERENCE, at the fine step minus at the coarse one,
+    and VALUE, at the fine step on one path; of a level alone the value only.
+    """
+
+    grid: Grid
+    stream: RandomStream
+    weights: np.ndarray
+    steps: int  #: of all paths of a sample
+
+
+def paths_of_set(case: Any, row: Any, number: int) -> Paths:
+    """Those of path set number `number` of all: of scheme number // SETS, whose row of the table is `row`."""
+    own, record = number % SETS, row.record
+    level, alone = own % LEVELS, own >= LEVELS
+    shape: dict[str, Any] = {"doublings": (0,)}
+    weights = [[1.0]]
+    if not alone and has_antithetic_path(record):
+        shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
+        weights = [[0.5, 0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]]
+    elif not alone:
+        shape = {"doublings": (0, 1)}
+        weights = [[1.0, -1.0], [1.0, 0.0]]
+    steps, h = 2**level, case.final_time / 2.0**level
+    terms = fourier_terms(case.model, [record], h, areas=case.areas)
+    times = grid(h, steps, by_reference=(0,) * len(shape["doublings"]), area_terms=terms, **shape)
+    stream = RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number))
+    return Paths(times, stream, np.array(weights), int((steps >> times.doublings).sum()))
+
+
+def seconds_of(case: Any, row: Any, paths: Paths) -> float:
+    """Of one sample of a path set, by one thread of typical speed."""
+    quantities, count = paths.weights.shape
+    besides = PATH_NS * count + SUM_NS * quantities * len(case.functions)
+    return 1e-9 * (typical_ns(row, case.model) * paths.steps + besides)
+
+
+def whole_blocks(paths: np.ndarray, least: int) -> np.ndarray:
+    """Numbers of paths as multiples of so many blocks, 0 where there are none."""
+    size = least * LANES
+    return (np.ceil(np.minimum(paths, 1e15) / size) * size).astype(np.int64)

@@ -1,0 +1,167 @@
+"""The answer that sums over paths make: the value, its interval, the check by one step finer, and what to say of it."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from spi.expressions import canonical
+from spi.kinds.plans import State
+from spi.printing.sentences import joined
+from spi.printing.text import short
+from spi.statistics.richardson import weights
+from spi.storage.records import INTERVAL
+
+from .levels import LEVELS, SETS
+from .planner import HEAVY, bound, changed, order_of, shares
+from .results import Answer, Chosen, Levels
+
+if TYPE_CHECKING:
+    from .study import AnswerPlan
+
+_SURE = 2.0  # standard errors by which the check may be off
+_DOUBT = 1.5  # of the consistency, whose bound 1 one of many levels passes now and then
+
+
+class Found(NamedTuple):
+    """What the sums tell, arrays (F,)."""
+
+    value: np.ndarray
+    half: np.ndarray
+    bias: np.ndarray
+    stderr: np.ndarray
+    order: float  #: of the bias
+    check: np.ndarray  #: by how much one step finer differs
+    check_stderr: np.ndarray
+    passed: bool
+    share: np.ndarray  #: (levels,) how much of each difference is in the value
+
+
+def found(p: "AnswerPlan", state: State) -> Found:
+    """The value with its interval, and the check."""
+    extra = state.extra
+    measured, exponents = p.measured(state, extra.scheme), p.exponents(extra.scheme)
+    if not math.isnan(extra.order):
+        exponents = (extra.order,)
+    w, finest = weights(exponents[: extra.levels]), extra.finest
+    share = shares(w, extra.base, finest, LEVELS)
+    used, base = np.flatnonzero(share), p.totals(state, extra.scheme)[LEVELS + extra.base]
+    m1, m2 = base.sums[:2, 0].sum(axis=-1) / base.paths
+    s = share[used, np.newaxis]
+    value = m1 + (s * measured.mean[used]).sum(axis=0)
+    variance = np.maximum(m2 - m1**2, 0.0) / base.paths + (s**2 * measured.stderr[used] ** 2).sum(axis=0)
+    stderr, q = np.sqrt(variance), order_of(exponents, extra.levels)
+    bias = bound(measured, exponents, extra.levels, finest, extra.base).bias
+    check, check_stderr = changed(measured, w, finest + 1)
+    passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _SURE * check_stderr).all())
+    return Found(value, bias + INTERVAL * stderr, bias, stderr, q, check, check_stderr, passed, share)
+
+
+def standard_error(p: "AnswerPlan", state: State) -> float:
+    """Of the first function, NaN before there is one."""
+    extra = state.extra
+    if extra.stage == 0 or extra.scheme < 0 or state.tally(extra.scheme * SETS + LEVELS + extra.base).paths == 0:
+        return float("nan")
+    with np.errstate(all="ignore"):
+        return float(found(p, state).stderr[0])
+
+
+def consistency(p: "AnswerPlan", state: State) -> float:
+    """Giles' check |a - b| / (3 (sd a + sd b)): the mean at a step on paths of its own, and beside those of half of it.
+
+    The largest over the levels that are used, each above 1 with probability 0.3 %.
+    """
+    extra, worst = state.extra, 0.0
+    totals = p.totals(state, extra.scheme)
+    for level in range(extra.base + 1, extra.finest + 1):
+        below = totals[LEVELS + level - 1] if level == extra.base + 1 else totals[level - 1]
+        (fine, fine2), (off, off2) = (totals[level].sums[:2, i].sum(axis=-1) / totals[level].paths for i in (1, 0))
+        m1, m2 = below.sums[:2, -1].sum(axis=-1) / below.paths
+        sd = np.sqrt(np.maximum(m2 - m1**2, 0.0) / below.paths)
+        sd += np.sqrt(np.maximum(fine2 - fine**2, 0.0) / totals[level].paths)
+        sd += np.sqrt(np.maximum(off2 - off**2, 0.0) / totals[level].paths)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            worst = max(worst, float(np.nan_to_num(np.abs(fine - off - m1) / (3.0 * sd)).max()))
+    return worst
+
+
+def answer(p: "AnswerPlan", state: State) -> Answer:
+    """What is stored."""
+    case, extra = p.case, state.extra
+    told: dict[str, Any] = {
+        **p.whole(state),
+        "functions": tuple(case.functions),
+        "formulas": tuple(canonical(one) for one in case.expressions),
+        "accuracy": case.accuracy,
+        "aim": extra.aim,
+        "pilot_seconds": extra.pilot_cpu_seconds,
+        "predicted_seconds": extra.predicted_cpu_seconds,
+        "next_digit_seconds": extra.next_cpu_seconds,
+        "cpu_seconds": extra.cpu_seconds + sum(state.so_far(i).cpu_seconds for i in state.tallies),
+    }
+    if extra.scheme < 0:
+        zero, limit = np.zeros(len(case.functions)), extra.known_bound
+        why = "a solution without sampling is known for this system"
+        return Answer(value=extra.known, half=limit, bias=limit, stderr=zero, reached=True, why=why, **told)
+    one = found(p, state)
+    reached = bool(one.passed and (one.half <= extra.aim).all())
+    chosen = _chosen(p, state, one)
+    warnings = tuple(_warnings(p, state, one, chosen, reached))
+    named: dict[str, Any] = {"value": one.value, "half": one.half, "bias": one.bias, "stderr": one.stderr}
+    return Answer(**named, reached=reached, why=_why(p, state), warnings=warnings, chosen=chosen, **told)
+
+
+def _chosen(p: "AnswerPlan", state: State, one: Found) -> Chosen:
+    extra, measured = state.extra, p.measured(state, state.extra.scheme)
+    used = np.arange(extra.base + 1, extra.finest + 2)  # the last one is that of the check
+    totals = p.totals(state, extra.scheme)
+    steps = p.case.final_time / 2.0 ** np.arange(LEVELS)
+    return Chosen(
+        scheme=p.case.schemes[extra.scheme],
+        extrapolated=extra.levels,
+        largest_step=float(steps[extra.base]),
+        smallest_step=float(steps[extra.finest]),
+        order=float(one.order),
+        samples=int(totals[LEVELS + extra.base].paths),
+        check=one.check,
+        check_stderr=one.check_stderr,
+        passed=one.passed,
+        consistency=consistency(p, state),
+        levels=Levels(
+            h=steps[used],
+            share=one.share[used],
+            samples=np.array([totals[level].paths for level in used]),
+            **{name: getattr(measured, name)[used].T for name in ("mean", "stderr", "variance", "kurtosis")},
+        ),
+    )
+
+
+def _why(p: "AnswerPlan", state: State) -> str:
+    """What the choice was made from, in seconds of typical speed, which no clock decides."""
+    each = []
+    for name, works in zip(p.case.schemes, state.extra.works, strict=True):
+        known = [f"{short(work, '.2g')} with {n} levels" for n, work in enumerate(works) if np.isfinite(work)]
+        each += [f"{name}: {', '.join(known)} of extrapolation"] if known else []
+    return f"predicted seconds of typical speed after the pilot: {'; '.join(each)}" if each else ""
+
+
+def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached: bool) -> Iterator[str]:
+    case, extra = p.case, state.extra
+    if extra.aim > case.accuracy:
+        what = f"accuracy {short(case.accuracy, 'g')} would take more than {case.seconds:g} s of typical speed"
+        yield f"{what}; {short(extra.aim)} is what these allow; raise seconds"
+    if not math.isnan(extra.order):
+        theory = p.exponents(extra.scheme)[0]
+        what = f"the order found is {extra.order:.2f}, not {theory:g} as assumed"
+        yield f"{what}, as with functions that have jumps; not extrapolated"
+    if (heavy := float(chosen.levels.kurtosis.max())) > HEAVY:
+        yield f"heavy tails: the kurtosis of a level is {heavy:.0f}, so that intervals may be too narrow"
+    if chosen.consistency > _DOUBT:
+        yield f"levels do not agree with one another: their check is {chosen.consistency:.1f}, and should be below 1"
+    if not one.passed:
+        yield "one step finer differs by more than the bias that is stated; the interval may be too narrow"
+    if not reached and one.passed:
+        yield f"the interval is wider than {short(extra.aim)}"
+    if lost := [name for name, value in zip(case.functions, one.value, strict=True) if not math.isfinite(value)]:
+        yield f"not finite: {joined(lost)}; paths diverged"

@@ -1,0 +1,210 @@
+"""What is cheapest: from means, variances and costs of levels to a choice of levels, and from a choice to a bound.
+
+Level l has the step T / 2^l; P_l is phi at the end of its paths, Y_l = P_l - P_(l-1) on common paths.  An estimate is
+
+    R = sum_i w_i E P_(L-i) = E P_b + sum_{l = b+1}^{L} s_l E Y_l,   s_l = sum_{i <= L - l} w_i,
+
+with the weights w of j levels of extrapolation (w = 1 for j = 0), each mean sampled by itself.  Without levels above b
+that is plain Monte Carlo.  For an error of the order q the bias of R(L) is (R(L - 1) - R(L)) / (2^q - 1) up to higher
+powers of h, a sum of the means of the same differences.  Costs are in seconds of typical speed, known before anything
+is timed: so choices are the same on every machine.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from spi.statistics.richardson import weights
+from spi.storage.records import INTERVAL
+
+BIAS_SHARE = 0.1  #: of the accuracy, which the bias may have where levels are chosen
+CHECK_SHARE = 0.15  #: of the accuracy, the standard error with which one step finer is compared
+#: Paths of a level at least, in units of its kurtosis: below, its standard error is not to be trusted.
+TAILS = 8.0
+MOST_TAILS = 2**17
+HEAVY = 100.0  #: a kurtosis of which a person is told
+#: Levels that are asked what the bias is, counted from the one with the smallest step.
+_ASKED = 3
+_CLEAR = 3.0  # a mean stands clear of its standard error
+_FALLS = 1 / 8, 1.0  # the least and the most that a variance is assumed to fall from level to level
+
+
+class Measured(NamedTuple):
+    """What is known of the levels 0, ..., K of a scheme; arrays (K + 1, F), costs (K + 1,); row 0 has no difference."""
+
+    mean: np.ndarray  #: of Y_l
+    stderr: np.ndarray
+    variance: np.ndarray
+    kurtosis: np.ndarray
+    value_variance: np.ndarray  #: of P_l
+    cost: np.ndarray  #: of a sample of Y_l
+    value_cost: np.ndarray
+    known: int  #: up to which level there are samples
+
+    @classmethod
+    def of(
+        cls, moments: np.ndarray, samples: np.ndarray, values: np.ndarray, cost: np.ndarray, value_cost: np.ndarray
+    ) -> "Measured":
+        """From moments (4, K + 1, F) of Y_l, how many samples of each there are, and the variances of P_l.
+
+        The variances of levels without samples go on as they fell before; a level that is not finite has an infinite
+        one, so that it is not chosen.
+        """
+        m1, m2, m3, m4 = moments
+        known = int(np.flatnonzero(samples)[-1])
+        with np.errstate(all="ignore"):
+            variance = np.maximum(m2 - m1**2, 0.0)
+            kurtosis = np.nan_to_num((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2, nan=0.0)
+            variance = np.where(np.isfinite(variance), variance, np.inf)
+            variance[0] = 0.0
+            last = [variance[k][np.newaxis] for k in (known, max(known - 1, 1))]
+            fall = np.clip(np.nan_to_num(last[0] / last[1], nan=0.5), *_FALLS)
+            beyond = np.arange(len(samples) - known - 1)[:, np.newaxis] + 1
+            variance[known + 1 :] = last[0] * fall**beyond
+            values = np.where(np.isfinite(values), values, np.inf)
+            values[known + 1 :] = values[known]
+            stderr = np.sqrt(variance / samples[:, np.newaxis])
+        return cls(m1, stderr, variance, kurtosis, values, cost, value_cost, known)
+
+    @property
+    def widest(self) -> tuple[np.ndarray, np.ndarray]:
+        """(K + 1,) the largest variances over the functions, of differences and of values."""
+        return self.variance.max(axis=1), self.value_variance.max(axis=1)
+
+
+class Choice(NamedTuple):
+    """Which levels an answer has."""
+
+    levels: int  #: of extrapolation
+    base: int  #: the level of the largest step
+    finest: int
+    work: float  #: predicted seconds of typical speed
+    bias: float  #: predicted
+
+
+def shares(w: np.ndarray, base: int, finest: int, count: int) -> np.ndarray:
+    """(count,) how much of each Y_l is in R."""
+    level = np.arange(count)
+    up_to = np.cumsum(w)[np.clip(finest - level, 0, len(w) - 1)]
+    return np.where((level > base) & (level <= finest), up_to, 0.0)
+
+
+def change(w: np.ndarray, finest: int, count: int) -> np.ndarray:
+    """(count,) how much of each Y_l is in R(finest) - R(finest - 1), which needs finest >= len(w)."""
+    return shares(w, 0, finest, count) - shares(w, 0, finest - 1, count)
+
+
+def changed(measured: Measured, w: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
+    """R(finest) - R(finest - 1) as it was found, and its standard error, (F,)."""
+    t = change(w, finest, len(measured.cost))
+    used = np.flatnonzero(t)
+    mean, stderr = measured.mean[used], measured.stderr[used]
+    return t[used] @ mean, np.sqrt(t[used] ** 2 @ stderr**2)
+
+
+def order_of(exponents: Sequence[float], levels: int) -> float:
+    """The order of R with so many levels of extrapolation; 1 where theory says nothing."""
+    return exponents[levels] if exponents else 1.0
+
+
+class Bound(NamedTuple):
+    """What is known of the bias of R, arrays (F,)."""
+
+    bias: np.ndarray  #: of the modulus at most
+    stderr: np.ndarray  #: of what the bias was found from; contained in the bound
+
+
+def bound(measured: Measured, exponents: Sequence[float], levels: int, finest: int, lowest: int = 0) -> Bound:
+    """The bias at most, by the changes of R from step to step, each carried on to `finest` by its order.
+
+    The largest counts, so that one change that is small by chance does not; levels up to `lowest` have no say.
+    """
+    w = weights(exponents[:levels])
+    q, last = order_of(exponents, levels), min(finest, measured.known)
+    found, doubt = np.zeros(measured.mean.shape[1]), np.zeros(measured.mean.shape[1])
+    for level in range(max(last - _ASKED + 1, lowest + levels + 1), last + 1):
+        off, stderr = changed(measured, w, level)
+        off, scale = np.abs(off), 2.0 ** (q * (level - finest)) / (2.0**q - 1.0)
+        # of larger steps only what stands clear counts, for noise is carried on as little as theirs
+        clear = stderr if level == last else np.where(off > _CLEAR * stderr, 0.0, -off)
+        found = np.fmax(found, scale * (off + clear))
+        doubt = scale * stderr
+    return Bound(np.where(np.isnan(found), np.inf, found), doubt)
+
+
+def choose(
+    measured: Measured, exponents: Sequence[float], allowed: Sequence[int], accuracy: float, bases: Sequence[int] = ()
+) -> Choice:
+    """The least work by which bias and sampling together stay below the accuracy.
+
+    Of all `allowed` numbers of levels of extrapolation, and of all largest steps, or those of `bases`.  If the bias is
+    too large even at the smallest step, the choice has that.
+    """
+    most, found = len(measured.cost) - 2, []  # one level more is kept for the check
+    for levels in allowed:
+        if levels and len(exponents) <= levels:
+            continue
+        for base in bases or range(measured.known):
+            for finest in range(base + levels + 1, most + 1):
+                bias = float(bound(measured, exponents, levels, finest, base).bias.max())
+                if bias <= BIAS_SHARE * accuracy or finest == most:
+                    one = Choice(levels, base, finest, 0.0, bias)
+                    samples = allocation(measured, exponents, one, accuracy)
+                    work = float(np.dot(samples, _costs(measured)))
+                    found.append(one._replace(work=work if math.isfinite(work) else math.inf))
+                    break
+    good = [one for one in found if one.bias <= BIAS_SHARE * accuracy]
+    if good:
+        return min(good, key=lambda one: (one.work, one.finest))
+    return min(found, key=lambda one: (one.bias, one.work))
+
+
+def _costs(measured: Measured) -> np.ndarray:
+    return np.concatenate([measured.cost, measured.value_cost])
+
+
+def allocation(
+    measured: Measured, exponents: Sequence[float], choice: Choice, accuracy: float, bias: float | None = None
+) -> np.ndarray:
+    """(2 (K + 1),) paths of each difference, and behind them those of each value, for an answer to the accuracy.
+
+    N_l is proportional to |s_l| (V_l / C_l)^(1/2), so that the work is least; the level above the finest is for the
+    check; paths are not fewer than the tails of a level ask for.
+    """
+    count, w = len(measured.cost), weights(exponents[: choice.levels])
+    target = (accuracy - min(choice.bias if bias is None else bias, accuracy / 2)) / INTERVAL
+    s = shares(w, choice.base, choice.finest, count)
+    of_differences, of_values = measured.widest
+    variance = np.append(np.where(s != 0.0, s**2 * np.where(s != 0.0, of_differences, 0.0), 0.0), np.zeros(count))
+    variance[count + choice.base] = of_values[choice.base]
+    cost = _costs(measured)
+    with np.errstate(invalid="ignore"):  # a level that is not finite has no work that is
+        samples = np.nan_to_num(np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2, nan=np.inf)
+    check = choice.finest + 1
+    samples[check] = w[0] ** 2 * of_differences[check] / (CHECK_SHARE * accuracy) ** 2
+    tails = np.append(np.minimum(TAILS * measured.kurtosis.max(axis=1), MOST_TAILS), np.zeros(count))
+    used = np.append(s != 0.0, np.zeros(count, bool))
+    used[[check, count + choice.base]] = True
+    return np.where(used, np.maximum(np.maximum(samples, tails), 1.0), 0.0)
+
+
+def contradicted(measured: Measured, exponents: Sequence[float], lowest: int, accuracy: float) -> float | None:
+    """The order that the means of the finest resolved levels show, if it is not that of theory; None otherwise.
+
+    Only where both of two neighbouring means stand clear of their standard errors, and matter.
+    """
+    if not exponents:
+        return None
+    mean, stderr = np.abs(measured.mean), measured.stderr
+    for level in range(measured.known, lowest + 2, -1):
+        with np.errstate(all="ignore"):
+            clear = (mean[level - 1 : level + 1] > 2 * _CLEAR * stderr[level - 1 : level + 1]).all(axis=0)
+            clear &= mean[level] > BIAS_SHARE * accuracy
+            orders = np.log2(mean[level - 1] / mean[level])
+            doubt = np.hypot(*(stderr[level - 1 : level + 1] / mean[level - 1 : level + 1])) / math.log(2.0)
+        if clear.any():
+            low = np.where(clear & (orders + 2 * doubt < exponents[0] - 0.5), orders, np.inf).min()
+            return max(float(low), 0.25) if math.isfinite(low) else None
+    return None

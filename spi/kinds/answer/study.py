@@ -1,0 +1,225 @@
+"""E phi(y(T)) to a wanted accuracy: without sampling where that is possible, else by the cheapest choice of levels.
+
+The pilot, some paths of each of the larger steps, tells variances and means; :mod:`.planner` chooses by them, and by
+costs that are known before anything is timed, so that a choice depends on the spec alone.  A tenth of the work follows,
+after which it chooses again, then the whole.  One step finer is compared on paths of its own: where it differs by more
+than the bias that is stated, it becomes the finest step, and the one below is compared.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.compiler.inlining import is_loaded
+from spi.ensemble.friction import has_friction
+from spi.ensemble.protocol import dimension
+from spi.ensemble.random_states import RandomState
+from spi.exact.kolmogorov import can_solve, demands
+from spi.expressions import canonical, functions_of
+from spi.kinds.blocks import Blockwise
+from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.weak.study.sums import values_of_blocks
+from spi.numerics.rng import LANES
+from spi.schemes import SCHEMES, weak_exponents
+from spi.schemes.stages import compositions
+from spi.statistics.estimators import GROUPS, ROUND
+from spi.statistics.powers import with_powers
+from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
+from spi.storage.records import Part
+
+from . import deciding, outcome
+from .deciding import PILOT, PILOT_LEVELS, Decisions
+from .levels import DIFFERENCE, LEVELS, SETS, Paths, paths_of_set, seconds_of
+from .planner import Measured
+from .results import Answer
+
+_POWERS = 4
+_BATCH_BYTES = 64e6
+_SOLVING = "splitting_order2"  # by whose steps the solvers check the limit
+_ORDERS = 4  # powers of h that extrapolation removes, and the next
+
+
+class Totals(NamedTuple):
+    """The sums over some samples of one path set, for F functions."""
+
+    paths: int  #: samples
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    sums: np.ndarray  #: (powers, quantities, F, GROUPS)
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These samples and some later ones."""
+        mine, others = self._asdict(), later._asdict()
+        return Totals(**{name: mine[name] + others[name] for name in self._fields})
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    values: np.ndarray  #: (blocks, paths of a sample, F, LANES)
+    weights: np.ndarray
+
+
+def parts(case: Any) -> list[Part]:
+    """One: all schemes are for one answer."""
+    return [Part(case.schemes[0])]
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """How a person learns what an answer takes."""
+    if not plan(case, parts(case)[0]).solvable:
+        yield "`spi answer --dry` runs the pilot and predicts how long it takes"
+
+
+def plan(case: Any, part: Part) -> "AnswerPlan":
+    """The plan of a case."""
+    return AnswerPlan(case=case, part=part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnswerPlan(Blockwise, PartPlan):
+    """The answer of a case."""
+
+    @cached_property
+    def solvable(self) -> bool:
+        """Whether the expectation is found without sampling."""
+        case = self.case
+        unknown = case.damping or has_friction(case.model) or isinstance(case.initial, RandomState)
+        if case.sampling or unknown or not can_solve(case.model):
+            return False
+        acting = compositions(SCHEMES[_SOLVING].composition, case.model)
+        texts = tuple(canonical(one) for one in case.expressions)
+        what = case.initial, case.final_time, self.solving_steps, functions_of(texts, dimension(case.model))
+        need = demands(case.model, acting, *what, case.accuracy)
+        return not need.obstacle and need.seconds <= case.seconds
+
+    @property
+    def solving_steps(self) -> tuple[float, ...]:
+        """The steps with which the solvers check the limit."""
+        return tuple(self.case.final_time / 2.0**k for k in (4, 5, 6))
+
+    @property
+    def solving_rows(self) -> Any:
+        """The composition with which they do."""
+        return SCHEMES[_SOLVING].composition
+
+    @cached_property
+    def of_schemes(self) -> tuple["AnswerPlan", ...]:
+        """The plan as that of each scheme."""
+        return tuple(replace(self, part=Part(name)) for name in self.case.schemes)
+
+    @cached_property
+    def sets(self) -> tuple[Paths, ...]:
+        """All path sets, of differences and values of each scheme; that of difference 0 is never wanted."""
+        return tuple(
+            paths_of_set(self.case, one.row, s * SETS + i) for s, one in enumerate(self.of_schemes) for i in range(SETS)
+        )
+
+    def exponents(self, scheme: int) -> tuple[float, ...]:
+        """The powers of h in the weak error of a scheme; () where theory knows none."""
+        return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
+
+    def cost_of(self, number: int) -> float:
+        """Seconds of typical speed of a sample of a path set."""
+        return seconds_of(self.case, self.of_schemes[number // SETS].row, self.sets[number])
+
+    def cost(self) -> Cost:
+        """That of the pilot; seconds are not known before it."""
+        number = PILOT * LANES
+        steps = number * sum(self.sets[level].steps for level in range(1, PILOT_LEVELS + 1))
+        return Cost(steps, 0.0 if self.solvable else float("nan"), int(_BATCH_BYTES))
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of a path set the model, the functions and the scheme; of what is chosen all."""
+        found = super().deciding(number)
+        if number is None:
+            return found | {"schemes": self.case.schemes}
+        for key in ("accuracy", "seconds", "sampling", "extrapolate"):
+            found.pop(key)
+        return found | {"part": None, "scheme": self.case.schemes[number // SETS]}
+
+    def initial_extra(self) -> Decisions:
+        """The pilot of the first scheme is wanted, or nothing where no paths are needed."""
+        return Decisions.initial(len(self.case.schemes) * SETS, len(self.case.functions), not self.solvable)
+
+    def path_sets(self, extra: Decisions) -> Sequence[PathSet]:
+        """The samples that are wanted for now."""
+        return tuple(
+            PathSet(int(paths), max(ROUND, chunk_blocks(one.steps, dimension(self.model))))
+            for paths, one in zip(extra.wanted, self.sets, strict=True)
+        )
+
+    def empty(self, number: int) -> Totals:
+        """The totals over no samples."""
+        shape = _POWERS, len(self.sets[number].weights), len(self.case.functions), GROUPS
+        return Totals(0, 0.0, 0.0, np.zeros(shape))
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block of the scheme; the others are rarely needed."""
+        return [] if self.solvable else self.calls_of_a_step(self.sets[1].grid, self.sets[1].stream)
+
+    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
+        """Compute consecutive chunks of one path set, once the kernel of its scheme is there, see :class:`Plan`."""
+        scheme = self.of_schemes[chunks[0].path_set // SETS]
+        for call in scheme.calls_of_a_step(self.sets[1].grid, self.sets[1].stream):
+            if not is_loaded(call.kernel, call.arguments):
+                call.kernel(*call.arguments)
+        yield from super().advance(chunks, known)
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        paths = self.sets[number].weights.shape[1]
+        return max(1, int(_BATCH_BYTES / (8 * LANES * paths * (len(self.case.initial) + 4 * len(self.case.functions)))))
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """The values of the test functions at the end of some blocks."""
+        one, scheme = self.sets[number], self.of_schemes[number // SETS]
+        values, _ = values_of_blocks(scheme, one.grid, one.stream, first, blocks, end)
+        return Rows(values, one.weights)
+
+    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
+        """The totals with the rows `at`, of which the first is that of block `first`."""
+        values = rows.values[at]
+        with np.errstate(invalid="ignore", over="ignore"):
+            quantities = sum(
+                w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(rows.weights.T)
+            )
+        return sums._replace(sums=with_powers(sums.sums, np.asarray(quantities), first, end))
+
+    def next_allocation(self, state: State) -> Decisions | None:
+        """What is wanted next; None once the answer is there."""
+        return deciding.decided(self, state)
+
+    def totals(self, state: State, scheme: int) -> list[Totals]:
+        """Those of all path sets of a scheme."""
+        return [state.so_far(scheme * SETS + i) for i in range(SETS)]
+
+    def measured(self, state: State, scheme: int) -> Measured:
+        """What is known of the levels of a scheme."""
+        totals = self.totals(state, scheme)
+        samples = np.array([one.paths for one in totals], float)
+        with np.errstate(all="ignore"):
+            powers = [one.sums.sum(axis=-1) / one.paths for one in totals]  # (powers, quantities, F) each
+            differences = np.array([powers[0][:, 0] * np.nan, *(p[:, DIFFERENCE] for p in powers[1:LEVELS])])
+            of_values = np.array([p[:, -1] for p in powers])
+            variances = of_values[:, 1] - of_values[:, 0] ** 2
+        values = np.where(np.isnan(variances[LEVELS:]), variances[:LEVELS], variances[LEVELS:])
+        cost = np.array([self.cost_of(scheme * SETS + i) for i in range(SETS)])
+        return Measured.of(np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:])
+
+    def progress(self, state: State) -> Done:
+        """Work done and work allocated, in seconds of typical speed, and the standard error."""
+        cost = np.array([self.cost_of(i) for i in range(len(self.sets))])
+        done = sum(cost[i] * tally.paths for i, tally in state.tallies.items())
+        return Done(float(done), float(cost @ state.extra.wanted), outcome.standard_error(self, state))
+
+    def so_far(self, state: State) -> State | None:
+        """None: before all is there nothing is known of the bias."""
+        return None if state.missing() or state.extra.stage < deciding.DONE else state
+
+    def results(self, state: State) -> Answer:
+        """The answer, from the final state."""
+        return outcome.answer(self, state)

@@ -1,0 +1,39 @@
+"""What an answer would take, from its pilot alone."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from ..kinds.answer.deciding import PILOTING
+from ..kinds.state import State
+from ..specs import Experiment
+from .compiling import compile_missing
+from .load import plans
+from .run import Watch, kernel_calls
+from .workers import advance_some_here, allocate
+
+
+class Prediction(NamedTuple):
+    """Of one case."""
+
+    case: str
+    how: str  #: what was chosen, in words
+    seconds: float  #: of processor time; NaN where nothing would be sampled
+    next_digit: float  #: the same to a tenth of the accuracy
+
+
+def predictions(experiment: Experiment, watch: Watch) -> Iterator[Prediction]:
+    """Those of the cases of an experiment of kind answer."""
+    for plan in plans(experiment):
+        of_kind: Any = plan
+        if of_kind.solvable:
+            yield Prediction(plan.case.name, "without sampling", float("nan"), float("nan"))
+            continue
+        compile_missing(kernel_calls([plan]), watch.report_compiling)
+        state = State(plan)
+        while state.extra.stage == PILOTING:
+            advance_some_here([state], {(0, chunk) for chunk in state.missing()}, lambda number: None)
+            allocate(state)
+        extra, end = state.extra, plan.case.final_time
+        how = f"{plan.case.schemes[extra.scheme]}, {extra.levels} levels of extrapolation, multilevel, steps "
+        how += f"{end / 2**extra.base:g} to {end / 2**extra.finest:g}, for {extra.aim:g}"
+        yield Prediction(plan.case.name, how, extra.predicted_cpu_seconds, extra.next_cpu_seconds)

@@ -1,0 +1,241 @@
+"""What drives the noises of an experiment, where it is no Brownian motion.
+
+    noise: {kind: ornstein_uhlenbeck, tau: 0.1}
+    noise: {kind: fractional, hurst: 0.7}
+    noise: {kind: levy, alpha: 1.5}
+    noise: {file: increments.npz}
+
+What stands there becomes a law of ``spi.ensemble.laws``, None for Brownian motion.  The increments of a file are read
+with the spec, and a digest of them is among what decides results.
+"""
+
+import hashlib
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pydantic
+from annotated_types import Ge, Gt, Le, Lt
+
+from ..ensemble.drivers import Driver
+from ..ensemble.inexact import flows_lacking
+from ..ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck, Recorded, at_once
+from ..ensemble.loop import brownian
+from ..ensemble.protocol import Positive, area_pairs, noises
+from ..ensemble.scheme_protocol import needs_areas, substeps
+from .arrays import arrays_in
+from .document import SpecError
+from .explaining import explained
+from .keys import Keys, key_of, quantity, shown, suggestion, wrong
+
+ROUNDING = 1e-12
+_MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB
+_BROWNIAN = "Brownian motion"
+
+
+class _Brownian(Keys):
+    kind: Literal["brownian"]
+
+
+class _OrnsteinUhlenbeck(Keys):
+    kind: Literal["ornstein_uhlenbeck"]
+    tau: key_of(Positive, "correlation time", "time")
+
+
+class _Fractional(Keys):
+    kind: Literal["fractional"]
+    hurst: key_of(Annotated[float, Gt(0), Lt(1)], "Hurst index, between 0 and 1; 1/2 is that of Brownian motion")
+
+
+class _Levy(Keys):
+    kind: Literal["levy"]
+    alpha: key_of(Annotated[float, Ge(0.5), Le(2)], "index of stability, 0.5 to 2; 2 is that of Brownian motion")
+
+
+class _File(Keys):
+    """Increments in a file."""
+
+    file: key_of(str, "a file of numpy.savez with dW (paths, steps, noises), or (steps, noises), and step")
+    finer: key_of(Literal["refuse", "bridge"], "what to do with steps below that of the file: Brownian bridges") = (
+        "refuse"
+    )
+
+
+_KEYS: dict[str, Any] = {
+    "brownian": _Brownian,
+    "ornstein_uhlenbeck": _OrnsteinUhlenbeck,
+    "fractional": _Fractional,
+    "levy": _Levy,
+}
+_LAWS: dict[str, Any] = {"ornstein_uhlenbeck": OrnsteinUhlenbeck, "fractional": Fractional, "levy": Levy}
+_EXAMPLE = "must be a mapping such as {kind: fractional, hurst: 0.7} or {file: increments.npz}"
+
+
+def _read(value: Any, inner: Any, info: pydantic.ValidationInfo) -> Any:
+    """The law that a mapping stands for; of one layer of a spec, without files, the keys of a file."""
+    if value is None:
+        return None
+    if not isinstance(value, dict) or not {"file", "kind"} & {*value}:
+        raise wrong(f"is {shown(value)}", _EXAMPLE)
+    if "file" in value:
+        keys = _File.model_validate(value)
+        return recorded(info.context, keys.file, keys.finer) if info.context else keys
+    if not isinstance(value["kind"], str) or value["kind"] not in _KEYS:
+        raise wrong(f"is {shown(value['kind'])}", suggestion(value["kind"], _KEYS), "kind")
+    keys = _KEYS[value["kind"]].model_validate(value)
+    of_law = {key: given for key, given in keys if key != "kind"}
+    return _LAWS[keys.kind](**of_law) if of_law else None
+
+
+def plain(law: Any) -> Any:
+    """What of a law decides results."""
+    if isinstance(law, Recorded):
+        return {"file": law.digest, "step": law.step}
+    return next(({"kind": kind, **law._asdict()} for kind, cls in _LAWS.items() if isinstance(law, cls)), None)
+
+
+def told(law: Any) -> str:
+    """A law in words; empty for Brownian motion."""
+    if law is None:
+        return ""
+    if isinstance(law, Recorded):
+        return f"increments of a file, over steps of {quantity(law.step)}"
+    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck", Fractional: "fractional", Levy: "stable Lévy"}[type(law)]
+    return f"{name}, " + ", ".join(f"{key} {value:.12g}" for key, value in law._asdict().items())
+
+
+Noise = Annotated[
+    Any,
+    pydantic.WrapValidator(
+        _read, json_schema_input_type=_Brownian | _OrnsteinUhlenbeck | _Fractional | _Levy | _File | None
+    ),
+    pydantic.PlainSerializer(plain),
+]
+
+
+class _Alone(Keys):
+    noise: Noise = None
+
+
+def law_of(noise: Any) -> Any:
+    """The law that a mapping names, None for Brownian motion; SpecError if there is something wrong with it."""
+    texts = {key: str(value) for key, value in noise.items()} if isinstance(noise, dict) else noise and str(noise)
+    try:
+        found = _Alone(noise=texts).noise
+    except pydantic.ValidationError as error:
+        errors = error.errors(include_url=False)
+        each = (explained(one, errors, {"noise": texts}) for one in errors)
+        raise SpecError(*(f"{'.'.join(map(str, place))}: {what}" for place, what in each)) from None
+    if isinstance(found, _File):
+        raise SpecError("noise: is a file, whose increments are what it holds; load it with numpy.load")
+    return found
+
+
+def recorded(files: Any, path: str, finer: str) -> Recorded:
+    """The increments in a file."""
+    found = arrays_in(files, path, ("dW", "step"))
+    dW, step = found["dW"], found["step"]
+    if dW.ndim not in (2, 3) or not dW.size:
+        right = "dW must be (paths, steps, noises) or (steps, noises)"
+        raise wrong(f"is {shown(path)}, in which dW has the shape {dW.shape}", right, "file")
+    if step.size != 1 or not (step.item() > 0 and np.isfinite(step.item())):
+        raise wrong(f"is {shown(path)}, in which step is no positive number", "save it as step=2**-8", "file")
+    dW = dW if dW.ndim == 3 else dW[np.newaxis]
+    digest = hashlib.sha256(np.ascontiguousarray(dW).tobytes()).hexdigest()
+    return Recorded(dW, step.item(), digest, finer == "bridge")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# In a case
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def stream_of(case: Any) -> Any:
+    """The noise of the paths of a case: a ``RandomStream`` or a ``Driver``."""
+    stream = brownian(case.seed)
+    return stream if case.noise is None else Driver(case.noise, stream, case.last_time, parts_of(case))
+
+
+def parts_of(case: Any) -> int:
+    """Into how many sub-steps the schemes of a case resolve a step."""
+    return max(substeps(case.row(name, 0.0).record) for name in case.schemes_used)
+
+
+def check_noise(case: Any) -> None:
+    """What another driver than Brownian motion asks of a case."""
+    law = case.noise
+    if law is None:
+        return
+    if not case.driven:
+        raise wrong("is given, but this kind of experiment is for Brownian motion", "leave it out", "noise")
+    for name in case.schemes_used:
+        if found := _obstacle(law, case.row(name), case.model):
+            where = "schemes" if name in case.schemes else "reference_scheme"
+            raise wrong(f"{'has' if where == 'schemes' else 'is'} '{name}', which {found[0]}", found[1], where)
+    for key, entry in (("estimators", "multilevel"), ("estimators", "kolmogorov"), ("extrapolate", None)):
+        listed = getattr(case, key, None) or ()
+        if entry in listed if entry else any(listed):
+            raise wrong(f"has {entry or max(listed)}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
+    if case.temperature < math.inf:
+        raise wrong(f"is {case.temperature:g}, which is kept by {_BROWNIAN}", "leave it out", "temperature")
+    if case.truncate_noise:
+        raise wrong(f"is true, whose bound is that for {_BROWNIAN}", "leave it out", "truncate_noise")
+    if isinstance(law, Fractional) and law.hurst <= 0.25 and area_pairs(case.model):
+        what = f"is {law.hurst:g}, where splittings have no limit if noises do not commute"
+        raise wrong(what, "must be above 1/4, or use one noise", "noise", "hurst")
+    for h in _steps(case):
+        _check_step(case, law, h / parts_of(case))
+
+
+def _obstacle(law: Any, row: Any, model: Any) -> tuple[str, str] | None:
+    """What of a scheme does not go with a law, and what would."""
+    splittings = "use splittings without Lévy areas"
+    if needs_areas(row.record):
+        return "needs Lévy areas, which are known for Brownian motion", splittings
+    if isinstance(law, Recorded):
+        return None
+    if row.multiscale:
+        return (
+            "has a fast process of its own in place of the noise",
+            "use a splitting with tau: eps^2",
+        )
+    if row.left_out is not None:
+        return "has an Itô correction, which belongs to Brownian motion", "use splittings or the midpoint rules"
+    if isinstance(law, Levy) and law.alpha < 2 and (row.composition is None or flows_lacking(model)):
+        return "follows jumps only where these are small; those of the equation are exact flows", splittings
+    return None
+
+
+def _steps(case: Any) -> tuple[float, ...]:
+    """The step sizes for which increments are made."""
+    found = getattr(case, "reference_step", None) or getattr(case, "step", None)
+    return (found,) if found else tuple(case.steps)
+
+
+def _check_step(case: Any, law: Any, h: float) -> None:
+    """There are increments of size h."""
+    count = round(case.last_time / h)
+    if at_once(law) and (count * noises(case.model) > _MOST_AT_ONCE or hasattr(case, "step_count")):
+        what = f"takes {count} increments of {noises(case.model)} noises, which are all made at once"
+        raise wrong(what, f"there may be {_MOST_AT_ONCE} in all, and not in long_time", "noise", "kind")
+    if isinstance(law, Recorded):
+        _check_file(case, law, h)
+
+
+def _check_file(case: Any, law: Recorded, h: float) -> None:
+    paths, steps, columns = law.dW.shape
+    wanted = getattr(case, "samples", None) or getattr(case, "path", 0) + 1
+    ratio = max(h / law.step, law.step / h)
+    if columns != noises(case.model):
+        raise wrong(f"has increments of {columns} noises", f"must have {noises(case.model)}", "noise", "file")
+    if h < law.step * (1 - ROUNDING) and not law.bridged:
+        what = f"has increments over {quantity(law.step)}, and steps go down to {quantity(h)}"
+        raise wrong(what, "use larger steps, or add finer: bridge for Brownian bridges", "noise", "file")
+    if abs(ratio - round(ratio)) > 1e-9 * ratio:
+        what = f"has increments over {quantity(law.step)}, and {quantity(h)} is no multiple or whole part of it"
+        raise wrong(what, "use other steps", "noise", "file")
+    if case.last_time > steps * law.step * (1 + 1e-9):
+        what = f"has {steps} increments over {quantity(law.step)}, until {quantity(steps * law.step)}"
+        raise wrong(what, f"must go until {quantity(case.last_time)}", "noise", "file")
+    if wanted > paths:
+        raise wrong(f"has increments of {paths} paths", f"must have those of {wanted}", "noise", "file")

@@ -1,0 +1,191 @@
+"""Answers to a wanted accuracy: the choice of levels, its bias, and what comes out beside what is known."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from helpers import INITIAL, compiled_only
+from states import finished
+
+import spi
+from spi.kinds.answer import deciding, outcome, study
+from spi.kinds.answer.levels import LEVELS
+from spi.kinds.answer.planner import BIAS_SHARE, Measured, allocation, bound, change, choose, contradicted, shares
+from spi.report import views
+from spi.running.run import load, results_path, run
+from spi.specs import SpecError
+from spi.statistics.richardson import weights
+from spi.storage.records import INTERVAL
+
+MODEL = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}
+ASKED = {"initial": list(INITIAL), "final_time": 1}
+SPEC = """\
+kind: answer
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 1
+functions: {square: y1^2, wave: sin(2*pi*y1)}
+accuracy: 5e-3
+"""
+
+
+def measured(constants, order, samples=10**6, variance=1e-4, apart=1.0):
+    """Levels whose error is sum_i constants[i] h^(order + i apart), of one function of variance 1."""
+    h = 0.5 ** np.arange(LEVELS)
+    error = sum(c * h ** (order + i * apart) for i, c in enumerate(constants))
+    mean = np.append(0.0, np.diff(error))
+    spread = np.append(0.0, variance * 0.25 ** np.arange(1, LEVELS))
+    m2 = mean**2 + spread
+    m4 = mean**4 + 6 * mean**2 * spread + 3 * spread**2
+    moments = np.array([mean, m2, mean**3 + 3 * mean * spread, m4])[..., np.newaxis]
+    paths = np.where((np.arange(LEVELS) > 0) & (np.arange(LEVELS) <= 8), samples, 0.0)
+    steps = 2.0 ** np.arange(LEVELS)
+    return Measured.of(moments, paths, np.ones((LEVELS, 1)), 3e-9 * steps, 1e-9 * steps), error
+
+
+def test_shares_make_the_extrapolated_value():
+    """R is w_0 P_L + w_1 P_(L-1) + ... however it is told by differences."""
+    value = np.random.default_rng(1).standard_normal(LEVELS)
+    for exponents in ((), (2.0,), (2.0, 3.0), (2.0, 4.0, 6.0)):
+        w = weights(exponents)
+        s = shares(w, 1, 7, LEVELS)
+        r = [sum(w[i] * value[k - i] for i in range(len(w))) for k in (7, 6)]
+        assert value[1] + s[1:] @ np.diff(value) == pytest.approx(r[0])
+        assert change(w, 7, LEVELS)[1:] @ np.diff(value) == pytest.approx(r[0] - r[1])
+
+
+@pytest.mark.parametrize("levels", [0, 1, 2])
+def test_the_bound_holds_the_bias(levels):
+    """Of errors a h^2 + b h^3 + c h^4 with known constants, but for the next powers and noise."""
+    known, error = measured([0.3, -0.2, 0.1], 2.0)
+    exponents = 2.0, 3.0, 4.0, 5.0
+    w = weights(exponents[:levels])
+    for finest in (levels + 3, 6, 8):
+        true = abs(sum(w[i] * error[finest - i] for i in range(len(w))))
+        found = float(bound(known, exponents, levels, finest).bias[0])
+        noise = float(bound(known, exponents, levels, min(finest, 8)).stderr[0])
+        assert 0.8 * true - 3 * noise <= found <= 3 * true + 6 * noise
+
+
+def test_the_choice_has_the_least_work_of_those_that_are_exact_enough():
+    known, _ = measured([0.3, -0.2, 0.1], 2.0)
+    exponents = 2.0, 3.0, 4.0, 5.0
+    found = choose(known, exponents, (0, 1, 2, 3), 1e-4)
+    assert found.bias <= BIAS_SHARE * 1e-4
+    for levels in range(4):
+        assert found.work <= choose(known, exponents, (levels,), 1e-4).work
+    samples = allocation(known, exponents, found, 1e-4)
+    s = shares(weights(exponents[: found.levels]), found.base, found.finest, LEVELS)
+    variance = np.concatenate([s**2 * known.variance[:, 0], known.value_variance[:, 0]])
+    used = samples > 0
+    used[found.finest + 1] = False
+    reached = INTERVAL * math.sqrt((variance[used] / samples[used]).sum()) + found.bias
+    assert reached == pytest.approx(1e-4, rel=0.02)
+    # a tenth of the accuracy takes a hundred times the samples, and finer steps
+    finer = choose(known, exponents, (0,), 1e-5)
+    coarser = choose(known, exponents, (0,), 1e-4)
+    assert finer.finest > coarser.finest and 80 < finer.work / coarser.work < 150
+
+
+def test_an_order_that_is_not_that_of_theory_is_found():
+    exponents = 2.0, 3.0, 4.0, 5.0
+    rough, _ = measured([0.1], 1.0)
+    assert contradicted(rough, exponents, 0, 1e-5) == pytest.approx(1.0, abs=0.05)
+    smooth, _ = measured([0.3, -0.1], 2.0)
+    assert contradicted(smooth, exponents, 0, 1e-5) is None
+    assert contradicted(rough, exponents, 0, 10.0) is None  # where it does not matter
+
+
+@compiled_only
+def test_the_truth_lies_within_the_interval():
+    """Sampled against the solution without sampling, at two accuracies, with the check by one step finer."""
+    functions = {"square": "y1^2", "wave": "sin(2*pi*y1)"}
+    exact = spi.answer(MODEL, functions, **ASKED, accuracy=1e-5)
+    assert exact.chosen is None and exact.reached and (exact.half <= 1e-5).all()
+    for accuracy, seed in ((2e-2, 1), (3e-3, 2)):
+        found = spi.answer(MODEL, functions, **ASKED, accuracy=accuracy, seed=seed, sampling=True)
+        assert found.reached and (found.half <= accuracy).all() and found.chosen.passed
+        assert (np.abs(found.value - exact.value) <= 1.5 * found.half).all()
+        assert found.chosen.scheme == "splitting_order2" and found.chosen.consistency < 1.5
+        assert (found.bias <= 0.35 * found.half.max()).all() and found.warnings == ()
+        assert found.half == pytest.approx(found.bias + INTERVAL * found.stderr)
+        np.testing.assert_allclose(found.chosen.levels.share[-1], 0.0)  # of the check
+        assert "95 %" in str(found) and "checked at" in str(found) and "next digit" in str(found)
+
+
+@compiled_only
+def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
+    """Where the planner is told that there is no bias, one step finer says otherwise, and it goes on."""
+    ask = {**ASKED, "accuracy": 3e-3, "sampling": True, "extrapolate": [0], "seed": 3}
+    honest = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
+    whole, calls = deciding._whole, []
+
+    def blind(p, state, extra, stage):
+        calls.append(stage)
+        found = whole(p, state, extra, stage)
+        return found._replace(
+            base=0, finest=1, wanted=np.maximum(found.wanted, deciding.pilot_of(0, len(found.wanted)))
+        )
+
+    monkeypatch.setattr(deciding, "_whole", blind)
+    found = spi.answer(MODEL, "sin(2*pi*y1)", **ask)
+    assert calls and found.chosen.smallest_step < 0.5 and found.chosen.passed
+    assert abs(found.value[0] - honest.value[0]) < 2 * (found.half[0] + honest.half[0])
+
+
+@compiled_only
+def test_tails_and_orders_that_are_not_those_of_theory_are_said(monkeypatch):
+    ask = {**ASKED, "accuracy": 3e-2, "sampling": True}
+    monkeypatch.setattr(outcome, "HEAVY", 5.0)
+    found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
+    (told,) = found.warnings
+    assert told.startswith("heavy tails: the kurtosis of a level is ")
+    monkeypatch.setattr(deciding, "contradicted", lambda *what: 0.75)
+    found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
+    assert found.warnings[0].startswith("the order found is 0.75, not 2 as assumed")
+    assert (found.chosen.extrapolated, found.chosen.order) == (0, 0.75)
+
+
+@compiled_only
+def test_what_time_does_not_allow_is_said():
+    found = spi.answer(MODEL, "y1^2", **ASKED, accuracy=1e-7, sampling=True, seconds=0.01)
+    assert found.aim > 1e-5 and found.half[0] <= found.aim and any("raise seconds" in line for line in found.warnings)
+
+
+@compiled_only
+def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
+    spec = tmp_path / "asked.yaml"
+    spec.write_text(f"{SPEC}sampling: true\n", encoding="utf-8")
+    experiment = load(spec)
+    (case,) = experiment.cases
+    plan = study.plan(case, study.parts(case)[0])
+    first, second = (finished(plan).groups()[0] for _ in range(2))
+    for name, values in first.arrays.items():
+        np.testing.assert_array_equal(values, second.arrays[name])
+    timed = {name for name in first.attributes if "seconds" in name}
+    same = {name: value for name, value in first.attributes.items() if name not in timed}
+    assert same == {name: second.attributes[name] for name in same} and timed
+    results = spi.storage.read(run(experiment, tmp_path))
+    rows = views.rows(results)
+    assert [row["function"] for row in rows] == ["square", "wave"] and json.dumps(rows)
+    assert rows[0]["value"] == first.arrays["value"][0] and results_path(experiment, tmp_path).exists()
+    assert views.figure(results).axes
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("schemes: [midpoint]", "has 'midpoint', which needs bounded increments; leave it out"),
+        ("schemes: [ap_splitting]", "ap_splitting"),
+        ("steps: [1]", "steps: is not a known key"),
+        ("accuracy: 0", "accuracy"),
+        ("accuracy: 1e-18", "accuracy: is 1e-18, below what float64 knows of such values"),
+    ],
+)
+def test_mistakes_are_one_line(tmp_path, line, message):
+    spec = tmp_path / "asked.yaml"
+    text = SPEC.replace("accuracy: 5e-3\n", "") if line.startswith("accuracy") else SPEC
+    spec.write_text(f"{text}{line}\n", encoding="utf-8")
+    with pytest.raises(SpecError, match=message.replace("(", r"\(")):
+        load(spec)
