@@ -50,6 +50,7 @@ RELATIVES = {
     "euler_maruyama_renormalised",
     "munthe_kaas_euler",
     "munthe_kaas_midpoint",
+    "roessler_rs2",
 }
 
 

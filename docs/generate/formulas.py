@@ -37,6 +37,9 @@ FORMULAS = {
     rf"v = {_CAYLEY} + \sum_{{k < l}} \sigma_k \sigma_l A_{{kl}} \nabla \{{\widehat H_l, \widehat H_k\}}",
     "isospectral_midpoint": r"y = u - \tfrac12 u \times v + \tfrac14 (v \cdot u)\, v, \qquad "
     rf"z = u + \tfrac12 u \times v + \tfrac14 (v \cdot u)\, v, \\ v = {_CAYLEY} \quad \text{{at }} u",
+    "roessler_rs2": r"z = y + \tfrac{h}{4} \left( f(y) + f(u) + 2 f(v) \right) + \tfrac18 \sum_k \sigma_k\, "
+    r"\mathrm{d}W_k \left( f_k(y) + 3 f_k(y_k) + 3 f_k(v_k) + f_k(w_k) \right) \\ "
+    r"\qquad - \tfrac14 \sum_k \sigma_k \sqrt{h} \left( f_k(y + G_k) - f_k(y - G_k) \right)",
     "ap_splitting": r"\text{splitting with } \frac{h}{\varepsilon} \xi_k^n \text{ for } \mathrm{d}W_k, \qquad "
     + _IMPLICIT,
     "ap_splitting_midpoint": r"\text{splitting with } \frac{h}{2 \varepsilon} \left( \xi_k^{n-1} + \xi_k^n \right) "

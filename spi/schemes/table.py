@@ -10,6 +10,7 @@ from .isospectral import IsospectralMidpoint, turns_alone
 from .metropolis import Metropolis
 from .midpoint import Midpoint
 from .munthe_kaas import MuntheKaasAreas, MuntheKaasEuler, MuntheKaasMidpoint, left_out_by_euler
+from .roessler import RoesslerRS2
 from .splitting import (
     JOINT,
     JOINT_AREAS,
@@ -228,6 +229,20 @@ register_scheme(
     needs_truncation=True,
     needs=turns_alone,
     **POISSON,
+)
+register_scheme(
+    "roessler_rs2",
+    record=RoesslerRS2(),
+    label="Rößler RS2",
+    formula="z = y + h (f(y) + f(u) + 2 f(v))/4 + sum_k sigma_k dW_k (f_k(y) + 3 f_k(y_k) + 3 f_k(v_k) + f_k(w_k))/8 "
+    "- sum_k sigma_k h^(1/2) (f_k(y + G_k) - f_k(y - G_k))/4, see docs/literature_schemes.md",
+    reference="doi:10.1007/s10543-007-0130-3",
+    look=("4", "#CC79A7"),
+    strong_order=0.5,
+    strong_order_commuting=1.0,
+    weak_order=2.0,
+    preserves="nothing",
+    work=18.0,
 )
 register_scheme(
     "ap_splitting",

@@ -169,13 +169,14 @@ def check_noise(case: Any) -> None:
     if not case.driven:
         raise wrong("is given, but this kind of experiment is for Brownian motion", "leave it out", "noise")
     for name in case.schemes_used:
-        if found := _obstacle(law, case.row(name), case.model):
-            where = "schemes" if name in case.schemes else "reference_scheme"
-            raise wrong(f"{'has' if where == 'schemes' else 'is'} '{name}', which {found[0]}", found[1], where)
-    for key, entry in (("estimators", "multilevel"), ("estimators", "kolmogorov"), ("extrapolate", None)):
-        listed = getattr(case, key, None) or ()
-        if entry in listed if entry else any(listed):
-            raise wrong(f"has {entry or max(listed)}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
+        if obstacle := _obstacle(law, case.row(name), case.model):
+            has, where = ("has", "schemes") if name in case.schemes else ("is", "reference_scheme")
+            raise wrong(f"{has} '{name}', which {obstacle[0]}", obstacle[1], where)
+    others = [name for name in getattr(case, "estimators", None) or () if name != "plain"]
+    levels = [count for count in getattr(case, "extrapolate", ()) if count]
+    for key, found in (("estimators", others), ("extrapolate", levels)):
+        if found:
+            raise wrong(f"has {found[0]}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
     if case.temperature < math.inf:
         raise wrong(f"is {case.temperature:g}, which is kept by {_BROWNIAN}", "leave it out", "temperature")
     if case.truncate_noise:

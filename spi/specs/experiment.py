@@ -27,7 +27,7 @@ from .document import Document, Faults, Location, SpecError, about, override, te
 from .explaining import attempt
 from .files import Files
 from .keys import suggestion
-from .layers import ONLY_IN_FILES, PROFILES, SWEPT, Layers, laid_over
+from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
 from .naming import results_name
 from .overrides import check_overrides
 
@@ -114,7 +114,7 @@ def load(
     text, overrides = text_of(path) if text is None else text, tuple(overrides)
     document = _document(path, text, kinds, f"{told}: line " if called else f"{told}:")
     named, faults = Files(path, files, trusts, added), Faults()
-    context = _context(document.data, kinds, overrides)
+    context = kinds.context(document.data, overrides)
     file: Any = None
     with faults:
         file = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
@@ -163,13 +163,6 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document
-
-
-def _context(data: Any, kinds: Layers, overrides: Iterable[str]) -> str | None:
-    """In which layers are read: SWEPT where words may stand for numbers."""
-    case_class = kinds.cases.get(str(data.get("kind"))) if isinstance(data, dict) else None
-    needed = case_class is not None and case_class.model_fields["sweep"].is_required()
-    return SWEPT if needed or sweep.is_in(data, overrides) else None
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -23,7 +23,8 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
     """
     try:
-        file = kinds.file.validate_python(Document(text_of(path), str).data)
+        data = Document(text_of(path), str).data
+        file = kinds.file.validate_python(data, context=kinds.context(data))
     except (SpecError, ValidationError):
         return None
     return Heading(file.title or Path(path).stem, file.figure, file.kind)

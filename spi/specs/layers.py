@@ -1,6 +1,6 @@
 """The layers of a spec file, as pydantic reads them, and their JSON Schema."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import pydantic
@@ -77,6 +77,12 @@ class Layers(NamedTuple):
         both = {kind: _layers(kind, case_class) for kind, case_class in cases.items()}
         file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
+
+    def context(self, data: Any, overrides: Iterable[str] = ()) -> str | None:
+        """In which the layers of a file are read: SWEPT where words may stand for numbers."""
+        case_class = self.cases.get(str(data.get("kind"))) if isinstance(data, dict) else None
+        needed = case_class is not None and case_class.model_fields["sweep"].is_required()
+        return SWEPT if needed or sweep.is_in(data, overrides) else None
 
     def json_schema(self) -> dict[str, Any]:
         """The JSON Schema (draft 2020-12) of spec files, for editors; it knows few of the conditions between keys."""

@@ -208,7 +208,8 @@ SCHEMES = (
     "splitting, splitting_drift_first, splitting_areas, splitting_joint_lie, splitting_joint, "
     "splitting_joint_areas, splitting_order2, splitting_symmetric, splitting_metropolis, euler_maruyama, "
     "euler_maruyama_renormalised, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, munthe_kaas_areas, "
-    "isospectral_midpoint, ap_splitting, ap_splitting_midpoint, multiscale_euler, multiscale_euler_semi_implicit"
+    "isospectral_midpoint, roessler_rs2, ap_splitting, ap_splitting_midpoint, multiscale_euler, "
+    "multiscale_euler_semi_implicit"
 )
 
 

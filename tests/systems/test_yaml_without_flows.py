@@ -225,7 +225,7 @@ samples: 100
 
 
 def test_specs_refuse_what_needs_flows_and_nothing_else(spec):
-    able = "euler_maruyama, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, munthe_kaas_areas"
+    able = "euler_maruyama, midpoint, munthe_kaas_euler, munthe_kaas_midpoint, munthe_kaas_areas, roessler_rs2"
     assert spec(SPEC).cases[0].schemes == ("euler_maruyama", "munthe_kaas_midpoint")
     with pytest.raises(SpecError) as error:
         spec(SPEC.replace("[euler_maruyama,", "[splitting,"))

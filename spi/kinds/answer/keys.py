@@ -39,6 +39,7 @@ class Case(FunctionKeys, BaseCase):
     sampling: key_of(pydantic.StrictBool, "sample, though the expectation may be known without it") = False
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
 
+    driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}

@@ -77,6 +77,8 @@ def _unknown(case: Any, name: str, known: str) -> str | None:
     function = path_function(case.model, case.variables, case.functions[name])
     if function.functional:
         return "that is known of functions of the state, not of the path"
+    if known == EXACT and case.noise is not None:
+        return "that is known where Brownian motion drives"
     if case.damping:
         return "that is known on a Casimir surface, which paths leave with damping"
     if case.noise:
