@@ -78,7 +78,7 @@ def test_a_finer_run_tells_the_weak_error(case_of):
         ("reference={psi: t}", "is not the name of a function"),
         ("reference={square: y1}", "must be an expression in t, exact, stationary or {file: known.csv}"),
         ("reference={out: exact}", "that is known of functions of the state, not of the path"),
-        ("reference={length: exact} & noise={kind: ornstein_uhlenbeck, tau: 1/10}", "that is known of Brownian noise"),
+        ("reference={length: exact} & noise={kind: ornstein_uhlenbeck, tau: 1/10}", "where Brownian motion drives"),
         ("reference={square: {file: bad.csv}}", "bad.csv', with the columns time, value; must have t and value"),
         ("reference={square: {file: nan.csv}}", "nan.csv', whose line 3 is '0.5, nan'; must have a finite number"),
         ("reference={square: {file: far.csv}}", "t = 7 to 8, none of the times of the statistics"),

@@ -81,8 +81,6 @@ def _unknown(case: Any, name: str, known: str) -> str | None:
         return "that is known where Brownian motion drives"
     if case.damping:
         return "that is known on a Casimir surface, which paths leave with damping"
-    if case.noise:
-        return "that is known of Brownian noise"
     told = case.initial.told if isinstance(case.initial, RandomState) else {}
     if known == STATIONARY:
         if told and told["law"] not in ("uniform_on_surface", "gibbs") and not told.get("project"):
