@@ -27,10 +27,10 @@ from .estimates import Moments
 from .maps import SPHERE, Cells
 from .quantiles import Bins, histogram, quantiles
 from .references import known_means
-from .results import SPHERE_SIDES, DensityMap, Statistics
+from .results import PANELS, SPHERE_SIDES, DensityMap, Statistics
 from .sums import Rows, Sums
 
-_BATCH_BYTES = 64e6
+_BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _CACHED = 2**15  # floats of an array that fits the cache several times
 
@@ -202,10 +202,11 @@ class StatisticsPlan(BlocksPlan):
             density_map=self._map(sums.cells, names),
             **self._differences(found, mean, stderr),
             acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
+            panels=case.panels or PANELS,
             nonfinite=sums.nonfinite,
             step=case.step,
             samples=self.samples,
-            ns_per_step=1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
+            ns_per_step=1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
         )
 
     def _second_moments(self, found: Moments) -> dict[str, Any]:
