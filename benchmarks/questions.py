@@ -175,7 +175,7 @@ def plot(found: list[dict[str, Any]], file: str) -> None:
     """Achieved against predicted accuracy."""
     from matplotlib.figure import Figure
 
-    fig = Figure((5.0, 4.5))
+    fig = Figure((4.5, 4.0))
     ax = fig.subplots()
     for name in QUESTIONS:
         own = [one for one in found if one["system"] == name]
@@ -185,7 +185,7 @@ def plot(found: list[dict[str, Any]], file: str) -> None:
     ax.set(
         xscale="log", yscale="log", xlabel="predicted: half width of the interval", ylabel="achieved: |value - truth|"
     )
-    ax.legend(fontsize=7)
+    ax.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
     fig.savefig(file, bbox_inches="tight")
 
 

@@ -3,6 +3,7 @@
 Each function returns what is asked of an :func:`~.dispatch.intrinsic`: a signature, and what writes the instructions.
 """
 
+from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
 from numba.core.imputils import impl_ret_borrowed
@@ -67,6 +68,23 @@ def store_strided(stride, array, i, numbers):
         return context.get_dummy_value()
 
     return types.void(array, types.int64, numbers), code
+
+
+def xor_strips(count, target, t, a, i, b, j):
+    """Of a function of arrays of words and places: target[t + k] = a[i + k] ^ b[j + k] for `count` words at once.
+
+    A loop over so few would be tested for overlapping arrays, which takes longer than the loop.
+    """
+
+    def code(context, builder, signature, values):
+        strip = ir.VectorType(ir.IntType(64), count).as_pointer()
+        places = zip((target, a, b), values[::2], values[1::2], strict=True)
+        first = [_pointers(context, builder, kind, array, place, 1, 1)[0] for kind, array, place in places]
+        to, left, right = (builder.bitcast(pointer, strip) for pointer in first)
+        builder.store(builder.xor(builder.load(left, align=8), builder.load(right, align=8)), to, align=8)
+        return context.get_dummy_value()
+
+    return types.void(target, types.int64, a, types.int64, b, types.int64), code
 
 
 def _pointers(context, builder, array_type, array, i, count, stride):

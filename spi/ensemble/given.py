@@ -1,4 +1,4 @@
-"""Noise that is given as arrays in place of a stream of keyed random numbers, and arrays of what a stream has."""
+"""Noise that is given in place of a stream of keyed random numbers, and arrays of what a stream has."""
 
 from typing import NamedTuple
 
@@ -7,9 +7,11 @@ import numpy as np
 from ..compiler.dispatch import device, kernel, number
 from ..compiler.records import class_of
 from ..numerics.rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
-from .increments import draw_coins, draw_steps, first_lane, row_length
+from .areas import draw_areas
+from .increments import Coins, draw_coins, draw_steps, first_lane, row_length
 from .lanes import aligned
 from .pairs import channels
+from .points import Points, coins_of_points, draw_block, increments_of_points, scratch_of_points
 from .steppers import kept_of_steps
 
 
@@ -36,6 +38,10 @@ def noise_of_steps(kept, model, rows, noise, draw, block, h, terms, words):
         return lambda kept, model, rows, noise, draw, block, h, terms, words: copy_steps(
             kept, model, rows, noise, draw, block
         )
+    if class_of(noise) is Points:
+        return lambda kept, model, rows, noise, draw, block, h, terms, words: place_points(
+            kept, model, rows, noise, draw, block, h, terms, words
+        )
     return lambda kept, model, rows, noise, draw, block, h, terms, words: draw_steps(
         kept, model, rows, noise, draw, block, h, terms, words
     )
@@ -46,6 +52,8 @@ def coins_of_step(kept, noise, n, block, bits, coins, row):
     """Put the coins of step n into a row; `bits`, where they are drawn, are kept from step to step."""
     if class_of(noise) is Given:
         return lambda kept, noise, n, block, bits, coins, row: copy_coins_of(noise, n, block, coins[row])
+    if class_of(noise) is Points and class_of(kept) is Coins:
+        return lambda kept, noise, n, block, bits, coins, row: coins_of_points(noise, n, block, bits, coins[row])
     return lambda kept, noise, n, block, bits, coins, row: draw_coins(kept, noise, n, block, bits, coins, row)
 
 
@@ -68,6 +76,34 @@ def copy_steps(kept, model, rows, noise, draw, block):
                     row[len(row) - (noise.areas.shape[2] - p) * LANES + lane] = noise.areas[n, path, p]
         if finest > 1:
             _add_up_substeps(model, row, finest)
+
+
+@device(by_type=True)
+def words_length(noise):
+    """How many words of scratch noise needs; those of points keep the normals of a block behind what all need."""
+    if class_of(noise) is Points:
+        return lambda noise: STEPS_PER_DRAW * LANES + scratch_of_points(noise)
+    return lambda noise: STEPS_PER_DRAW * LANES
+
+
+@device(inline=False)
+def place_points(kept, model, rows, noise, draw, block, h, terms, words):
+    """The increments of STEPS_PER_DRAW steps of paths along points, and keyed areas."""
+    finest, count = number(kept.substeps), noise.increments // (len(noise.starts) - 1)
+    room = words[STEPS_PER_DRAW * LANES :]
+    if draw == 0:
+        draw_block(noise, np.int64(block), words, room)
+    normals = room.view(np.float64)
+    for drawn in range(STEPS_PER_DRAW):
+        n, row = (STEPS_PER_DRAW * np.int64(draw) + drawn) * finest, rows[drawn]
+        if n + 1 >= len(noise.starts):
+            break
+        for which, k in enumerate(channels(model)):
+            for part in range(finest):
+                increments_of_points(noise, n + part, which, count, normals, row[first_lane(model, k, finest, part) :])
+        if finest > 1:
+            _add_up_substeps(model, row, finest)
+    draw_areas(kept.areas, model, rows, noise, draw, block, h, terms, words)
 
 
 @device

@@ -16,7 +16,7 @@ from numba import get_num_threads, prange, set_num_threads
 from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
-from .given import coins_of_step, noise_of_steps
+from .given import coins_of_step, noise_of_steps, words_length
 from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
@@ -151,7 +151,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
         aligned((changed + 1) * row_length(kept, model)).reshape(changed + 1, -1),
         aligned((flipped + 1) * coins_length(kept.coins, model)).reshape(flipped + 1, -1),
         aligned(largest_sizes(grid.reference_scheme, scheme, model)[0]),
-        aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
+        aligned(words_length(noise)).view(np.uint64),
         aligned(STEPS_PER_DRAW * LANES).view(np.uint64),
     )
     copy_rows(states, owned[0])

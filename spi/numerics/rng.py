@@ -24,6 +24,7 @@ DRIVERS = 2**12  # what is added to it, and up to 2 more: further numbers of dri
 UNIFORMS = 2**11  # what is added to it: uniform numbers of the same paths, channel = 4 * (number // 4) + step mod 4
 LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 2 j
 ANSWERS = 512  # those of path set number j of an answer: ANSWERS + 2 j
+POINTS = 1536  # scrambles of quasi-random points, and what is keyed beside them
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.

@@ -43,7 +43,7 @@ def paths():
 
 
 def weak_errors():
-    estimators = ("plain", "multilevel", "kolmogorov")
+    estimators = ("plain", "multilevel", "quasi", "kolmogorov")
     return weak(*(weak_group("splitting", e, functions=1, prefixes=e == "plain") for e in estimators))
 
 

@@ -180,6 +180,7 @@ def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
         ("schemes: [ap_splitting]", "ap_splitting"),
         ("steps: [1]", "steps: is not a known key"),
         ("accuracy: 0", "accuracy"),
+        ("noise: {kind: levy, alpha: 1.5}", "noise: is given, but this kind of experiment is for Brownian"),
         ("accuracy: 1e-18", "accuracy: is 1e-18, below what float64 knows of such values"),
     ],
 )

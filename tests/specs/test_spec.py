@@ -242,7 +242,8 @@ SCHEMES = (
         (
             "kind: strong",
             "kind: weather",
-            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time, statistics",
+            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time, "
+            "statistics, answer",
         ),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
@@ -783,7 +784,8 @@ def test_bad_expression_elsewhere(spec):
         (
             "estimators: [plain, multilevel]\n",
             "",
-            "1: estimators: missing key 'estimators'; add estimators: a list, some of plain, multilevel, kolmogorov",
+            "1: estimators: missing key 'estimators'; "
+            "add estimators: a list, some of plain, multilevel, quasi, kolmogorov",
         ),
         ("[plain,", "[plane,", "11: estimators: entry 1 is 'plane'; did you mean 'plain'?"),
         ("[plain, multilevel]", "[]", "11: estimators: is an empty list; must have at least 1 item"),
@@ -857,7 +859,7 @@ SURFACES = "is for maxwell_bloch and rigid_body, also in YAML, whose Casimir sur
 def test_kolmogorov_needs_a_surface_and_a_splitting(spec, overrides, message):
     found = error(spec, WEAK.replace("[plain,", "[kolmogorov,"), overrides=overrides)
     assert found.startswith(f"s.yaml:11: estimators: has 'kolmogorov', which {message}")
-    assert found.endswith("; use plain or multilevel instead")
+    assert found.endswith("; use plain or multilevel or quasi instead")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -1017,7 +1019,7 @@ def test_json_schema():
     assert with_cases == {"required": ["cases"]}
     assert "samples" in alone["required"]
     weak = schema["$defs"]["weak"]["properties"]
-    assert weak["estimators"]["items"]["enum"] == ["plain", "multilevel", "kolmogorov"]
+    assert weak["estimators"]["items"]["enum"] == ["plain", "multilevel", "quasi", "kolmogorov"]
     assert [option["type"] for option in weak["functions"]["anyOf"]] == ["object", "string"]
     rigid_body = {"properties": {"name": {"const": "rigid_body"}}, "required": ["name", "inertia", "noise_inertia"]}
     assert rigid_body in alone["properties"]["model"]["anyOf"]

@@ -219,11 +219,11 @@ def test_multilevel_has_no_reference_scheme(error, estimators):
 def test_the_solvers_without_sampling_have_neither(error):
     kolmogorov = ("[plain]", "[kolmogorov]", EPS, "", PANEL, "")
     assert error(WEAK + "reference_scheme: splitting\n", BOTH, SPLITTING, *kolmogorov) == (
-        "9: estimators: has 'kolmogorov', which has no reference_scheme; use plain or multilevel instead"
+        "9: estimators: has 'kolmogorov', which has no reference_scheme; use plain or multilevel or quasi instead"
     )
     assert error(WEAK, "[plain]", "[kolmogorov]", BOTH, "schemes: [ap_splitting]\n") == (
         "10: estimators: has 'kolmogorov', which is for splitting schemes, which 'ap_splitting' is not; "
-        "use plain or multilevel instead"
+        "use plain or multilevel or quasi instead"
     )
 
 

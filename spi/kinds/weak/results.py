@@ -109,6 +109,18 @@ class Differences(Described):
     ]
 
 
+class Quasi(Described):
+    """What only estimates from quasi-random points have."""
+
+    gain: Annotated[
+        Array, array("function h", "variance of the expectation by independent paths over that by as many points")
+    ]
+    scrambles: Annotated[int, fact("number of independent scrambles", name="scrambles")]
+    points: Annotated[int, fact("points of a scramble", name="points")]
+    dimensions: Annotated[int, fact("dimensions of the points", name="dimensions")]
+    construction: Annotated[str, fact("how increments are made of points", name="construction")]
+
+
 class WeakErrors(Stored):
     """Weak errors of one scheme by one estimator, of test functions phi at several step sizes, from large to small."""
 
@@ -126,6 +138,7 @@ class WeakErrors(Stored):
     history: Annotated[History | None, nested("allocation", "history_")] = None
     levels: Annotated[Levels | None, nested(prefix="level_")] = None  # where there are differences, of the other scheme
     differences: Annotated[Differences | None, nested(prefix="difference_")] = None
+    quasi: Annotated[Quasi | None, nested(prefix="quasi_")] = None
     formulas: Annotated[tuple[str, ...], fact("formulas of the test functions in y1, y2, ...", name="functions")]
     cpu_seconds: Annotated[float, fact("processor time", "s", column=True)]
     reference_step: Annotated[float, fact("step size of the reference", "time")]

@@ -23,6 +23,7 @@ from spi.kinds.weak import study as weak
 from spi.kinds.weak.comparisons import cannot_do, not_reached
 from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.results import WeakErrors
+from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import LANES
 from spi.printing.sentences import joined
 from spi.schemes import typical_ns
@@ -33,6 +34,8 @@ from .results import WorkPrecision
 
 #: Steps of paths that a step size takes in one repeat: some milliseconds.
 _PATH_STEPS = 2**20
+
+_DEVIATION_BLOCKS = 64  # of paths, from which the standard deviation of phi is found
 
 
 def parts(case: Any) -> list[Part]:
@@ -71,6 +74,7 @@ class Times(NamedTuple):
     of_errors: Any  #: what the plan of the errors knows besides its paths
     times: np.ndarray  #: (repeats, S) processor seconds of one path, NaN until measured; of all levels of extrapolation
     timing_seconds: float  #: wall clock
+    deviation: np.ndarray  #: (levels of extrapolation,) of what is averaged, of weak errors; NaN until it is known
 
     @property
     def seconds(self) -> float:
@@ -114,7 +118,8 @@ class WorkPlan(PartPlan):
     def initial_extra(self) -> Times:
         """No time has been measured."""
         times = np.full((self.case.repeats, sum(len(one.h) for one in self.each)), np.nan)
-        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0)
+        unknown = np.full(len(self.each), np.nan)
+        return Times(of_errors=self.errors.initial_extra(), times=times, timing_seconds=0.0, deviation=unknown)
 
     def path_sets(self, extra: Times) -> Sequence[PathSet]:
         """The paths of the errors."""
@@ -153,6 +158,8 @@ class WorkPlan(PartPlan):
         began = time.perf_counter()
         jobs = [one.job(h) for one in self.by_level for h in one.h.tolist()]
         _seconds_per_path(jobs)  # compiles and touches the memory, so it does not count
+        if self.case.functions:
+            extra = extra._replace(deviation=np.array([one.deviation() for one in self.by_level]))
         for repeat in left:
             times = extra.times.copy()
             times[repeat] = _seconds_per_path(jobs)
@@ -172,6 +179,14 @@ class WorkPlan(PartPlan):
         blocks = max(1, self.path_steps // (LANES * steps))
         scheme, model, start, *others = self._arguments(h, steps, blocks)
         return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
+
+    def deviation(self) -> float:
+        """The standard deviation of phi at the largest step, or of what it is extrapolated to path by path."""
+        h, end = float(self.h[0]), _DEVIATION_BLOCKS * LANES
+        times = self._arguments(h, round(self.case.final_time / h), 1)[3]
+        values, _ = values_of_blocks(self, times, self.stream, 0, _DEVIATION_BLOCKS, end)  # (blocks, steps, F, paths)
+        with np.errstate(all="ignore"):
+            return float(np.einsum("i,bil->bl", self.errors.extrapolation.weights, values[:, :, 0]).std())
 
     def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
         """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
@@ -200,6 +215,10 @@ class WorkPlan(PartPlan):
         """The state itself once all is there: errors without times tell nothing of this kind."""
         return None if state.missing() or np.isnan(state.extra.times).any() else state
 
+    def _own_deviation(self, state: State) -> float:
+        """That of this level of extrapolation."""
+        return float(state.extra.deviation[self.own_among(lambda one: 1)][0])
+
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
         case, found = self.case, self.errors.results(self._of_errors(state))
@@ -217,6 +236,7 @@ class WorkPlan(PartPlan):
             seconds_per_path_low=low,
             seconds_per_path_high=high,
             repeats=case.repeats,
+            deviation=self._own_deviation(state) if case.functions else None,
             left_out=left_out(case),
             targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )

@@ -11,6 +11,7 @@ from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     duration,
     error_and_remark,
+    human_time,
     lines_of,
     lost_paths,
     new_table,
@@ -23,11 +24,13 @@ from spi.printing.text import (
 
 from ..weak.comparisons import cannot_do
 from .results import WorkPrecision, requested
-from .work_points import Factor, WorkPoint, cheapest, work_for
+from .work_points import Factor, WorkPoint, best_within, cheapest, work_for
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+_BUDGETS = (1.0, 60.0, 3600.0)  # seconds of one core
 
 _HEADING = 10  # characters of the label of a scheme over a column of factors
 
@@ -52,6 +55,9 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     for line in remarks:
         console.print(line, style="dim", markup=False, soft_wrap=True)
     console.print()
+    if any(one.deviation is not None for one in readings):
+        print_whole(console, _budgets(readings))
+        console.print()
 
 
 def told(readings: Sequence[WorkPrecision]) -> str:
@@ -163,6 +169,20 @@ def _requested(readings: Sequence[WorkPrecision]) -> tuple["Table", list[str]]:
         "-": "-: not reached at the steps that were run",
     }
     return table, [text for mark, text in remarks.items() if mark in marks]
+
+
+def _budgets(readings: Sequence[WorkPrecision]) -> "Table":
+    """The table of budgets: the scheme and the step with which plain sampling has the least error."""
+    headings = ["budget", "best scheme", "h", "paths", "total error", "of it bias"]
+    table = new_table("best step for a budget of one core, plain sampling", headings, left=2, labels=1)
+    for budget in _BUDGETS:
+        each = ((one, best_within(budget, one.curve, one.deviation)) for one in readings if one.deviation is not None)
+        found = [(point, one.about.label) for one, point in each if point is not None]
+        if found:
+            point, label = min(found)
+            cells = power_of_two(point.h), short(point.paths), short(point.error), short(point.bias)
+            table.add_row(human_time(budget), label, *cells)
+    return table
 
 
 def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:

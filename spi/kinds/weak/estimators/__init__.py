@@ -72,6 +72,7 @@ class Estimator:
 ESTIMATORS = {
     "plain": Estimator("spi.kinds.weak.estimators.plain"),
     "multilevel": Estimator("spi.kinds.weak.estimators.multilevel"),
+    "quasi": Estimator("spi.kinds.weak.estimators.quasi"),
     "kolmogorov": Estimator("spi.kinds.weak.estimators.kolmogorov"),
 }
 

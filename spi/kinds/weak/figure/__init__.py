@@ -146,7 +146,8 @@ def _series(
 
 
 def _is_outdone(reading: WeakErrors, readings: Sequence[WeakErrors]) -> bool:
-    """Whether a plain estimate stands beside a multilevel one of the same scheme."""
+    """Whether a plain estimate stands beside a better one of the same scheme, by levels or points."""
     return reading.about.estimator == "plain" and any(
-        other.about.estimator == "multilevel" and other.about.variant == reading.about.variant for other in readings
+        other.about.estimator in ("multilevel", "quasi") and other.about.variant == reading.about.variant
+        for other in readings
     )

@@ -10,7 +10,7 @@ import numpy as np
 from spi.printing.text import fraction, order_found, power_of_two, readable, short, with_interval
 
 from ..comparisons import agreement, cannot_do, not_reached, own_error
-from ..results import Sampled, WeakErrors
+from ..results import Quasi, Sampled, WeakErrors
 from .eps import limits_shown, over_eps
 from .levels import difference_warnings, level_warnings
 
@@ -47,6 +47,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
         yield f"{name_of(reading, f)}: {order_found(order, low, high, reading.expected_order)}{through}"
         if reading.sampled:
             yield f"    {_accuracy(reading, reading.sampled, f)}"
+        if reading.quasi:
+            yield f"    {_points(reading.quasi, f)}"
         if own and own.differ[f]:
             yield f"    {_assumed(reading, float(own.value[f]), float(own.by_next[f]))}"
         if reading.unsampled:
@@ -71,11 +73,18 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
     told = f"standard error {short(stderr)} at {power_of_two(reading.h[largest])}"
     told += f" in {seconds:.3g} s of processor time"
     paper = math.nan if sampled.sd is None else float(sampled.sd[f]) / math.sqrt(PAPER)
-    if math.isfinite(paper):
+    if math.isfinite(paper) and not reading.quasi:  # whose standard errors fall faster than by the root
         told += f"; 10^9 independent samples would give {short(paper)}"
         if stderr > paper > 0 and math.isfinite(stderr):
             told += f", which would take about {_two_digits(seconds * (stderr / paper) ** 2)} s here"
     return told
+
+
+def _points(quasi: Quasi, f: int) -> str:
+    """What points there were, and what they were worth."""
+    low, high = (short(float(one), ".3g") for one in (quasi.gain[f].min(), quasi.gain[f].max()))
+    points = f"{quasi.scrambles} scrambles of {quasi.points} points in {quasi.dimensions} dimensions"
+    return f"{points}; as many independent paths have {low} to {high} times the variance of the expectation"
 
 
 def _assumed(reading: WeakErrors, added: float, by_next: float) -> str:

@@ -61,7 +61,7 @@ class Rows(NamedTuple):
 class MultilevelPlan(Blockwise, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes",))
+    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes", "construction"))
 
     levels: tuple[Level, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known

@@ -6,7 +6,7 @@ likewise, before anything is summed up.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -67,20 +67,25 @@ def together(case: Any, part: Part) -> list[tuple[int, ...]]:
 
 def plan(case: Any, part: Part) -> "PlainPlan":
     """The plan for one scheme of a case."""
-    reference = case.reference_record(part.eps)
-    of_reference = {case.reference_step * 2.0**i for i in range(1, max(part.extrapolate, *part.also, 0) + 1)}
-    steps = sorted({*case.steps, *of_reference}, reverse=True)
-    schemes = [case.row(part.scheme, part.eps).record, reference]
-    terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
-    times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
-    return PlainPlan(case=case, part=part, grid=times, samples=case.samples)
+    return PlainPlan.of(case, part)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlainPlan(WeakPlan, BlocksPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy", "construction"))
+
+    @classmethod
+    def of(cls, case: Any, part: Part) -> Self:
+        """The plan for one scheme of a case."""
+        reference = case.reference_record(part.eps)
+        of_reference = {case.reference_step * 2.0**i for i in range(1, max(part.extrapolate, *part.also, 0) + 1)}
+        steps = sorted({*case.steps, *of_reference}, reverse=True)
+        schemes = [case.row(part.scheme, part.eps).record, reference]
+        terms = fourier_terms(case.model, schemes, case.reference_step, min(case.steps), case.areas)
+        times = nested_grid(case.final_time, case.reference_step, steps, case.truncate_noise, reference, terms)
+        return cls(case=case, part=part, grid=times, samples=case.samples)
 
     @property
     def prefixes(self) -> tuple[int, ...]:

@@ -1,0 +1,62 @@
+"""Randomised quasi-Monte Carlo: plain sampling whose paths follow scrambled Sobol' points, see ``spi.ensemble.points``.
+
+The jackknife groups of paths are the independent scrambles, so that all standard errors are those over scrambles.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from spi.ensemble.points import Points, dimensions_of, points_of
+from spi.kinds.plans import DOWN, State
+from spi.numerics.rng import POINTS
+from spi.numerics.sobol import SCRAMBLES
+from spi.statistics.powers import standard_deviation
+from spi.storage.records import Part
+
+from ...results import Quasi, WeakErrors
+from ..plain.study import PlainPlan, together
+
+__all__ = ["plan", "together"]
+
+
+def plan(case: Any, part: Part) -> "QuasiPlan":
+    """The plan for one scheme of a case."""
+    return QuasiPlan.of(case, part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuasiPlan(PlainPlan):
+    """Weak errors of one scheme by scrambled points."""
+
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy", "prefixes"))
+
+    @property
+    def prefixes(self) -> tuple[int, ...]:
+        """None: a number of points that is no power of two is no fair one."""
+        return ()
+
+    @cached_property
+    def stream(self) -> Points:
+        """The points in the place of independent increments."""
+        how = self.case.construction
+        return points_of(self.case.seed, POINTS, self.scheme, self.model, self.grid, how)
+
+    def results(self, state: State) -> WeakErrors:
+        """The results of one scheme of a case, from its final state."""
+        found, values = super().results(state), self._of_own(state.total()).values[:, DOWN].sum(axis=-1)
+        sd = standard_deviation(*values / self.samples).T
+        sampled: Any = found.sampled
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gain = sd**2 / (self.samples * sampled.expectation_stderr**2)
+        steps, reference = self.grid.reference_steps, self.grid.reference_scheme
+        quasi = Quasi(
+            gain=gain,
+            scrambles=SCRAMBLES,
+            points=self.samples // SCRAMBLES,
+            dimensions=dimensions_of(self.scheme, reference, self.model, steps)[1],
+            construction=self.case.construction,
+        )
+        return replace(found, quasi=quasi)

@@ -1,0 +1,123 @@
+"""Weak errors by scrambled points: against solutions without sampling, and against independent paths."""
+
+import numpy as np
+import pytest
+from helpers import COMPILED, compiled_only
+from states import CLOCKS, batches_of, finished
+from weak_cases import case_of, plan_of
+
+from spi.ensemble.loop import limited_threads
+from spi.exact.kolmogorov import expectations
+from spi.expressions import functions_of
+from spi.kinds.weak.study.sums import values_of_blocks
+from spi.schemes import SCHEMES
+from spi.schemes.stages import compositions
+from spi.specs import SpecError
+from spi.statistics.estimators import group_counts
+
+SCHEME = "splitting_order2"
+FUNCTIONS = {"phi": "sin(2*pi*y1)", "square": "y1^2"}
+BODY = "model={{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [{0}, {0}, {0}]}}"
+
+
+def quasi(*overrides, sigma=1, samples=512):
+    what = "functions={phi: sin(2*pi*y1), square: y1^2}", f"samples={samples}", "estimators=[quasi]"
+    return case_of(*what, "steps=[2^-3]", BODY.format(sigma), *overrides)
+
+
+def exact(case):
+    """E phi at h = 2^-3 and 2^-4, without sampling."""
+    acting = compositions(SCHEMES[SCHEME].composition, case.model)
+    found = expectations(
+        case.model, acting, case.initial, 1.0, np.array([0.125, 0.0625]), functions_of(tuple(FUNCTIONS.values()), 3)
+    )
+    return found.limit[:, np.newaxis] + found.weak_error
+
+
+def found_with(case, scheme=SCHEME):
+    plan = plan_of(case, scheme, "quasi")
+    return plan.results(finished(plan))
+
+
+def gains(sigma, scheme=SCHEME, points=4096):
+    """The variance of independent paths over that of as many points, of E phi at h = 2^-4."""
+    case = quasi(sigma=sigma, samples=64 * points)
+    plan = plan_of(case, scheme, "quasi")
+    total = finished(plan).total()
+    mean = total.values[:, 0] / group_counts(64 * points)  # of each scramble
+    variance = (mean[1] - mean[0] ** 2).mean(axis=-1)
+    return variance / points / mean[0].var(axis=-1, ddof=1)
+
+
+@compiled_only
+def test_the_solution_lies_within_the_standard_errors_that_scrambles_have():
+    """Over 40 seeds; and the control: standard errors as of independent paths would be far too large."""
+    case, deviations = quasi(), []
+    truth = exact(case)
+    for seed in range(40):
+        found = found_with(quasi(f"seed={seed}", samples=4096))
+        sampled = found.sampled
+        deviations.append((found.expectation - truth[:, :1])[:, 0] / sampled.expectation_stderr[:, 0])
+        deviations.append((sampled.reference - truth[:, 1]) / sampled.expectation_stderr[:, 0])
+    deviations = np.array(deviations)
+    assert np.abs(deviations).max() < 4.0
+    assert 0.88 < np.mean(np.abs(deviations) < 2.0) <= 1.0  # 0.95 of 160, of which pairs share their paths
+    assert 0.75 < deviations.std() < 1.25
+    assert found.quasi.gain[1] > 3.0
+
+
+@compiled_only
+@pytest.mark.parametrize(("sigma", "least"), [(1.0, (5.0, 18.0)), (0.25, (500.0, 800.0))])
+def test_points_are_worth_many_independent_paths(sigma, least):
+    assert np.all(gains(sigma) > least)
+
+
+@pytest.mark.slow
+@compiled_only
+@pytest.mark.parametrize(("sigma", "least"), [(1.0, (6.0, 20.0)), (0.25, (1000.0, 3000.0))])
+def test_without_coins_they_are_worth_more(sigma, least):
+    assert np.all(gains(sigma, "splitting") > least)
+
+
+def bits_of(state):
+    """All that is known, but what a clock decides."""
+    return {name: value for name, value in state.total()._asdict().items() if not name.endswith(CLOCKS)}
+
+
+def assert_same(one, other):
+    for name, value in one.items():
+        assert np.array_equal(value, other[name]), name
+
+
+def test_bits_do_not_depend_on_threads_or_batches():
+    case = quasi(samples=2048 if COMPILED else 512)
+    plan = plan_of(case, SCHEME, "quasi")
+    whole = bits_of(finished(plan))
+    with limited_threads(1), batches_of(3):
+        assert_same(whole, bits_of(finished(plan)))
+    assert plan.results(finished(plan)).quasi.points == case.samples // 64
+
+
+@compiled_only
+def test_more_samples_begin_with_the_same_paths():
+    few, more = (plan_of(quasi(samples=n), SCHEME, "quasi") for n in (512, 4096))
+    values = [values_of_blocks(p, p.grid, p.stream, 0, 8, 512)[0] for p in (few, more)]
+    assert np.array_equal(*values)
+    assert few.deciding(0) == more.deciding(0)  # so that sums are gone on with
+    assert plan_of(quasi("construction=principal"), SCHEME, "quasi").deciding(0) != few.deciding(0)
+    plain = [plan_of(quasi("estimators=[plain]", *more), SCHEME, "plain") for more in ((), ("construction=steps",))]
+    assert plain[0].deciding(0) == plain[1].deciding(0)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["samples=1000"], "samples: is 1000; must be a power of two for the estimator 'quasi', 512 or more"),
+        (["samples=256"], "samples: is 256; must be a power of two for the estimator 'quasi', 512 or more"),
+        (["construction=brige"], "construction: is 'brige'; did you mean 'bridge'?"),
+        (["reference_step=2^-11"], "would have 8192 dimensions for 'splitting_order2'; use a reference_step"),
+    ],
+)
+def test_mistakes_are_told(overrides, message):
+    with pytest.raises(SpecError, match=message.replace("?", r"\?").replace("^", r"\^")):
+        quasi("schemes=[splitting_order2]", *overrides)
