@@ -86,7 +86,7 @@ def slopes(
     for order, dashes, above in orders:
         ratio = points[:, 1] / points[:, 0] ** order
         factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
-        label = f"slope {Fraction(order)}"
+        label = f"slope {Fraction(order).limit_denominator(100)}"
         ax.plot(between, factor * between**order, dashes, color=SLOPE, linewidth=1, zorder=1, label=label)
 
 

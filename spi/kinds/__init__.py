@@ -106,5 +106,6 @@ KINDS = {
     "stability": Kind("spi.kinds.stability"),
     "long_time": Kind("spi.kinds.long_time"),
     "statistics": Kind("spi.kinds.statistics"),
+    "lyapunov": Kind("spi.kinds.lyapunov"),
     "answer": Kind("spi.kinds.answer"),
 }

@@ -97,6 +97,11 @@ def of_array(function, x):
     return values
 
 
+def log(x):
+    """ln x of an array of any shape."""
+    return of_array(Logarithm(), x)
+
+
 def whole_power(x, exponent):
     """x^n for an array and n = 1, 2, 3, ..., by squares and products."""
     if exponent == 1:

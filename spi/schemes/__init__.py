@@ -5,6 +5,7 @@ import math
 from ..ensemble.friction import has_friction
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import exact_flows
+from ..ensemble.protocol import large as has_arrays
 from ..ensemble.scheme_protocol import judges
 from .costs import typical_ns
 from .entries import SCHEMES, Scheme, register_scheme
@@ -54,6 +55,8 @@ def of_model(entry, model):
     """
     if entry.composition is not None and has_friction(model):
         entry = entry._replace(record=entry.record._replace(stages=with_friction(entry.composition)))
+    if judges(entry.record) and has_arrays(model):  # which is judged without friction
+        return entry._replace(strong_order=0.25, strong_order_commuting=0.25, weak_order=0.5)
     lacking = flows_lacking(model)
     if entry.composition is None or not lacking or not inner(model):
         return entry

@@ -115,13 +115,13 @@ register_scheme(
     "splitting_metropolis",
     record=Metropolis(),
     label="splitting, Metropolis",
-    formula=f"z = D N y, each flow of N = {_NOISE} and the palindrome D of the drift flows accepted with "
-    "min(1, exp(-dH/T)), D turned over where it is not",
+    formula="z = D N y, each flow of N = exp(s_m Y_{Ĥ_m})...exp(s_1 Y_{Ĥ_1}), s_k = friction + sigma_k dW_k, and the "
+    "palindrome D of the drift flows accepted or not, D turned over where it is not",
     reference="docs/temperature.md",
     look=("3", "#D55E00"),
-    strong_order=0.25,
-    strong_order_commuting=0.25,
-    weak_order=0.5,
+    strong_order=0.5,
+    strong_order_commuting=0.75,
+    weak_order=1.0,
     preserves="Casimirs, the Gibbs law",
     work=16.0,
     needs=has_friction,

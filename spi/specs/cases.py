@@ -165,7 +165,8 @@ class BaseCase(Keys):
         """Nothing of what changes nothing, such as damping 0: specs of which these are no keys stay what they were."""
         said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
         said["temperature"] = lambda temperature: temperature < math.inf
-        said |= dict.fromkeys(("damping", "noise", "times", "autocorrelation", "density", "reference_step"), bool)
+        said |= dict.fromkeys(("damping", "noise", "times", "panels", "reference_step"), bool)
+        said |= dict.fromkeys(("autocorrelation", "density"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")

@@ -9,7 +9,7 @@ from ..ensemble.fields import lie_poisson
 from ..ensemble.friction import has_friction
 from ..ensemble.inexact import flows_lacking, inner
 from ..ensemble.protocol import area_pairs, large
-from ..ensemble.scheme_protocol import needs_areas
+from ..ensemble.scheme_protocol import judges, needs_areas
 from ..models import MODELS
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, weak_exponents
@@ -208,6 +208,9 @@ def check_needs(case: Any) -> None:
         if has_friction(case.model) and case.row(name).multiscale:
             what = f"has '{name}', whose noise is a fast process, for which no friction is known"
             raise wrong(what, "leave out the scheme or temperature", "schemes")
+        if judges(case.row(name).record) and flows_lacking(case.model):
+            what = f"has '{name}', which is made of exact flows, and not all are known of {case.model_name}"
+            raise wrong(what, "use another", "schemes")
         if needs is has_friction and not needs(case.model):
             raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
         if needs and not needs(case.model):

@@ -100,8 +100,8 @@ def told(law: Any) -> str:
         return ""
     if isinstance(law, Recorded):
         return f"increments of a file, over steps of {quantity(law.step)}"
-    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck", Fractional: "fractional", Levy: "stable Lévy"}[type(law)]
-    return f"{name}, " + ", ".join(f"{key} {value:.12g}" for key, value in law._asdict().items())
+    name = {OrnsteinUhlenbeck: "Ornstein-Uhlenbeck, tau", Fractional: "fractional, H", Levy: "stable Lévy, alpha"}
+    return f"{name[type(law)]} = {law[0]:.12g}"
 
 
 Noise = Annotated[

@@ -8,13 +8,14 @@ import numpy as np
 from ..ensemble.protocol import casimirs, conserved, dimension, large, noise_indices, squared_length_is_casimir
 from ..models.thermal import thermal
 from .damping import LAWS, damped_model
+from .drivers import told
 from .keys import quantity, wrong
 
 
 def dissipation(case: Any) -> dict[str, float]:
     """The keys about dissipation that a case has, by name."""
-    told = {"damping": bool, "temperature": math.isfinite}
-    return {key: getattr(case, key) for key, is_there in told.items() if is_there(getattr(case, key))}
+    keys = {"damping": bool, "temperature": math.isfinite}
+    return {key: getattr(case, key) for key, is_there in keys.items() if is_there(getattr(case, key))}
 
 
 def dissipative_model(case: Any) -> Any:
@@ -32,6 +33,9 @@ def thermal_model(case: Any) -> Any:
         raise wrong("is 0, at which friction would be infinite", right, "temperature")
     if case.damping:
         raise wrong("is given beside damping, with which no law is stationary", "leave out one of them", "temperature")
+    if told(case.noise):
+        what = "is given beside noise, and friction belongs to Brownian motion"
+        raise wrong(what, "leave out one of them", "temperature")
     if not noise_indices(model):
         what = "is given to a model without noise, which nothing would bring to it"
         raise wrong(what, "leave it out, or give sigma a number above 0", "temperature")

@@ -5,7 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, RIGID_BODY, SCHEMES
+from helpers import COMPILED, INITIAL, RIGID_BODY, SCHEMES, compiled_only
 
 from spi.ensemble import drivers
 from spi.ensemble.drivers import Driver
@@ -104,6 +104,7 @@ def test_larger_steps_are_sums(law):
     assert np.array_equal(fine.increments(H, 3, 4, 0, 8, 2), halves[0::2] + halves[1::2])
 
 
+@compiled_only
 @by_law
 def test_states_do_not_depend_on_how_much_is_made_at_a_time(law, monkeypatch):
     scheme, times = SCHEMES["splitting"].record, grid(2**-8, 512, (0, 2))

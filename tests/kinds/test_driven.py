@@ -11,6 +11,8 @@ from spi.kinds import KINDS
 from spi.running.load import load
 from spi.storage.records import Part
 
+pytestmark = compiled_only
+
 KEYS = """\
 model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
 initial: [cos(1.1), 0, sin(1.1)]
@@ -37,7 +39,6 @@ def plan_of(tmp_path):
     return plan_of
 
 
-@compiled_only
 def test_orders_are_those_of_the_driver(plan_of):
     found = {}
     for noise in (COLOURED, FRACTIONAL, "{kind: brownian}"):
@@ -47,7 +48,7 @@ def test_orders_are_those_of_the_driver(plan_of):
     order = [one.order.order for one in found.values()]
     assert [one.expected_order for one in found.values()] == pytest.approx([1.0, 0.9, 0.5])
     assert np.abs(np.array(order) - [1.0, 0.9, 0.5]).max() < 0.12
-    assert found[COLOURED].ns_per_step is None and found[COLOURED].about.driver == "Ornstein-Uhlenbeck, tau 0.25"
+    assert found[COLOURED].ns_per_step is None and found[COLOURED].about.driver == "Ornstein-Uhlenbeck, tau = 0.25"
 
 
 @pytest.mark.slow

@@ -4,16 +4,20 @@ import math
 
 import numpy as np
 import pytest
-from helpers import COMPILED, INITIAL, compiled_only
+from helpers import INITIAL, RIGID_BODY, compiled_only
 from scipy import stats
 from states import check_going_on, chunks_of, finished, same_numbers
 from statistics_cases import AXIS, results_of, study_of, written
 from weak_cases import stderr_by_hand
 
 import spi
+from spi.exact import kolmogorov
+from spi.expressions import functions_of
 from spi.kinds.statistics.claims import quantities
 from spi.kinds.statistics.estimates import simultaneous
 from spi.kinds.statistics.results import Statistics
+from spi.schemes import SCHEMES
+from spi.schemes.stages import compositions
 from spi.specs import SpecError
 
 
@@ -215,20 +219,31 @@ def test_mistakes_are_one_line(case_of, override, message):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not COMPILED, reason="too many paths without the compiler")
+@compiled_only
 def test_means_are_those_without_sampling(case_of):
-    """At the same steps, by the backward equation of the same scheme on the sphere."""
-    found = results_of(case_of("samples=200000", "functions={phi: sin(2*pi*y1), square: y1^2}", "statistics=[mean]"))
-    spec = {
-        "kind": "weak",
-        "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
-        "initial": list(INITIAL),
-        "final_time": 1,
-        "steps": [2**-4, 2**-3],
-        "reference_step": 2**-5,
-        "functions": {"phi": "sin(2*pi*y1)", "square": "y1^2"},
-        "schemes": ["splitting"],
-        "estimators": ["kolmogorov"],
-    }
-    exact = spi.run(spec, out=None)["splitting"].expectation.sel(h=2**-4).values
-    assert (np.abs(found.mean[:, -1] - exact) < 4 * found.mean_stderr[:, -1]).all()
+    """At ten times and with the same step, by the backward equation of the same scheme on the sphere."""
+    functions = "functions={phi: sin(2*pi*y1), square: y1^2}"
+    found = results_of(case_of("samples=200000", "final_time=1.25", functions, "statistics=[mean]"))
+    acting, phi = compositions(SCHEMES["splitting"].composition, RIGID_BODY), functions_of(("sin(2*pi*y1)", "y1^2"), 3)
+    values = [
+        kolmogorov.expectations(RIGID_BODY, acting, INITIAL, t, [2**-4], phi, 1e-6).value[:, 0] for t in found.t[1:]
+    ]
+    off = (found.mean[:, 1:].T - values) / found.mean_stderr[:, 1:].T
+    assert len(values) == 10 and np.abs(off).max() < 4 and np.abs(off).mean() > 0.2
+
+
+@pytest.mark.slow
+@compiled_only
+def test_moments_of_maxwell_bloch_that_close(case_of):
+    """y_1 less its drift, the integral of y_2, is a martingale: Var y_1 + Var I - 2 Cov(y_1, I) = E of the integral of
+    (sigma_3 y_2)^2 by Itô's isometry, and E y_1 = y_1(0) + E I."""
+    functions = "functions={y1: y1, drift: {integral: y2}, square: {integral: y2^2}}"
+    about = "initial=[0.2, 0.1, 1]", "samples=40000", "step=2^-8", "every=4", "statistics=[mean, variance, covariance]"
+    found = results_of(case_of("model={name: maxwell_bloch, sigma: [1, 1]}", *about, functions))
+    (y1, drift, square), error = found.mean, found.mean_stderr
+    assert (np.abs(y1 - 0.2 - drift) < 4 * np.hypot(error[0], error[1]) + 2**-8).all()
+    spread = found.covariance[0, 0] + found.covariance[1, 1] - 2 * found.covariance[0, 1]
+    assert np.allclose(spread[8:], square[8:], rtol=0.03) and square[-1] > 0.05
+    louder = results_of(case_of("model={name: maxwell_bloch, sigma: [1, 1.1]}", *about, functions))
+    spread = louder.covariance[0, 0] + louder.covariance[1, 1] - 2 * louder.covariance[0, 1]
+    assert np.allclose(spread[8:], 1.21 * louder.mean[2, 8:], rtol=0.03)

@@ -7,6 +7,7 @@ from states import check_going_on, chunks_of, finished, same_numbers
 from statistics_cases import BODY, results_of, study_of, written
 
 from spi.exact.kolmogorov import exact_expectations
+from spi.kinds.statistics.figure import draw
 from spi.specs import SpecError
 
 
@@ -77,6 +78,7 @@ def test_a_finer_run_tells_the_weak_error(case_of):
         ("reference={psi: t}", "is not the name of a function"),
         ("reference={square: y1}", "must be an expression in t, exact, stationary or {file: known.csv}"),
         ("reference={out: exact}", "that is known of functions of the state, not of the path"),
+        ("reference={length: exact} & noise={kind: ornstein_uhlenbeck, tau: 1/10}", "where Brownian motion drives"),
         ("reference={square: {file: bad.csv}}", "bad.csv', with the columns time, value; must have t and value"),
         ("reference={square: {file: nan.csv}}", "nan.csv', whose line 3 is '0.5, nan'; must have a finite number"),
         ("reference={square: {file: far.csv}}", "t = 7 to 8, none of the times of the statistics"),
@@ -101,7 +103,7 @@ def test_mistakes_are_one_line(case_of, tmp_path, override, message):
     }.items():
         (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
     with pytest.raises(SpecError) as caught:
-        case_of(override)
+        case_of(*override.split(" & "))
     assert len(caught.value.messages) == 1 and message in str(caught.value)
 
 
@@ -114,6 +116,18 @@ def test_a_map_of_the_sphere_needs_one(case_of):
         case_of(*laser, "reference={y1: exact}")
     with pytest.raises(SpecError, match="no stationary law is known"):
         case_of(*laser, "reference={y1: stationary}")
+
+
+def test_a_figure_shows_the_panels_that_are_named(case_of):
+    """Each draws something, and all of them are drawn by default."""
+    about = "functions={square: y1^2, out: {passage: y1 < 0.4}}", "autocorrelation={square: 1/2}", "density=sphere"
+    counts = []
+    for panels in ("", "mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps"):
+        named = [f"panels=[{panels}]"] * bool(panels)
+        reading = results_of(case_of(*about, "reference={square: exact}", *named))
+        axes = draw("A title", [[reading]]).axes
+        counts.append(len([ax for ax in axes if ax.get_label() != "<colorbar>"]))
+    assert min(counts) > 0 and sum(counts[1:]) == counts[0]
 
 
 def test_the_uniform_law_of_the_sphere_stays(case_of):

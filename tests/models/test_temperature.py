@@ -247,7 +247,7 @@ def exact_means(temperature):
 @compiled_only
 @pytest.mark.parametrize("temperature", [0.25, -0.25])
 def test_metropolis_has_the_gibbs_law_at_steps_of_any_size(load_text, temperature):
-    """After 32 steps of h = 2, of which a fifth is refused; on a sphere T may be negative."""
+    """After 32 steps of h = 2, where a fourth of the noise flows is refused; on a sphere T may be negative."""
     (plan,) = plans(load_text(STATISTICS, f"temperature={temperature}"))
     reading = plan.results(finished(plan))
     deviation = (reading.mean[:, -1] - exact_means(temperature)) / reading.mean_stderr[:, -1]
@@ -256,7 +256,7 @@ def test_metropolis_has_the_gibbs_law_at_steps_of_any_size(load_text, temperatur
     for other in (1e9, 1.1 * temperature):
         assert np.abs((reading.mean[:, -1] - exact_means(other)) / reading.mean_stderr[:, -1]).max() > 6
     rates = reading.acceptance.noise_accepted, reading.acceptance.drift_accepted
-    assert 0.8 < rates[0] < 0.9 and 0.84 < rates[1] < 0.88
+    assert 0.72 < rates[0] < 0.78 and 0.84 < rates[1] < 0.88
 
 
 @compiled_only
@@ -311,6 +311,7 @@ def test_an_infinite_temperature_is_what_is_there_without(load_text):
         (["temperature=0"], r"temperature: is 0, .* for selective decay at the rate gamma take a small one"),
         (["temperature=warm"], "temperature: is 'warm' .*; must be a number"),
         (["damping=0.1"], "temperature: is given beside damping, with which no law is stationary"),
+        (["noise={kind: levy, alpha: 1.5}"], "temperature: is given beside noise, and friction belongs to Brownian"),
         (["model.sigma=[0, 0, 0]"], "temperature: is given to a model without noise"),
         (["schemes=[ap_splitting]", "eps=0.1"], "schemes: has 'ap_splitting', whose noise is a fast process"),
         (

@@ -20,6 +20,7 @@ from work_results import work_results
 from spi import storage
 from spi.kinds import KINDS
 from spi.kinds.answer.results import Answer
+from spi.kinds.lyapunov.results import Exponents
 from spi.kinds.statistics.results import Quantiles, Statistics
 from spi.printing import as_csv, as_json
 from spi.printing import claims as printed_claims
@@ -306,6 +307,20 @@ ANSWER = Answer(
     predicted_seconds=1.0,
     next_digit_seconds=100.0,
 )
+EXPONENTS = Exponents(
+    about=Description.of(strong_group("splitting")),
+    number=np.array([1, 2]),
+    t=np.array([1.0]),
+    exponent=np.array([[1.0], [-3.0]]),
+    exponent_stderr=np.full((2, 1), 0.5),
+    total=np.array([-2.0]),
+    total_stderr=np.array([0.25]),
+    change=2.0,
+    nonfinite=0,
+    step=0.5,
+    samples=10,
+    ns_per_step=1.0,
+)
 PATH = trajectory_group("splitting", np.arange(3.0), np.array([[1.0], [-2.0], [3.0]]), np.array([[1.0], [1.5], [1.0]]))
 WHOLE = {
     "strong": strong(strong_group("splitting")),
@@ -319,6 +334,7 @@ WHOLE = {
     "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
     "answer": Results({"kind": "answer", "title": "Answer"}, (ANSWER.group(),)),
+    "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
 }
 
 

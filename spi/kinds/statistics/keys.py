@@ -22,6 +22,7 @@ from spi.statistics.claims import AT_MOST, EQUAL, Sort
 from .functions import FUNCTIONALS, PathFunction, path_function
 from .maps import SPHERE, on_sphere
 from .references import EXACT, STATIONARY, check, curve
+from .results import PANELS
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 
@@ -32,6 +33,7 @@ _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str | _Functional]
 _PHI = BeforeValidator(lambda value: {"phi": value} if isinstance(value, str) else value)
 PathFunctions = Annotated[_ByName, _PHI]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
+Panels = tuple[Literal[PANELS], ...]
 Levels = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
 Times = tuple[NonNegative, ...]
 _Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
@@ -106,6 +108,7 @@ class Case(BaseCase):
     reference_step: key_of(
         Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"
     ) = None
+    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     quantities: ClassVar = {

@@ -11,6 +11,10 @@ from spi.storage.stored import Array, Described, Stored, array, axis, fact, nest
 SPHERE_SIDES = "y3 / |y|", "longitude"
 
 
+#: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
+PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps")
+
+
 class Quantiles(Described):
     """Quantiles, by linear interpolation within bins of equal width."""
 
@@ -95,6 +99,7 @@ class Statistics(Stored):
     difference_stderr: Annotated[Array | None, array("function t", "standard error of the difference")] = None
     reference_step: Annotated[float | None, fact("step size of the finer paths, on the same noise", "time")] = None
     acceptance: Annotated[Acceptance | None, array("", "how often flows were accepted")] = None
+    panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")] = PANELS
     nonfinite: Annotated[int, fact("diverged paths (NaN or infinity)")]
     step: Annotated[float, fact("step size", "time")]
     samples: Annotated[int, fact("number of paths", column=True)]

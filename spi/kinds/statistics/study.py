@@ -14,7 +14,7 @@ from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
@@ -27,10 +27,10 @@ from .estimates import Moments
 from .maps import SPHERE, Cells
 from .quantiles import Bins, histogram, quantiles
 from .references import known_means
-from .results import SPHERE_SIDES, DensityMap, Statistics
+from .results import PANELS, SPHERE_SIDES, DensityMap, Statistics
 from .sums import Rows, Sums
 
-_BATCH_BYTES = 64e6
+_BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _CACHED = 2**15  # floats of an array that fits the cache several times
 
@@ -58,6 +58,16 @@ class StatisticsPlan(BlocksPlan):
         """Steps of all paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.blocks * LANES
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block, and nothing summed up."""
+        calls, one, none = super().kernel_calls(), np.zeros((1, 1, 1, LANES)), (0, 0)
+        summed = np.zeros((2, 1, 1, GROUPS)), np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS))
+        calls.append(KernelCall(add_moments, (one, 0, 0, *summed, none)))
+        if self.case.fine_bins or self.case.density:
+            bins = np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1, 3), np.int64)
+            calls.append(KernelCall(count_values, (one, 0, 0, *bins, none)))
+        return calls
 
     @cached_property
     def columns(self) -> Columns:
@@ -202,10 +212,11 @@ class StatisticsPlan(BlocksPlan):
             density_map=self._map(sums.cells, names),
             **self._differences(found, mean, stderr),
             acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
+            panels=case.panels or PANELS,
             nonfinite=sums.nonfinite,
             step=case.step,
             samples=self.samples,
-            ns_per_step=1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
+            ns_per_step=1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
         )
 
     def _second_moments(self, found: Moments) -> dict[str, Any]:

@@ -36,7 +36,7 @@ def show(console: "Console", heading: str, readings: Sequence[Statistics]) -> No
     for reading in readings:
         label = lines_of(reading.about)
         for f, name in enumerate(reading.functions):
-            for i in shown(len(reading.t)):
+            for i in shown(reading, f):
                 cells = list(map(Text, _cells(reading, f, i)))
                 table.add_row(Text(label), Text(name), f"{reading.t[i]:.5g}", *cells)
                 label = name = ""
@@ -48,9 +48,12 @@ def show(console: "Console", heading: str, readings: Sequence[Statistics]) -> No
     console.print()
 
 
-def shown(times: int) -> list[int]:
-    """The numbers of the times that a table shows, among them the last."""
-    return np.unique(np.linspace(times - 1, 0, min(times, _MOST_TIMES)).round().astype(int)).tolist()
+def shown(reading: Statistics, f: int) -> list[int]:
+    """Which times a table shows of a function: of those at which a reference is known, if there are any."""
+    times = np.arange(len(reading.t))
+    if reading.difference is not None and (there := np.isfinite(reading.difference[f])).any():
+        times = times[there]
+    return times[np.unique(np.linspace(len(times) - 1, 0, min(len(times), _MOST_TIMES)).round().astype(int))].tolist()
 
 
 def _further(reading: Statistics) -> list[tuple[str, Any, Any]]:

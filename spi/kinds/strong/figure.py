@@ -56,12 +56,20 @@ def _panel(ax: Axes, readings: Sequence[StrongErrors], looks: style.Looks) -> No
     resolved = np.concatenate([_points(reading, resolved=True) for reading in readings])
     drawn = resolved if len(resolved) else np.concatenate([_points(reading, resolved=False) for reading in readings])
     if len(drawn):
-        slopes(ax, drawn, SLOPES)
+        slopes(ax, drawn, _slopes(readings))
         ax.set_ylim(limits(drawn[:, 1]))
     for reading in readings:
         _scheme(ax, reading, *looks[reading.about.variant])
     _remarks(ax, readings)
     legend_under(ax)
+
+
+def _slopes(readings: Sequence[StrongErrors]) -> Sequence[tuple[float, str, bool]]:
+    """The reference slopes; with another driver than Brownian motion the least and the largest order expected."""
+    if not readings[0].about.driver:
+        return SLOPES
+    expected = sorted({one.expected_order for one in readings if one.expected_order is not None})
+    return [(order, *SLOPES[i][1:]) for i, order in enumerate(dict.fromkeys((*expected[:1], *expected[-1:])))]
 
 
 def _points(reading: StrongErrors, resolved: bool) -> np.ndarray:

@@ -3,7 +3,7 @@
 autocorrelations, histograms and correlations at the last time, and maps of densities.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -22,6 +22,7 @@ SIZE = (3.4, 2.7)  # inches of a panel
 MAP = (3.6, 2.3)  # inches of a map
 _MOST_MARKERS = 12
 _MOST_COLUMNS = 4
+SOME_KNOWN: dict[str, Any] = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
 KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
 
 
@@ -32,12 +33,13 @@ def draw(title: str, cases: Sequence[Sequence[Statistics]]) -> Figure:
     lines = []
     for readings, facts in zip(cases, own, strict=True):
         panels = _panels(readings, looks)
-        found = _lines(panels, SIZE)
-        width = len(found[0].panels) * SIZE[0]
-        case = layout.case_title(readings[0].about, facts, width) if len(cases) > 1 else ""
-        found[0] = found[0]._replace(title=case)
-        found[-1] = found[-1]._replace(legend=[_entries(readings, looks)])
-        lines += [*found, *_lines(_maps(readings), MAP)]
+        curves, maps = _lines(panels, SIZE), _lines(_maps(readings), MAP)
+        if curves:
+            curves[-1] = curves[-1]._replace(legend=[_entries(readings, looks)])
+        if (found := [*curves, *maps]) and len(cases) > 1:
+            width = len(found[0].panels) * found[0].size[0]
+            found[0] = found[0]._replace(title=layout.case_title(readings[0].about, facts, width))
+        lines += found
     return layout.arranged(title, lines, shared)
 
 
@@ -48,26 +50,31 @@ def _lines(panels: Sequence[layout.Panel], size: tuple[float, float]) -> list[la
 
 
 def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Panel]:
-    """Of each function its panels over time, and behind them those of histograms, variances and correlations."""
+    """Those of each function, of which its share of paths that have passed has no law, and of correlations."""
     first = readings[0]
-    told: dict[str, Any] = {"readings": readings, "looks": looks}
     every = range(len(first.functions))
-    panels: list[layout.Panel] = [partial(_over_time, f=f, **told) for f in every]
     of_values = [f for f in every if first.passages is None or np.isnan(first.passages.share[f]).all()]
-    panels += [partial(_differences, f=f, **told) for f in every if _known(first.difference, f)]
-    if first.histogram:
-        panels += [partial(_densities, f=f, **told) for f in of_values]
-    if first.variance is not None:
-        panels += [partial(_variances, f=f, **told) for f in of_values]
-    panels += [partial(_autocorrelations, f=f, **told) for f in every if _known(first.autocorrelation, f)]
-    if first.covariance is not None and len(every) > 1:
+    shown: dict[str, tuple[Callable[..., None], Sequence[int]]] = {
+        "mean": (_over_time, every),
+        "difference": (_differences, [f for f in every if _known(first.difference, f)]),
+        "histogram": (_densities, of_values if first.histogram else ()),
+        "variance": (_variances, of_values if first.variance is not None else ()),
+        "autocorrelation": (_autocorrelations, [f for f in every if _known(first.autocorrelation, f)]),
+    }
+    panels: list[layout.Panel] = [
+        partial(panel, readings=readings, f=f, looks=looks)
+        for word, (panel, functions) in shown.items()
+        if word in first.panels
+        for f in functions
+    ]
+    if "correlations" in first.panels and first.covariance is not None and len(every) > 1:
         panels.append(partial(_correlations, reading=first))
     return panels
 
 
 def _maps(readings: Sequence[Statistics]) -> list[layout.Panel]:
     """Those of each scheme at each time, with the same colours for all schemes."""
-    found = [(reading, reading.density_map) for reading in readings if reading.density_map]
+    found = [(one, one.density_map) for one in readings if one.density_map and "maps" in one.panels]
     if not found:
         return []
     highest = np.max([one.density.max(axis=(1, 2)) for _, one in found], axis=0)
@@ -87,6 +94,8 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
     for reading in readings:
         marker, colour = looks[reading.about.variant]
         found.append((Line2D([], [], color=colour, marker=marker, markerfacecolor="none"), style.label(reading.about)))
+    if "mean" not in readings[0].panels:
+        return found
     found.append((Line2D([], [], color="#777777", linewidth=5, alpha=0.35), "95 % band of all means at once"))
     if (quantiles := readings[0].quantiles) is not None:
         levels = ", ".join(f"{level:g}" for level in quantiles.level)
@@ -98,6 +107,8 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
         finer = readings[0].reference_step
         text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "known mean"
         found.append((Line2D([], [], **KNOWN), text))
+        if any(np.isfinite(one).any() and not np.isfinite(one).all() for one in readings[0].reference):
+            found.append((Line2D([], [], **SOME_KNOWN), "known at some times"))
     return found
 
 
@@ -119,7 +130,7 @@ def _over_time(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
         if reading.quantiles:
             ax.plot(t, reading.quantiles.quantile[f], color=look["color"], linewidth=0.8, linestyle=":")
     if (known := readings[0].reference) is not None and (there := np.isfinite(known[f])).any():
-        ax.plot(readings[0].t[there], known[f, there], **KNOWN)
+        ax.plot(readings[0].t[there], known[f, there], **(KNOWN if there.all() else SOME_KNOWN))
     _dress(ax, readings[0], f, "time $t$", "mean")
 
 

@@ -1,0 +1,189 @@
+"""Lyapunov exponents by the method of Benettin: near paths on the same noise, made orthogonal again and again.
+
+Beside each path y go m others, y + eps q_i, with q_1, ..., q_m an orthonormal basis of the tangent space of the Casimir
+surface.  After some steps of the scheme (z_i - z) / eps = Q R, the columns of Q are the next basis, and the means of
+log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15, 1980.)
+Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.ensemble.areas import fourier_terms
+from spi.ensemble.loop import grid, integrated, states_at
+from spi.ensemble.moments import add_moments
+from spi.kinds.blocks import BlocksPlan
+from spi.kinds.plans import Cost, Done, State
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.schemes import typical_ns
+from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.statistics.powers import mean_over_paths
+from spi.storage.records import Part
+
+from .results import Exponents
+from .tangents import NEAR, make_tangent, orthonormalise, tangents
+
+_TIMES = 16  # at which results are known
+_BATCH_BYTES = 64e6
+_NO_PAIRS = np.zeros(0, np.int64)
+
+
+class Sums(NamedTuple):
+    """Of the exponents and their sum at T times, over some paths."""
+
+    paths: int
+    seconds: float
+    cpu_seconds: float
+    values: np.ndarray  #: (2, T, m + 1, GROUPS) sums of values and of their squares
+    change: float  #: largest |log| of a factor by which a vector changed before it was scaled
+    nonfinite: int
+
+    def plus(self, later: "Sums") -> "Sums":
+        """These paths and some later ones."""
+        mine, others = self._asdict(), later._asdict()
+        added = {name: mine[name] + others[name] for name in self._fields}
+        return Sums(**added | {"change": max(self.change, later.change)})
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute."""
+
+    values: np.ndarray  #: (blocks, T, m + 1, LANES)
+    change: np.ndarray  #: (blocks,)
+    lost: np.ndarray  #: (blocks, LANES) whether a path diverged
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme."""
+    return [Part(scheme) for scheme in case.schemes]
+
+
+def plan(case: Any, part: Part) -> "LyapunovPlan":
+    """The plan for one scheme of a case."""
+    terms = fourier_terms(case.model, [case.row(part.scheme).record], case.step)
+    times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise, area_terms=terms)
+    return LyapunovPlan(case=case, part=part, grid=times, samples=case.samples)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LyapunovPlan(BlocksPlan):
+    """Lyapunov exponents of one scheme."""
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """(m, d) tangent vectors at y_0."""
+        return tangents(self.model, self.initial)[: self.case.count]
+
+    @cached_property
+    def stops(self) -> np.ndarray:
+        """The numbers of steps after which vectors are made orthogonal."""
+        steps, every = self.grid.reference_steps, self.case.every
+        return np.append(np.arange(every, steps, every), steps)
+
+    @cached_property
+    def begin(self) -> int:
+        """The number of the stop at which averages begin, 0 for the beginning."""
+        return int(np.searchsorted(self.stops * self.grid.reference_step, self.case.warm_up * (1 + 1e-12), "right"))
+
+    @cached_property
+    def known(self) -> np.ndarray:
+        """The numbers of stops until which averages are stored, the last among them."""
+        count = len(self.stops)
+        return np.unique(np.ceil(np.linspace(count, self.begin, _TIMES, endpoint=False)).astype(int))
+
+    def cost(self) -> Cost:
+        """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
+        steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
+        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+
+    def empty(self, number: int) -> Sums:
+        """The sums over no paths."""
+        return Sums(0, 0.0, 0.0, np.zeros((2, len(self.known), self.case.count + 1, GROUPS)), 0.0, 0)
+
+    def most_blocks(self, number: int) -> int:
+        """How many blocks a batch may have, because of memory."""
+        floats = 4 * (1 + self.case.count) * (len(self.initial) + len(self.known))
+        return max(1, int(_BATCH_BYTES / (8 * LANES * floats)))
+
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+        """The exponents of some blocks of paths."""
+        m, d = self.basis.shape
+        y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
+        y = y.reshape(blocks, d, LANES)
+        q = np.broadcast_to(self.basis[:, np.newaxis, :, np.newaxis], (m, blocks, d, LANES)).copy()
+        make_tangent(self.model, y, q)  # random initial states have tangent spaces of their own
+        orthonormalise(q)
+        near = NEAR * np.linalg.norm(self.initial)
+        total, change = np.zeros((m, blocks, LANES)), np.zeros(blocks)
+        values = np.empty((blocks, len(self.known), m + 1, LANES))
+        before = np.append(0, self.stops)
+        for number_of_stop, stop in enumerate(self.stops, 1):
+            others = [self._moved(y + near * each, number_of_stop, first, end) for each in q]
+            y = self._moved(y, number_of_stop, first, end)
+            q = (np.array(others) - y) / near
+            make_tangent(self.model, y, q)
+            grown = orthonormalise(q)
+            change = np.fmax(change, np.abs(grown).max(axis=(0, 2)))
+            if number_of_stop > self.begin:
+                total += grown
+            at = np.searchsorted(self.known, number_of_stop)
+            if at < len(self.known) and self.known[at] == number_of_stop:
+                means = total / ((stop - before[self.begin]) * self.grid.reference_step)
+                values[:, at] = np.moveaxis(np.concatenate((means, means.sum(axis=0, keepdims=True))), 0, 1)
+        return Rows(values, change, np.logical_not(np.isfinite(values[:, -1]).all(axis=1)))
+
+    def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
+        """States (blocks, d, LANES) at a stop, from those at the one before; on numbers of its own.
+
+        Those of a stop begin with a multiple of STEPS_PER_TOSS, in which portions coins are drawn.
+        """
+        h, unit = self.grid.reference_step, STEPS_PER_TOSS * (stop - 1)
+        done = self.stops[stop - 2] if stop > 1 else 0
+        times = self.grid._replace(
+            reference_steps=int(self.stops[stop - 1] - done), first_step=unit, start=(int(done) - unit) * h
+        )
+        states = np.array(y).reshape(len(y), 1, -1)
+        moved, _ = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end)
+        return moved.reshape(y.shape)
+
+    def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
+        """The sums with the rows `at`, of which the first is that of block `first`."""
+        added = sums._replace(values=sums.values.copy())
+        none = np.zeros((1, len(self.known), 0, GROUPS))
+        all_times = (0, len(self.known))
+        add_moments(rows.values[at], first, end, added.values, _NO_PAIRS, _NO_PAIRS, none, all_times)
+        counted = first * LANES + np.arange(rows.lost[at].size).reshape(rows.lost[at].shape) < end
+        change = max(sums.change, float(rows.change[at].max(initial=0.0)))
+        return added._replace(change=change, nonfinite=sums.nonfinite + int((rows.lost[at] & counted).sum()))
+
+    def progress(self, state: State) -> Done:
+        """Paths done, all paths, and the standard error of the largest exponent."""
+        known = state.so_far()
+        if not known.paths:
+            return Done(0, self.samples, float("nan"))
+        counts = group_counts(known.paths)
+        mean, without = mean_over_paths(known.values[0], counts)
+        return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
+
+    def results(self, state: State) -> Exponents:
+        """The results of one scheme of a case, from its final state."""
+        sums, groups = state.total(), group_counts(self.samples)
+        mean, without = mean_over_paths(sums.values[0], groups)
+        stderr = jackknife_stderr(mean, without, groups)
+        return Exponents(
+            **self.whole(state),
+            number=np.arange(1, self.case.count + 1),
+            t=self.stops[self.known - 1] * self.grid.reference_step,
+            exponent=mean[:, :-1].T,
+            exponent_stderr=stderr[:, :-1].T,
+            total=mean[:, -1],
+            total_stderr=stderr[:, -1],
+            change=float(np.exp(sums.change)),
+            nonfinite=sums.nonfinite,
+            step=self.case.step,
+            samples=self.samples,
+            ns_per_step=1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
+        )

@@ -1,0 +1,60 @@
+"""Tables of Lyapunov exponents."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from spi.printing.rows import rows_of
+from spi.printing.sentences import joined, sentence, whose
+from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, with_interval
+
+from .results import Exponents
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_LARGE = 1e3  # factors of vectors between two stops from which on differences lose too many digits
+
+
+def rows(readings: Iterable[Exponents]) -> Iterator[dict[str, Any]]:
+    """A record per exponent and time, with the sum of all."""
+    for reading in readings:
+        yield from rows_of(reading, ["number", "t"])
+
+
+def show(console: "Console", heading: str, readings: Sequence[Exponents]) -> None:
+    """Print the table of a case: the exponents at the last time."""
+    from rich.text import Text
+
+    columns = ["scheme", *(f"exponent {k} (95 %)" for k in range(1, len(readings[0].number) + 1)), "sum (95 %)"]
+    table = new_table(heading, [*columns, "dimension"], left=1, labels=0)
+    for one in readings:
+        found = [
+            _value(value, error) for value, error in zip(one.exponent[:, -1], one.exponent_stderr[:, -1], strict=True)
+        ]
+        cells = [lines_of(one.about), *found, _value(one.total[-1], one.total_stderr[-1]), f"{one.dimension:.3f}"]
+        table.add_row(*map(Text, cells))
+    print_whole(console, table)
+    console.print()
+    for line in _remarks(readings):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    console.print()
+
+
+def _value(value: float, stderr: float) -> str:
+    return with_interval(float(value), INTERVAL * float(stderr))
+
+
+def _remarks(readings: Sequence[Exponents]) -> Iterator[str]:
+    yield "per unit of time; the dimension is that of Kaplan and Yorke"
+    for one in readings:
+        lost = f", {one.nonfinite} of them diverged" * bool(one.nonfinite)
+        speed = f"{one.ns_per_step:.1f} ns per step and path with its near ones"
+        yield f"{one.about.label}: {one.samples} paths until t = {one.t[-1]:g} with h = {one.step:g}{lost}, {speed}"
+        if one.change > _LARGE:
+            yield f"    vectors changed by factors of {one.change:.0e} between two stops: take a smaller `every`"
+
+
+def told(readings: Sequence[Exponents]) -> str:
+    """What came out of a case, in one sentence."""
+    values = [f"{_value(one.exponent[0, -1], one.exponent_stderr[0, -1])} with {whose(one.about)}" for one in readings]
+    return sentence([f"the largest Lyapunov exponent is {joined(values)}"])

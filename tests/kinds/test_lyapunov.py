@@ -1,0 +1,123 @@
+"""Lyapunov exponents: where they are known, with the same bits however made, what is refused."""
+
+import numpy as np
+import pytest
+from helpers import compiled_only
+from states import chunks_of, finished, same_numbers
+
+from spi.kinds.lyapunov import study
+from spi.kinds.lyapunov.claims import quantities
+from spi.kinds.lyapunov.results import Exponents
+from spi.running.load import load
+from spi.specs import SpecError
+from spi.storage.records import Part
+
+SPEC = """\
+title: A title
+kind: lyapunov
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+final_time: 8
+step: 2^-6
+schemes: [splitting]
+samples: 64
+"""
+
+
+@pytest.fixture
+def case_of(tmp_path):
+    def written(*overrides):
+        path = tmp_path / "s.yaml"
+        path.write_text(SPEC, encoding="utf-8")
+        return load(path, overrides=overrides).cases[0]
+
+    return written
+
+
+def plan_of(case):
+    return study.plan(case, Part(case.schemes[0]))
+
+
+def results_of(case):
+    plan = plan_of(case)
+    return plan.results(finished(plan))
+
+
+@compiled_only
+def test_near_paths_part_as_much_as_they_meet(case_of):
+    """Flows keep the area of the sphere, so the sum is 0; the gradients of the Casimir function keep it so."""
+    found = results_of(case_of("final_time=64", "warm_up=2"))
+    assert found.exponent[0, -1] > 6 * found.exponent_stderr[0, -1] > 0
+    assert np.abs(found.total).max() < 1e-8 and found.nonfinite == 0 and found.change < 30
+    assert np.allclose(found.exponent.sum(axis=0), found.total, atol=1e-12)
+    assert found.t[-1] == 64 and found.t[0] < 8 and found.dimension == pytest.approx(2.0, abs=1e-6)
+
+
+@compiled_only
+def test_the_unstable_axis(case_of):
+    """At y = (0, 1, 0) without noise: exponents +-sqrt((1/I_2 - 1/I_1)(1/I_3 - 1/I_2)) = +-1/2, to order 2."""
+    found = []
+    for h in ("2^-5", "2^-6"):
+        case = case_of("initial=[0, 1, 0]", f"step={h}", "final_time=16", "warm_up=8", "samples=1")
+        case = case.model_copy(update={"model": case.model._replace(sigma=(0.0, 0.0, 0.0))})
+        found.append(results_of(case).exponent[:, -1])
+    assert np.abs(found[1] - [0.5, -0.5]).max() < 1e-4
+    assert (found[0] - [0.5, -0.5]) / (found[1] - [0.5, -0.5]) == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_rotation_keeps_distances(case_of):
+    axis = "model={name: rigid_body, inertia: [1e12, 1e12, 1e12], noise_inertia: [1e12, 1e12, 1], sigma: [0, 0, 1]}"
+    found = results_of(case_of(axis, "initial=[0, 0, 1]", "final_time=1", "step=2^-4"))
+    assert np.abs(found.exponent).max() < 1e-7
+
+
+def test_bits_do_not_depend_on_the_division_of_the_work(case_of):
+    plan = plan_of(case_of("samples=150", "final_time=1", "step=2^-3", "every=3", "exponents=1"))
+    with chunks_of(2):
+        whole = finished(plan)
+        assert same_numbers(finished(plan, 1), whole)
+        found = plan.results(whole)
+    assert found.exponent.shape == (1, len(found.t)) and plan.stops.tolist() == [3, 6, 8]
+    again = Exponents.of(found.group())
+    assert np.array_equal(again.exponent, found.exponent)
+    assert {one.name: one.value for one in quantities([again])} == {
+        "largest_exponent": found.exponent[0, -1],
+        "exponent_sum": found.total[-1],
+    }
+
+
+def test_initial_states_at_random_have_tangent_spaces_of_their_own(case_of):
+    plan = plan_of(case_of("initial={law: uniform_on_surface, through: [0, 0, 1]}", "final_time=1", "step=2^-3"))
+    found = plan.results(finished(plan))
+    assert np.abs(found.total).max() < 1e-7 < found.exponent_stderr[0, -1]
+
+
+@pytest.mark.slow
+@compiled_only
+def test_the_sum_at_a_temperature_is_known(case_of):
+    """-(1/(2 T^2)) sum_k sigma_k^2 E (X_k H)^2 under the Gibbs law, by quadrature -0.9426 at T = 1/16."""
+    system = "{algebra: so(3), hamiltonian: y1^2/2 + y2^2/4 + y3^2/6, noises: [y1, y2, y3], sigma: [1/2, 1/2, 1/2]}"
+    start = "{law: uniform_on_surface, through: [0, 0, 1]}"
+    case = case_of(
+        f"model={system}", "temperature=1/16", f"initial={start}", "final_time=200", "warm_up=20", "step=2^-4"
+    )
+    case = case.model_copy(update={"schemes": ("splitting_symmetric",), "samples": 256})
+    found = results_of(case)
+    assert abs(found.total[-1] + 0.9426) < 4.5 * found.total_stderr[-1] < 0.03
+    assert abs(found.exponent[0, -1] + 0.1915) < 4.5 * np.hypot(found.exponent_stderr[0, -1], 0.0026)
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("warm_up=8", "warm_up: is 2^3; must be less than final_time, which is 2^3"),
+        ("exponents=3", "exponents: is 3; must be at most 2, the Casimir surface's dimension"),
+        ("initial=[0, 0, 0]", "initial: is a point that no flow moves"),
+        ("every=200", "every: "),
+        ("step=3", "step: is 3"),
+    ],
+)
+def test_what_is_refused(case_of, override, complaint):
+    with pytest.raises(SpecError) as refused:
+        case_of(override)
+    assert complaint in str(refused.value) and "\n" not in str(refused.value)
