@@ -173,6 +173,22 @@ def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
     assert views.figure(results).axes
 
 
+@compiled_only
+def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
+    """The largest step follows scrambled points: fewer of them, and the truth within the interval."""
+    functions = {"wave": "sin(2*pi*y1)"}
+    exact = spi.answer(MODEL, functions, **ASKED, accuracy=1e-4)
+    ask = {**ASKED, "accuracy": 4e-3, "sampling": True, "schemes": ["splitting_order2"], "seed": 4}
+    paths = spi.answer(MODEL, functions, **ask)
+    monkeypatch.setattr(deciding, "_POINTS", 0.0)
+    monkeypatch.setattr(deciding, "_ALONG", 2**12)
+    points = spi.answer(MODEL, functions, **ask)
+    assert points.chosen.points and not paths.chosen.points and "quasi-random points" in str(points)
+    assert points.reached and points.chosen.samples < paths.chosen.samples / 2
+    assert points.chosen.samples & (points.chosen.samples - 1) == 0
+    assert abs(points.value[0] - exact.value[0]) < 1.5 * points.half[0]
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [

@@ -21,6 +21,7 @@ from spi.ensemble.scheme_protocol import needs_areas, substeps
 from spi.models import MODELS
 from spi.models.zeitlin import Zeitlin
 from spi.numerics.rng import LANES
+from spi.running import run as runner
 from spi.schemes import SCHEMES
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -142,12 +143,14 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
 #: Each program of the folder with arguments for which it takes a minute or less.
 SHORT = {
     "digests.py": ["experiments/rigid_body_strong.yaml"],
+    "euler.py": [],  # and results, which the test computes
     "flops.py": ["lotka_volterra"],
     "integrator.py": ["640", "10"],
     "joint.py": [],
     "kernels.py": ["lotka_volterra"],
     "normals_offline.py": ["--draws", "100000"],
     "peers.py": [],
+    "questions.py": ["--count", "1", "--accuracies", "1e-2"],
     "scaling.py": ["1000"],
     "spin_ring.py": ["splitting", "--spins", "4"],
     "systems.py": [],
@@ -159,11 +162,12 @@ SHORT = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", [file.name for file in sorted(FOLDER.glob("*.py")) if "__main__" in file.read_text()])
-def test_every_benchmark_runs(file):
+def test_every_benchmark_runs(file, tmp_path):
     assert file in SHORT, "give the arguments with which it takes a minute"
     if file == "peers.py":
         pytest.importorskip("diffrax")
-    command = [sys.executable, FOLDER / file, *SHORT[file]]
+    results = [runner.run(runner.load("vortex_merger", "quick"), tmp_path), "32"] if file == "euler.py" else []
+    command = [sys.executable, FOLDER / file, *SHORT[file], *results]
     answer = subprocess.run(
         command, cwd=FOLDER.parent, capture_output=True, text=True, check=False, timeout=1800, stdin=subprocess.DEVNULL
     )

@@ -11,7 +11,7 @@ from spi.numerics.rng import LANES
 from spi.statistics.estimators import ROUND
 
 from . import outcome
-from .levels import LEVELS, SETS, whole_blocks
+from .levels import ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
 from .planner import BIAS_SHARE, Choice, Measured, allocation, choose, contradicted
 
 if TYPE_CHECKING:
@@ -24,7 +24,9 @@ MOST_STAGES = 14  #: after so many the answer is given as it is
 PILOT, PILOT_LEVELS = 2 * ROUND, 7  #: blocks of the pilot, of the levels from 0 up to that
 _SHARE = 0.1  # of the work before it is decided again
 _WORTH = 20.0  # so many times a pilot's work; where less is left, another pilot or choice does not pay
-_ANOTHER = 5.0  # predicted seconds of typical speed from which on the other schemes are tried as well
+_POINTS = 5.0  # predicted seconds of typical speed from which on quasi-random points are tried
+_SCHEME = 20.0  # the same, once these are known, of the other schemes
+_ALONG = 2**15  # samples of a pilot along points
 _MARGIN = 0.98  # of the accuracy, aimed at when it was missed
 _ROOM = 0.3  # of the accuracy, the most that the bias may have in the end
 
@@ -37,6 +39,8 @@ class Decisions(NamedTuple):
     stage: int
     wanted: np.ndarray  #: (path sets,) samples
     piloted: int  #: of how many schemes there is a pilot
+    pointed: int  #: whether there is one along quasi-random points
+    points: int  #: whether the largest step follows such points
     scheme: int  #: the number of the scheme that was chosen; -1 for the solution without sampling
     levels: int  #: of extrapolation
     base: int  #: the level that is sampled alone
@@ -58,7 +62,7 @@ class Decisions(NamedTuple):
         wanted = pilot_of(0, sets) if sampling else np.zeros(sets, np.int64)
         fields: dict[str, Any] = dict.fromkeys(("seconds", "cpu_seconds", "work", "pilot_cpu_seconds"), 0.0)
         fields |= dict.fromkeys(("order", "aim", "predicted_cpu_seconds", "next_cpu_seconds"), nan)
-        fields |= dict.fromkeys(("levels", "base", "finest", "scheme"), 0)
+        fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points"), 0)
         return cls(
             **fields,
             stage=PILOTING,
@@ -68,6 +72,11 @@ class Decisions(NamedTuple):
             known=nothing,
             known_bound=nothing,
         )
+
+    @property
+    def set_of_base(self) -> int:
+        """Which of the path sets of the scheme the largest step alone has."""
+        return (ALONG if self.points else LEVELS) + self.base
 
     @property
     def choice(self) -> Choice:
@@ -139,7 +148,7 @@ def _best(p: "AnswerPlan", state: State, scheme: int, accuracy: float) -> tuple[
 
 
 def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
-    """A pilot of another scheme where that pays, else the beginning of the work."""
+    """A pilot along points, or of another scheme, where that pays, else the beginning of the work."""
     extra: Decisions = state.extra
     works = extra.works.copy()
     for levels in p.case.extrapolate:
@@ -150,7 +159,10 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     best = [_best(p, state, s, p.case.accuracy) for s in range(extra.piloted)]
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)
     extra = extra._replace(works=works)
-    if extra.piloted < len(p.case.schemes) and min(best[chosen][0].work, p.case.seconds) > _ANOTHER:
+    if not extra.pointed and min(best[chosen][0].work, p.case.seconds) > _POINTS and p.may_follow_points:
+        more = extra.wanted + _pilot_along(p, chosen, best[chosen][0].base)
+        return extra._replace(wanted=more, pointed=1)
+    if extra.piloted < len(p.case.schemes) and min(best[chosen][0].work, p.case.seconds) > _SCHEME:
         more = extra.wanted + pilot_of(extra.piloted, len(extra.wanted))
         return extra._replace(wanted=more, piloted=extra.piloted + 1)
     spent = _cpu_seconds(p, state).sum()
@@ -159,6 +171,15 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     if best[chosen][0].work < _WORTH * float(cost @ extra.wanted):
         return _whole(p, state, extra, WHOLE)
     return _whole(p, state, extra, BEGINNING)
+
+
+def _pilot_along(p: "AnswerPlan", scheme: int, base: int) -> np.ndarray:
+    """(path sets,) the samples of the pilot along points, at largest steps about the one that was chosen without."""
+    wanted = np.zeros(len(p.sets), np.int64)
+    last = min(base + 2, PILOT_LEVELS - 1, most_points(p.of_schemes[scheme].row, p.model))
+    first = scheme * SETS + ALONG
+    wanted[first + min(max(base - 1, 0), last) : first + last + 1] = _ALONG
+    return wanted
 
 
 def _affordable(p: "AnswerPlan", state: State, scheme: int) -> float:
@@ -179,20 +200,30 @@ def _whole(p: "AnswerPlan", state: State, extra: Decisions, stage: int) -> Decis
     exponents, _, _ = powers_of(p, measured, extra.scheme, extra.aim, 0)
     extra = extra.with_choice(choice, order)
     samples = allocation(measured, exponents, choice, extra.aim)
+    extra = extra._replace(points=int(state.tally(extra.scheme * SETS + ALONG + choice.base).paths > 0))
     next_digit = choose(measured, exponents, p.case.extrapolate if order is None else (0,), extra.aim / 10)
     rate = _seconds_per_sample(p, state, extra.scheme)
     return extra._replace(
         stage=stage,
         wanted=_raised(extra, samples * (_SHARE if stage == BEGINNING else 1.0)),
-        predicted_cpu_seconds=float(np.nan_to_num(rate @ whole_blocks(samples, ROUND))) + extra.pilot_cpu_seconds,
-        next_cpu_seconds=float(rate @ allocation(measured, exponents, next_digit, extra.aim / 10)),
+        predicted_cpu_seconds=float(np.nan_to_num(rate @ _of_sets(extra, samples))) + extra.pilot_cpu_seconds,
+        next_cpu_seconds=float(rate[:ALONG] @ allocation(measured, exponents, next_digit, extra.aim / 10)),
     )
+
+
+def _of_sets(extra: Decisions, samples: np.ndarray) -> np.ndarray:
+    """(SETS,) samples in whole blocks; those of the largest step along points, where it follows them."""
+    found, base = np.zeros(SETS, np.int64), LEVELS + extra.base
+    found[:ALONG] = whole_blocks(np.nan_to_num(samples[:ALONG]), ROUND)
+    if extra.points:
+        found[LEVELS + base], found[base] = power_of_two(float(found[base])), 0
+    return found
 
 
 def _raised(extra: Decisions, samples: np.ndarray) -> np.ndarray:
     """What is wanted, with at least so many samples of the path sets of the chosen scheme."""
     wanted, own = extra.wanted.copy(), slice(extra.scheme * SETS, (extra.scheme + 1) * SETS)
-    wanted[own] = np.maximum(wanted[own], whole_blocks(np.nan_to_num(samples), ROUND))
+    wanted[own] = np.maximum(wanted[own], _of_sets(extra, samples))
     return wanted
 
 
@@ -232,10 +263,12 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     more = extra.with_choice(choice._replace(work=extra.work), order)._replace(stage=extra.stage + 1)
     wanted = _raised(extra, samples)
     if (wanted == extra.wanted).all():
-        wanted = _raised(extra, 1.25 * np.where(samples > 0, state_samples(p, state, extra.scheme), 0.0))
+        wanted = _raised(extra, 1.25 * np.where(samples > 0, state_samples(state, extra), 0.0))
     return more._replace(wanted=wanted)
 
 
-def state_samples(p: "AnswerPlan", state: State, scheme: int) -> np.ndarray:
-    """(SETS,) samples that there are of a scheme."""
-    return np.array([state.tally(scheme * SETS + i).paths for i in range(SETS)], float)
+def state_samples(state: State, extra: Decisions) -> np.ndarray:
+    """(ALONG,) samples that there are of the chosen scheme, of the largest step those that count."""
+    found = np.array([state.tally(extra.scheme * SETS + i).paths for i in range(SETS)], float)
+    found[LEVELS + extra.base] = found[extra.set_of_base]
+    return found[:ALONG]

@@ -1,19 +1,24 @@
 """The paths of an answer: those of a difference between neighbouring levels, and those of one level alone."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
+from spi.ensemble.points import dimensions_of
 from spi.numerics.rng import ANSWERS, LANES
+from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.schemes import typical_ns
 from spi.schemes.splitting import has_antithetic_path
+from spi.statistics.estimators import GROUPS
 
 from .keys import FINEST
 
 LEVELS = FINEST + 1  #: levels 0, ..., FINEST
-SETS = 2 * LEVELS  #: path sets of a scheme: differences, and behind them values
+ALONG = 2 * LEVELS  #: behind differences and values, the path sets of values along quasi-random points
+SETS = 3 * LEVELS  #: path sets of a scheme
 
 #: What a path costs besides its steps, its beginning and phi at its end, and the sums over a quantity of a function;
 #: measured, of typical speed.
@@ -38,7 +43,7 @@ class Paths(NamedTuple):
 def paths_of_set(case: Any, row: Any, number: int) -> Paths:
     """Those of path set number `number` of all: of scheme number // SETS, whose row of the table is `row`."""
     own, record = number % SETS, row.record
-    level, alone = own % LEVELS, own >= LEVELS
+    level, alone = own % LEVELS, own >= LEVELS  # along points or not
     shape: dict[str, Any] = {"doublings": (0,)}
     weights = [[1.0]]
     if not alone and has_antithetic_path(record):
@@ -59,6 +64,22 @@ def seconds_of(case: Any, row: Any, paths: Paths) -> float:
     quantities, count = paths.weights.shape
     besides = PATH_NS * count + SUM_NS * quantities * len(case.functions)
     return 1e-9 * (typical_ns(row, case.model) * paths.steps + besides)
+
+
+def most_points(row: Any, model: Any) -> int:
+    """Up to which level a scheme can follow quasi-random points."""
+    return sum(dimensions_of(row.record, None, model, 2**level)[1] <= MOST_DIMENSIONS for level in range(LEVELS)) - 1
+
+
+def power_of_two(paths: float) -> int:
+    """So many paths as there may be along points, at least."""
+    return max(LEAST_PATHS, 1 << math.ceil(math.log2(max(paths, 1.0))))
+
+
+def along_points(sums: np.ndarray, paths: int) -> np.ndarray:
+    """(F,) paths times the variance of their mean along points, over the scrambles, from sums (..., F, GROUPS)."""
+    with np.errstate(all="ignore"):
+        return np.asarray(paths * (sums[0, -1] * (GROUPS / np.float64(paths))).var(axis=-1, ddof=1) / GROUPS)
 
 
 def whole_blocks(paths: np.ndarray, least: int) -> np.ndarray:

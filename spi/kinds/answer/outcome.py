@@ -13,7 +13,7 @@ from spi.printing.text import short
 from spi.statistics.richardson import weights
 from spi.storage.records import INTERVAL
 
-from .levels import LEVELS, SETS
+from .levels import LEVELS, SETS, along_points
 from .planner import HEAVY, bound, changed, order_of, shares
 from .results import Answer, Chosen, Levels
 
@@ -46,11 +46,12 @@ def found(p: "AnswerPlan", state: State) -> Found:
         exponents = (extra.order,)
     w, finest = weights(exponents[: extra.levels]), extra.finest
     share = shares(w, extra.base, finest, LEVELS)
-    used, base = np.flatnonzero(share), p.totals(state, extra.scheme)[LEVELS + extra.base]
+    used, base = np.flatnonzero(share), p.totals(state, extra.scheme)[extra.set_of_base]
     m1, m2 = base.sums[:2, 0].sum(axis=-1) / base.paths
     s = share[used, np.newaxis]
     value = m1 + (s * measured.mean[used]).sum(axis=0)
-    variance = np.maximum(m2 - m1**2, 0.0) / base.paths + (s**2 * measured.stderr[used] ** 2).sum(axis=0)
+    of_base = along_points(base.sums, base.paths) if extra.points else np.maximum(m2 - m1**2, 0.0)
+    variance = of_base / base.paths + (s**2 * measured.stderr[used] ** 2).sum(axis=0)
     stderr, q = np.sqrt(variance), order_of(exponents, extra.levels)
     bias = bound(measured, exponents, extra.levels, finest, extra.base).bias
     check, check_stderr = changed(measured, w, finest + 1)
@@ -61,7 +62,7 @@ def found(p: "AnswerPlan", state: State) -> Found:
 def standard_error(p: "AnswerPlan", state: State) -> float:
     """Of the first function, NaN before there is one."""
     extra = state.extra
-    if extra.stage == 0 or extra.scheme < 0 or state.tally(extra.scheme * SETS + LEVELS + extra.base).paths == 0:
+    if extra.stage == 0 or extra.scheme < 0 or state.tally(extra.scheme * SETS + extra.set_of_base).paths == 0:
         return float("nan")
     with np.errstate(all="ignore"):
         return float(found(p, state).stderr[0])
@@ -75,7 +76,7 @@ def consistency(p: "AnswerPlan", state: State) -> float:
     extra, worst = state.extra, 0.0
     totals = p.totals(state, extra.scheme)
     for level in range(extra.base + 1, extra.finest + 1):
-        below = totals[LEVELS + level - 1] if level == extra.base + 1 else totals[level - 1]
+        below = totals[extra.set_of_base] if level == extra.base + 1 else totals[level - 1]
         (fine, fine2), (off, off2) = (totals[level].sums[:2, i].sum(axis=-1) / totals[level].paths for i in (1, 0))
         m1, m2 = below.sums[:2, -1].sum(axis=-1) / below.paths
         sd = np.sqrt(np.maximum(m2 - m1**2, 0.0) / below.paths)
@@ -123,7 +124,8 @@ def _chosen(p: "AnswerPlan", state: State, one: Found) -> Chosen:
         largest_step=float(steps[extra.base]),
         smallest_step=float(steps[extra.finest]),
         order=float(one.order),
-        samples=int(totals[LEVELS + extra.base].paths),
+        samples=int(totals[extra.set_of_base].paths),
+        points=bool(extra.points),
         check=one.check,
         check_stderr=one.check_stderr,
         passed=one.passed,

@@ -28,6 +28,7 @@ class Chosen(Described):
     smallest_step: Annotated[float, fact("smallest step", "time", column=True)]
     order: Annotated[float, fact("order of the bias that was assumed")]
     samples: Annotated[int, fact("samples of the largest step", column=True)]
+    points: Annotated[bool, fact("whether the largest step follows quasi-random points")] = False
     check: Annotated[Array, array("function", "by how much one step finer differs", "value")]
     check_stderr: Annotated[Array, array("function", "standard error of that difference", "value")]
     passed: Annotated[bool, fact("whether one step finer differs by no more than the bias that is stated")]

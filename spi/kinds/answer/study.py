@@ -15,7 +15,8 @@ import numpy as np
 
 from spi.compiler.inlining import is_loaded
 from spi.ensemble.friction import has_friction
-from spi.ensemble.protocol import dimension
+from spi.ensemble.points import points_of
+from spi.ensemble.protocol import dimension, large
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve, demands
 from spi.expressions import canonical, functions_of
@@ -32,7 +33,7 @@ from spi.storage.records import Part
 
 from . import deciding, outcome
 from .deciding import PILOT, PILOT_LEVELS, Decisions
-from .levels import DIFFERENCE, LEVELS, SETS, Paths, paths_of_set, seconds_of
+from .levels import ALONG, DIFFERENCE, LEVELS, SETS, Paths, along_points, paths_of_set, seconds_of
 from .planner import Measured
 from .results import Answer
 
@@ -122,6 +123,18 @@ class AnswerPlan(Blockwise, PartPlan):
         """The powers of h in the weak error of a scheme; () where theory knows none."""
         return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
 
+    @property
+    def may_follow_points(self) -> bool:
+        """Whether paths can follow quasi-random points: from one initial state, of a model whose states are numbers."""
+        return not isinstance(self.case.initial, RandomState) and not large(self.model)
+
+    def noise(self, number: int) -> Any:
+        """The random numbers of a path set, or its points."""
+        one, scheme = self.sets[number], self.of_schemes[number // SETS]
+        if number % SETS < ALONG:
+            return one.stream
+        return points_of(self.case.seed, int(one.stream.stream), scheme.scheme, self.model, one.grid)
+
     def cost_of(self, number: int) -> float:
         """Seconds of typical speed of a sample of a path set."""
         return seconds_of(self.case, self.of_schemes[number // SETS].row, self.sets[number])
@@ -164,7 +177,8 @@ class AnswerPlan(Blockwise, PartPlan):
     def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of one path set, once the kernel of its scheme is there, see :class:`Plan`."""
         scheme = self.of_schemes[chunks[0].path_set // SETS]
-        for call in scheme.calls_of_a_step(self.sets[1].grid, self.sets[1].stream):
+        number = chunks[0].path_set
+        for call in scheme.calls_of_a_step(self.sets[number].grid, self.noise(number)):
             if not is_loaded(call.kernel, call.arguments):
                 call.kernel(*call.arguments)
         yield from super().advance(chunks, known)
@@ -177,7 +191,7 @@ class AnswerPlan(Blockwise, PartPlan):
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks."""
         one, scheme = self.sets[number], self.of_schemes[number // SETS]
-        values, _ = values_of_blocks(scheme, one.grid, one.stream, first, blocks, end)
+        values, _ = values_of_blocks(scheme, one.grid, self.noise(number), first, blocks, end)
         return Rows(values, one.weights)
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
@@ -206,8 +220,10 @@ class AnswerPlan(Blockwise, PartPlan):
             differences = np.array([powers[0][:, 0] * np.nan, *(p[:, DIFFERENCE] for p in powers[1:LEVELS])])
             of_values = np.array([p[:, -1] for p in powers])
             variances = of_values[:, 1] - of_values[:, 0] ** 2
-        values = np.where(np.isnan(variances[LEVELS:]), variances[:LEVELS], variances[LEVELS:])
-        cost = np.array([self.cost_of(scheme * SETS + i) for i in range(SETS)])
+        of_values = np.where(np.isnan(variances[LEVELS:ALONG]), variances[:LEVELS], variances[LEVELS:ALONG])
+        along = np.array([along_points(one.sums, one.paths) for one in totals[ALONG:]])
+        values = np.where(np.isnan(along), of_values, along)
+        cost = np.array([self.cost_of(scheme * SETS + i) for i in range(ALONG)])
         return Measured.of(np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:])
 
     def progress(self, state: State) -> Done:

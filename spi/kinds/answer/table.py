@@ -50,8 +50,9 @@ def how(one: Answer) -> str:
         return "without sampling, by the backward operator"
     times = {0: "", 1: " extrapolated once"}.get(chosen.extrapolated, f" extrapolated {chosen.extrapolated} times")
     steps = f"steps {power_of_two(chosen.largest_step)} to {power_of_two(chosen.smallest_step)}"
+    paths = "quasi-random points" if chosen.points else "paths"
     check = f"checked at {power_of_two(chosen.smallest_step / 2)}" if chosen.passed else "the check failed"
-    return f"{chosen.scheme}{times}, multilevel, {steps}, {chosen.samples:,} paths of the largest; {check}"
+    return f"{chosen.scheme}{times}, multilevel, {steps}, {chosen.samples:,} {paths} of the largest; {check}"
 
 
 def cost(one: Answer) -> str:

@@ -14,7 +14,7 @@ from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
@@ -58,6 +58,16 @@ class StatisticsPlan(BlocksPlan):
         """Steps of all paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.blocks * LANES
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block, and nothing summed up."""
+        calls, one, none = super().kernel_calls(), np.zeros((1, 1, 1, LANES)), (0, 0)
+        summed = np.zeros((2, 1, 1, GROUPS)), np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS))
+        calls.append(KernelCall(add_moments, (one, 0, 0, *summed, none)))
+        if self.case.fine_bins or self.case.density:
+            bins = np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1, 3), np.int64)
+            calls.append(KernelCall(count_values, (one, 0, 0, *bins, none)))
+        return calls
 
     @cached_property
     def columns(self) -> Columns:
@@ -153,11 +163,12 @@ class StatisticsPlan(BlocksPlan):
 
     def _add(self, each: Map, sums: Sums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
         """Add the values of some blocks with states y to sums, in each thread at other times."""
+        pairs, bins = self.pairs, self.bins if sums.counts.size else None  # here, since the first paths are a run
 
         def add(times: tuple[int, int]) -> None:
-            add_moments(values, first, end, sums.values, *self.pairs, sums.products, times)
-            if sums.counts.size:
-                count_values(values, first, end, self.bins.low, 1 / self.bins.width, sums.counts, times)
+            add_moments(values, first, end, sums.values, *pairs, sums.products, times)
+            if bins is not None:
+                count_values(values, first, end, bins.low, 1 / bins.width, sums.counts, times)
 
         times = values.shape[1]
         list(each(add, pairwise(np.linspace(0, times, min(thread_count(), times) + 1).astype(int).tolist())))
