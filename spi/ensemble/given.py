@@ -8,7 +8,8 @@ from ..compiler.dispatch import device, kernel, number
 from ..compiler.records import class_of
 from ..numerics.rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
 from .areas import draw_areas
-from .increments import Coins, draw_coins, draw_steps, first_lane, row_length
+from .coins import Coins, draw_coins
+from .increments import draw_steps, first_lane, row_length
 from .lanes import aligned
 from .pairs import channels
 from .points import Points, coins_of_points, draw_block, increments_of_points, scratch_of_points

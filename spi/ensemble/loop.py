@@ -16,8 +16,9 @@ from numba import get_num_threads, prange, set_num_threads
 from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
 from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
+from .coins import coins_length, copy_coins, turn_coins
 from .given import coins_of_step, noise_of_steps, words_length
-from .increments import coins_length, copy_coins, join, keep, reversed_row, row_length, truncate, turn_coins
+from .increments import join, keep, reversed_row, row_length, truncate
 from .lanes import aligned
 from .observer import beginning_at, last_states_only, observe
 from .random_states import RandomState, block_states

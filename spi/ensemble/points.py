@@ -16,7 +16,7 @@ from ..compiler.dispatch import device, number
 from ..numerics.arrays import Cosine, of_array
 from ..numerics.rng import LANES, PARTS
 from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
-from .increments import Coins
+from .coins import Coins
 from .protocol import noise_indices
 from .steppers import kept_of_steps
 

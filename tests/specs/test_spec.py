@@ -243,7 +243,7 @@ SCHEMES = (
             "kind: strong",
             "kind: weather",
             "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time, "
-            "statistics, answer",
+            "statistics, lyapunov, answer",
         ),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),
