@@ -75,8 +75,8 @@ class Case(FunctionKeys, BaseCase):
             values = np.abs([np.broadcast_to(as_numpy(tree)(y), 1)[0] for tree in self.expressions])
         least = ROUNDING * float(values.max(initial=0.0, where=np.isfinite(values)))
         if self.accuracy < least:
-            what = f"is {self.accuracy:g}, below what float64 knows of such values, about {least:.1g}"
-            raise wrong(what, "ask for more", "accuracy")
+            what = f"is {self.accuracy:g}, below what float64 knows of such values"
+            raise wrong(what, f"must be at least {least:.1g}", "accuracy")
         return self
 
     @condition("final_time", "schemes", "model")

@@ -143,9 +143,10 @@ def _why(p: "AnswerPlan", state: State) -> str:
     """What the choice was made from, in seconds of typical speed, which no clock decides."""
     each = []
     for name, works in zip(p.case.schemes, state.extra.works, strict=True):
-        known = [f"{short(work, '.2g')} with {n} levels" for n, work in enumerate(works) if np.isfinite(work)]
-        each += [f"{name}: {', '.join(known)} of extrapolation"] if known else []
-    return f"predicted seconds of typical speed after the pilot: {'; '.join(each)}" if each else ""
+        known = [f"{short(work, '.2g')} ({n})" for n, work in enumerate(works) if np.isfinite(work)]
+        each += [f"{name} {', '.join(known)}"] if known else []
+    said = "predicted seconds of typical speed after the pilot (levels of extrapolation)"
+    return f"{said}: {'; '.join(each)}" if each else ""
 
 
 def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached: bool) -> Iterator[str]:
