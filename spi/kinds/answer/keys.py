@@ -76,7 +76,7 @@ class Case(FunctionKeys, BaseCase):
         least = ROUNDING * float(values.max(initial=0.0, where=np.isfinite(values)))
         if self.accuracy < least:
             what = f"is {self.accuracy:g}, below what float64 knows of such values"
-            raise wrong(what, f"must be at least {least:.1g}", "accuracy")
+            raise wrong(what, f"must be at least {1.5 * least:.1g}", "accuracy")
         return self
 
     @condition("final_time", "schemes", "model")
