@@ -74,11 +74,6 @@ def scramble(seed, stream, numbers, directions, shifts):
                 directions[d, j, s] = word
 
 
-def unscrambled(numbers, directions, shifts):
-    """What :func:`scramble` fills, without scrambling: SCRAMBLES times the same points."""
-    directions[...], shifts[...] = numbers[..., np.newaxis], 0
-
-
 def xor_parts(target, t, a, i, b, j):
     """target[t + r] = a[i + r] ^ b[j + r] for r = 0, ..., PARTS - 1."""
     for r in range(PARTS):
@@ -97,7 +92,7 @@ def net_words(directions, shifts, block, words):
     `directions` (count, SCRAMBLES) and `shifts` (SCRAMBLES,) are those of the dimension.
     """
     first, index = block % _BLOCKS * PARTS, block // _BLOCKS
-    xor_parts(words, 0, shifts, first, directions[0], first)
+    xor_parts(words, 0, shifts, first, directions[0], first)  # and what that is too much is taken away again
     xor_parts(words, 0, words, 0, directions[0], first)
     j = _OWN
     while index > 0:

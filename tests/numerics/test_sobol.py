@@ -7,7 +7,7 @@ from scipy.stats.qmc import Sobol
 from spi.compiler.dispatch import kernel
 from spi.ensemble.lanes import aligned
 from spi.numerics.rng import LANES
-from spi.numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble, unscrambled
+from spi.numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
 
 POINTS = 64  # of a scramble
 BLOCKS = POINTS * SCRAMBLES // LANES
@@ -27,6 +27,10 @@ def normals_of(directions, shifts, block, words, ends, normals):
 def by_scramble(lanes):
     """(SCRAMBLES, points) of (blocks, LANES)."""
     return lanes.reshape(-1, 8, 8, 8).transpose(1, 3, 0, 2).reshape(SCRAMBLES, -1)
+
+
+def unscrambled(numbers, directions, shifts):
+    directions[...], shifts[...] = numbers[..., np.newaxis], 0
 
 
 def points_of(numbers, fill, *which):

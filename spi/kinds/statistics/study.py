@@ -163,11 +163,12 @@ class StatisticsPlan(BlocksPlan):
 
     def _add(self, each: Map, sums: Sums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
         """Add the values of some blocks with states y to sums, in each thread at other times."""
+        pairs, bins = self.pairs, self.bins if sums.counts.size else None  # here, since the first paths are a run
 
         def add(times: tuple[int, int]) -> None:
-            add_moments(values, first, end, sums.values, *self.pairs, sums.products, times)
-            if sums.counts.size:
-                count_values(values, first, end, self.bins.low, 1 / self.bins.width, sums.counts, times)
+            add_moments(values, first, end, sums.values, *pairs, sums.products, times)
+            if bins is not None:
+                count_values(values, first, end, bins.low, 1 / bins.width, sums.counts, times)
 
         times = values.shape[1]
         list(each(add, pairwise(np.linspace(0, times, min(thread_count(), times) + 1).astype(int).tolist())))
