@@ -148,6 +148,14 @@ def test_tails_and_orders_that_are_not_those_of_theory_are_said(monkeypatch):
 
 
 @compiled_only
+def test_what_is_not_finite_is_said():
+    """Where phi has no finite values no number of paths is enough: a few will do to say so."""
+    found = spi.answer(MODEL, "exp(10^4*(1 + y1^2))", **ASKED, accuracy=1.0, sampling=True)
+    assert not found.reached and found.warnings[-1] == "not finite: phi; paths diverged"
+    assert found.chosen.samples < 2000
+
+
+@compiled_only
 def test_what_time_does_not_allow_is_said():
     found = spi.answer(MODEL, "y1^2", **ASKED, accuracy=1e-7, sampling=True, seconds=0.01)
     assert found.aim > 1e-5 and found.half[0] <= found.aim and any("raise seconds" in line for line in found.warnings)

@@ -159,10 +159,11 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     best = [_best(p, state, s, p.case.accuracy) for s in range(extra.piloted)]
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)
     extra = extra._replace(works=works)
-    if not extra.pointed and min(best[chosen][0].work, p.case.seconds) > _POINTS and p.may_follow_points:
+    worth = min(best[chosen][0].work, p.case.seconds) if np.isfinite(best[chosen][0].work) else 0.0
+    if not extra.pointed and worth > _POINTS and p.may_follow_points:
         more = extra.wanted + _pilot_along(p, chosen, best[chosen][0].base)
         return extra._replace(wanted=more, pointed=1)
-    if extra.piloted < len(p.case.schemes) and min(best[chosen][0].work, p.case.seconds) > _SCHEME:
+    if extra.piloted < len(p.case.schemes) and worth > _SCHEME:
         more = extra.wanted + pilot_of(extra.piloted, len(extra.wanted))
         return extra._replace(wanted=more, piloted=extra.piloted + 1)
     spent = _cpu_seconds(p, state).sum()
@@ -214,7 +215,8 @@ def _whole(p: "AnswerPlan", state: State, extra: Decisions, stage: int) -> Decis
 def _of_sets(extra: Decisions, samples: np.ndarray) -> np.ndarray:
     """(SETS,) samples in whole blocks; those of the largest step along points, where it follows them."""
     found, base = np.zeros(SETS, np.int64), LEVELS + extra.base
-    found[:ALONG] = whole_blocks(np.nan_to_num(samples[:ALONG]), ROUND)
+    finite = np.nan_to_num(samples[:ALONG], nan=1.0, posinf=1.0)  # where paths diverge no number of them is enough
+    found[:ALONG] = whole_blocks(finite, ROUND)
     if extra.points:
         found[LEVELS + base], found[base] = power_of_two(float(found[base])), 0
     return found
@@ -249,7 +251,8 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     extra: Decisions = state.extra
     found = outcome.found(p, state)
     narrow = bool((found.half <= extra.aim).all())
-    if (narrow and found.passed) or extra.stage >= MOST_STAGES:
+    lost = not np.isfinite(found.half).all()
+    if (narrow and found.passed) or lost or extra.stage >= MOST_STAGES:
         return extra._replace(stage=DONE)
     measured = p.measured(state, extra.scheme)
     exponents, allowed, order = powers_of(p, measured, extra.scheme, extra.aim, extra.base)

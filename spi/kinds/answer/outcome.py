@@ -38,6 +38,7 @@ class Found(NamedTuple):
     share: np.ndarray  #: (levels,) how much of each difference is in the value
 
 
+@np.errstate(all="ignore")  # paths may diverge
 def found(p: "AnswerPlan", state: State) -> Found:
     """The value with its interval, and the check."""
     extra = state.extra
@@ -68,6 +69,7 @@ def standard_error(p: "AnswerPlan", state: State) -> float:
         return float(found(p, state).stderr[0])
 
 
+@np.errstate(all="ignore")
 def consistency(p: "AnswerPlan", state: State) -> float:
     """Giles' check |a - b| / (3 (sd a + sd b)): the mean at a step on paths of its own, and beside those of half of it.
 

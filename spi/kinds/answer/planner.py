@@ -56,7 +56,7 @@ class Measured(NamedTuple):
         known = int(np.flatnonzero(samples)[-1])
         with np.errstate(all="ignore"):
             variance = np.maximum(m2 - m1**2, 0.0)
-            kurtosis = np.nan_to_num((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2, nan=0.0)
+            kurtosis = np.nan_to_num((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2, nan=0.0, posinf=0.0)
             variance = np.where(np.isfinite(variance), variance, np.inf)
             variance[0] = 0.0
             last = [variance[k][np.newaxis] for k in (known, max(known - 1, 1))]
@@ -181,7 +181,9 @@ def allocation(
     variance[count + choice.base] = of_values[choice.base]
     cost = _costs(measured)
     with np.errstate(invalid="ignore"):  # a level that is not finite has no work that is
-        samples = np.nan_to_num(np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2, nan=np.inf)
+        samples = np.nan_to_num(
+            np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2, nan=np.inf, posinf=np.inf
+        )
     check = choice.finest + 1
     samples[check] = w[0] ** 2 * of_differences[check] / (CHECK_SHARE * accuracy) ** 2
     tails = np.append(np.minimum(TAILS * measured.kurtosis.max(axis=1), MOST_TAILS), np.zeros(count))
