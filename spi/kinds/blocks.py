@@ -9,7 +9,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
-from spi.ensemble.loop import BATCH_SECONDS, thread_count
+from spi.ensemble import loop
+from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
@@ -29,7 +30,7 @@ def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[A
         state = advance(state, min(blocks, left(state)))
         yield state
         rate = blocks / (time.perf_counter() - began)
-        blocks = int(np.clip(rate * BATCH_SECONDS, least, min(most, 4 * blocks)))
+        blocks = int(np.clip(rate * loop.BATCH_SECONDS, least, min(most, 4 * blocks)))
 
 
 class _Batch(NamedTuple):

@@ -82,7 +82,7 @@ def test_a_reading_says_what_its_scheme_preserves():
         for reading in views.readings(trajectories(group(scheme)))
     }
     assert {scheme for scheme, (nothing, _) in told.items() if nothing} == {
-        *("euler_maruyama", "multiscale_euler", "multiscale_euler_semi_implicit"),
+        *("euler_maruyama", "roessler_rs2", "multiscale_euler", "multiscale_euler_semi_implicit"),
     }
     assert {scheme for scheme, (_, kept) in told.items() if kept} == {
         *("splitting", "splitting_drift_first", "splitting_areas", "splitting_order2", "splitting_symmetric"),

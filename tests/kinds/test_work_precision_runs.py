@@ -103,7 +103,7 @@ def test_defaults(spec):
     assert (case.targets, case.repeats, case.estimators) == ((0.125,), 3, ("multilevel",))
 
 
-ESTIMATORS = "add estimators: some of plain, multilevel, kolmogorov"
+ESTIMATORS = "add estimators: some of plain, multilevel, quasi, kolmogorov"
 
 
 @pytest.mark.parametrize(

@@ -237,6 +237,6 @@ def test_the_order_that_theory_expects_of_the_euler_type():
         SineEuler((1.0, None, None, None)): 1.0,
     }
     for model, order in orders.items():
-        case = SimpleNamespace(model=model, initial=np.full(dimension(model), 0.5))
+        case = SimpleNamespace(model=model, noise=None, initial=np.full(dimension(model), 0.5))
         assert expected_order(SCHEMES["munthe_kaas_euler"], case) == order
         assert expected_order(SCHEMES["munthe_kaas_midpoint"], case) == (0.5 if model is RIGID_BODY else 1.0)

@@ -211,5 +211,5 @@ def test_errors_on_a_path_and_the_limit_of_the_splitting_with_loops():
 
 def test_expected_orders():
     for model in (RIGID_BODY, MaxwellBloch(), SineEuler()):
-        case = SimpleNamespace(model=model, initial=np.full(dimension(model), 0.5))
+        case = SimpleNamespace(model=model, noise=None, initial=np.full(dimension(model), 0.5))
         assert expected_order(SCHEMES["munthe_kaas_areas"], case) == 1.0

@@ -89,6 +89,7 @@ def strong_case(name, sigma, scheme, final_time):
         model_name=name,
         model=type(SYSTEMS[name].model)(sigma),
         parameters={"sigma": sigma},
+        noise=None,
         initial=SYSTEMS[name].start,
         final_time=final_time,
         steps=tuple(2.0**-n for n in range(5, 14)),

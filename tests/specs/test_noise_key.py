@@ -86,7 +86,11 @@ def test_what_it_means(loaded):
             ("samples", "truncate_noise: true\nsamples"),
             "truncate_noise: is true, whose bound",
         ),
-        ("{kind: levy, alpha: 1}", ("samples", "temperature: 2\nsamples"), "temperature: is 2, which is kept by"),
+        (
+            "{kind: levy, alpha: 1}",
+            ("samples", "temperature: 2\nsamples"),
+            "temperature: is given beside noise, and friction belongs to Brownian motion",
+        ),
         ("{kind: levy, alpha: 1}", ("strong", "work_precision"), "noise: is given, but this kind"),
         (
             "{kind: levy, alpha: 1}",
