@@ -171,6 +171,7 @@ def test_strong_order_falls_without_areas_and_errors_grow_without_the_coin():
     assert np.all(np.abs(errors / [0.0385, 0.0201, 0.00985, 0.00493] - 0.9) < 0.15)
 
 
+@pytest.mark.slow
 @compiled_only
 def test_errors_of_the_compiled_scheme_and_its_limit():
     """Against itself on one path the errors fall like h; the splitting on the same path has the same limit."""

@@ -181,6 +181,7 @@ def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
     assert views.figure(results).axes
 
 
+@pytest.mark.slow
 @compiled_only
 def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
     """The largest step follows scrambled points: fewer of them, and the truth within the interval."""

@@ -131,6 +131,7 @@ def test_casimirs_decay_to_rounding_and_with_no_other_factor(name):
     assert worst(LinearlyDamped(RIGID_BODY, GAMMA, RIGID_BODY.sigma), take_step_uncompiled) > 1e-3
 
 
+@pytest.mark.slow
 @compiled_only
 def test_the_decay_is_a_walk_of_roundings_without_a_bias():
     """10^5 steps with 7 flows, each of which rounds three components: |y|^2 walks by about 1e-16 a flow.

@@ -244,6 +244,7 @@ def exact_means(temperature):
     return np.array([(p * energy).sum(), (p * z[:, np.newaxis] ** 2).sum()]) / p.sum()
 
 
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize("temperature", [0.25, -0.25])
 def test_metropolis_has_the_gibbs_law_at_steps_of_any_size(load_text, temperature):

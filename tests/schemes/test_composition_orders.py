@@ -69,6 +69,7 @@ def test_weak_orders_without_sampling():
     np.testing.assert_allclose(once[:, 1] / once[:, 2], 16, rtol=0.1)
 
 
+@pytest.mark.slow
 @compiled_only
 def test_sampling_agrees_with_expectations_without_sampling():
     """The independent halves of the kernel are those of the backward operators."""
