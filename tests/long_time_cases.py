@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from states import finished
 
-from spi.ensemble.loop import RandomStream, grid, integrated, states_at
+from spi.ensemble.loop import grid, integrated, states_at
+from spi.ensemble.streams import RandomStream
 from spi.kinds.long_time import study as long_time
 from spi.kinds.long_time.study.paths import OF_PATHS
 from spi.numerics.rng import BROWNIAN, LANES
