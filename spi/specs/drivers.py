@@ -215,7 +215,7 @@ def _check_step(case: Any, law: Any, h: float) -> None:
     count = round(case.last_time / h)
     if at_once(law) and (count * noises(case.model) > _MOST_AT_ONCE or hasattr(case, "step_count")):
         what = f"takes {count} increments of {noises(case.model)} noises, which are all made at once"
-        raise wrong(what, f"there may be {_MOST_AT_ONCE} in all, and not in long_time", "noise", "kind")
+        raise wrong(what, f"there may be {_MOST_AT_ONCE} in all, and not in equilibrium", "noise", "kind")
     if isinstance(law, Recorded):
         _check_file(case, law, h)
 
