@@ -7,6 +7,7 @@ import numpy as np
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
 from spi.statistics.powers import kurtosis, mean_over_paths
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Order
 
 from ...results import Levels as LevelTable
@@ -28,8 +29,7 @@ class Totals(NamedTuple):
 
     def plus(self, later: "Totals") -> "Totals":
         """These samples and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        return Totals(**{name: mine[name] + others[name] for name in self._fields})
+        return sum_of_fields(self, later)
 
 
 class Moments(NamedTuple):
