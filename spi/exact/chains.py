@@ -1,9 +1,12 @@
-"""The Gibbs law of spheres that a quadratic H couples to at most two others each: chains and rings, by transfer matrices.
+"""The Gibbs law of spheres that a quadratic H couples to at most two others each, chains and rings: transfer matrices.
 
-With nodes u_i of a rule on the unit sphere, the matrix of the bond from sphere a to b is D_a^(1/2) exp(-beta u_i.A_ab u_j)
-D_b^(1/2), where D has the weights of the rule and what H has of one sphere.  The weight of a ring is the trace of the
-product around it, the joint law of two spheres has the products of the two ways between them as factors, and a chain
-is a ring with a bond of no coupling.  (For the chain of Heisenberg see M. E. Fisher, Am. J. Phys. 32, 343 (1964).)
+With nodes u_i of a rule on the unit sphere, the matrix of the bond from sphere a to sphere b is
+
+    D_a^(1/2) exp(-beta u_i.A_ab u_j) D_b^(1/2),
+
+where D has the weights of the rule and what H has of one sphere.  The weight of a ring is the trace of the product
+around it, the joint law of two spheres has the products of the two ways between them as factors, and a chain is a ring
+with a bond of no coupling.  (For Heisenberg's chain see M. E. Fisher, Am. J. Phys. 32, 343 (1964).)
 """
 
 import itertools
@@ -20,16 +23,18 @@ _STATES = 64  #: at which a function is looked at
 class Chain:
     """The law with density exp(-beta H) on a product of spheres."""
 
-    def __init__(self, surface, energy, beta, quadratic):
+    def __init__(self, surface, energy, beta):
         if surface.flat or any(each.shape[1] == 2 for each in surface.spheres):
             raise ValueError(f"a surface of {surface.dimension} dimensions is too large for quadrature")
-        if quadratic is None:
-            raise ValueError("H is not quadratic, on more than two spheres")
         self.surface, self.energy, self.beta = surface, energy, beta
         self.maps = [each for each in surface.spheres if each.shape[1] == 3]
         x = sum((each for each in surface.spheres if each.shape[1] == 1), np.zeros((len(surface.fibre), 1)))
         self.rest = x + surface.fibre @ surface.planes(x)[0].T  # what is constant
-        self.form = self._on_spheres(*quadratic)
+        form = _polynomial(energy, len(surface.fibre))
+        y = self._states(np.random.default_rng(0).standard_normal((len(self.maps), 3, _STATES)))
+        if not np.allclose(_value(*form, y), energy(y), rtol=1e-9, atol=1e-9):
+            raise ValueError("H is not quadratic, on more than two spheres")
+        self.form = self._on_spheres(*form)
         size = max(np.abs(each).max() for each in self.form[2].values())
         sites = range(len(self.maps))
         near = {a: [b for b in sites if b != a and np.abs(self.form[2][a, b]).max() > 1e-12 * size] for a in sites}
@@ -64,9 +69,9 @@ class Chain:
         in_energy = np.linalg.lstsq(powers, value)[0]
         if np.abs(powers @ in_energy - value).max() <= close:
             return lambda level: in_energy @ [1.0, *self._energy_moments(level)]
-        c, b, A = _polynomial(f, len(y))
-        if np.abs(c + b @ y + 0.5 * (y * (A @ y)).sum(axis=0) - value).max() <= close:
-            form = self._on_spheres(c, b, A)
+        polynomial = _polynomial(f, len(y))
+        if np.abs(_value(*polynomial, y) - value).max() <= close:
+            form = self._on_spheres(*polynomial)
             return lambda level: _Transfer(self, level, self.beta).mean(form)
         sites = range(len(self.maps))
         used = [a for a in sites if np.any(f(self._states([others[i] if i == a else u[i] for i in sites])) != value)]
@@ -185,3 +190,7 @@ def _polynomial(f, d):
         up, down = (np.broadcast_to(f(sign * unit), d) for sign in (1.0, -1.0))
         both = np.array([np.broadcast_to(f(unit + unit[:, i : i + 1]), d) for i in range(d)])
         return zero, 0.5 * (up - down), both - up - up[:, np.newaxis] + zero
+
+
+def _value(c, b, A, y):
+    return c + b @ y + 0.5 * (y * (A @ y)).sum(axis=0)

@@ -81,7 +81,9 @@ def leaf(model, point):
     bounded = size > _CLOSE * max(size[-1], 1e-300)
     N, V = vectors[:, ~bounded], vectors[:, bounded] / np.sqrt(size[bounded])
     x = (vectors[:, bounded] * np.sqrt(size[bounded])).T @ point
-    bounding = [not (np.abs(N.T @ Q).max(initial=0) > _CLOSE or np.abs(N.T @ b).max(initial=0) > _CLOSE) for b, Q in forms]
+    bounding = [
+        not (np.abs(N.T @ Q).max(initial=0) > _CLOSE or np.abs(N.T @ b).max(initial=0) > _CLOSE) for b, Q in forms
+    ]
     parts = _joint_spaces([V.T @ Q @ V for (_, Q), one in zip(forms, bounding, strict=True) if one], len(x))
     spheres = []
     for P in parts:

@@ -27,10 +27,9 @@ def hermite(count):
     return nodes, weights / weights.sum()
 
 
-def along(s, slow, free):
-    """(free, n) points on a line through the unit cube: the first coordinate is `slow`, the others turn with s."""
+def along(slow, s, d):
+    """(d, n) points on a line through the unit cube: `slow`, and coordinates that turn with s at irrational rates."""
     root = 2.0
-    for _ in range(50):  # of g^free = g + 1
-        root = (1.0 + root) ** (1.0 / max(free, 1))
-    found = [slow, *((0.5 + s * root**-k) % 1.0 for k in range(1, free))][:free]
-    return np.clip(np.array(found).reshape(free, len(s)), 1e-12, 1.0 - 1e-12)
+    for _ in range(50):  # of g^(d - 1) = g + 1
+        root = (1.0 + root) ** (1.0 / (d - 1))
+    return np.array([slow, *(0.5 + s * root**-k for k in range(d - 1))])

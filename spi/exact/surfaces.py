@@ -46,7 +46,7 @@ def spheres(model, point):
 
 
 def structure_matrix(model, y):
-    """B(y)."""
+    """B(y), of a state as an array."""
     unit = np.eye(len(y))
     return np.array([structure(model, tuple(y.tolist()), tuple(column)) for column in unit.tolist()], float).T
 

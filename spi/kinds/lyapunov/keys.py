@@ -9,7 +9,7 @@ from spi.ensemble.protocol import NonNegative, Positive, conserved, dimension, l
 from spi.ensemble.scheme_protocol import memory_size
 from spi.numerics.rng import STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import check_count, check_multiple, check_schemes
+from spi.specs.checks import check_step
 from spi.specs.conversion import Given
 from spi.specs.keys import Samples, Schemes, condition, key_of, quantity, wrong
 from spi.statistics.claims import EQUAL, Sort
@@ -35,6 +35,7 @@ class Case(BaseCase):
 
     quantities: ClassVar = dict.fromkeys(("largest_exponent", "exponent_sum"), Sort(EQUAL))
     shown_over: ClassVar = tuple(quantities)
+    driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another
 
     @property
     def last_time(self) -> float:
@@ -50,9 +51,7 @@ class Case(BaseCase):
     def _check_step(self) -> Self:
         if large(self.model):
             raise wrong("has states that are arrays", "take a model with components, such as sine_euler", "model")
-        check_count(self.final_time, self.step, "step")
-        check_multiple(self.final_time, self.step, "step", "is")
-        check_schemes(self, self.schemes, [self.step], "step")
+        check_step(self)
         if any(self.row(name).multiscale or memory_size(self.row(name).record, self.model) for name in self.schemes):
             raise wrong("has a scheme that keeps more than the state", "use one such as splitting_symmetric", "schemes")
         return self

@@ -15,12 +15,13 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.ensemble.moments import add_moments
-from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.means import MeansPlan, lost_among
+from spi.kinds.plans import Cost, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from .results import Exponents
@@ -28,7 +29,7 @@ from .tangents import NEAR, make_tangent, orthonormalise, tangents
 
 _TIMES = 16  # at which results are known
 _BATCH_BYTES = 64e6
-_NO_PAIRS = np.zeros(0, np.int64)
+_NO_PAIRS = np.zeros(0, int)
 
 
 class Sums(NamedTuple):
@@ -43,9 +44,7 @@ class Sums(NamedTuple):
 
     def plus(self, later: "Sums") -> "Sums":
         """These paths and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        added = {name: mine[name] + others[name] for name in self._fields}
-        return Sums(**added | {"change": max(self.change, later.change)})
+        return sum_of_fields(self, later)._replace(change=max(self.change, later.change))
 
 
 class Rows(NamedTuple):
@@ -69,7 +68,7 @@ def plan(case: Any, part: Part) -> "LyapunovPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class LyapunovPlan(BlocksPlan):
+class LyapunovPlan(MeansPlan):
     """Lyapunov exponents of one scheme."""
 
     @cached_property
@@ -155,18 +154,8 @@ class LyapunovPlan(BlocksPlan):
         none = np.zeros((1, len(self.known), 0, GROUPS))
         all_times = (0, len(self.known))
         add_moments(rows.values[at], first, end, added.values, _NO_PAIRS, _NO_PAIRS, none, all_times)
-        counted = first * LANES + np.arange(rows.lost[at].size).reshape(rows.lost[at].shape) < end
         change = max(sums.change, float(rows.change[at].max(initial=0.0)))
-        return added._replace(change=change, nonfinite=sums.nonfinite + int((rows.lost[at] & counted).sum()))
-
-    def progress(self, state: State) -> Done:
-        """Paths done, all paths, and the standard error of the largest exponent."""
-        known = state.so_far()
-        if not known.paths:
-            return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
-        mean, without = mean_over_paths(known.values[0], counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
+        return added._replace(change=change, nonfinite=sums.nonfinite + lost_among(rows.lost[at], first, end))
 
     def results(self, state: State) -> Exponents:
         """The results of one scheme of a case, from its final state."""
