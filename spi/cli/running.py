@@ -84,8 +84,8 @@ def run(
     mine, limits = _shard(shard), limits_of(max_time, checkpoint)
     prepare(threads)
     for experiment in experiments:
-        for line in warnings(experiment):
-            tell(f"{experiment.called}: {line}")
+        for warning in warnings(experiment):
+            tell(f"{experiment.called}: {warning}")
     if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
