@@ -247,14 +247,14 @@ def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layer
     if case_class.model_fields["sweep"].is_required():
         found = [_valid(read, version, layers) for version in versions.values()]
         return [found[0].model_copy(update={"sweep": found[0].sweep._replace(cases=tuple(found))})]
-    attempts = {value: attempt(read, version) for value, version in versions.items()}
-    mistakes = {value: wrong for value, (_, wrong) in attempts.items() if wrong}
+    attempts = {at: attempt(read, version) for at, version in versions.items()}
+    mistakes = {at: wrong for at, (_, wrong) in attempts.items() if wrong}
     if mistakes:
         first = next(iter(mistakes.values()))
         if len(mistakes) == len(attempts) and all(wrong == first for wrong in mistakes.values()):  # whatever the value
             _report(first, layers)
         word = next(word for word in data["sweep"] if word != "of")
-        told = [f"with {word} = {value}: {about(*next(iter(wrong.items())))}" for value, wrong in mistakes.items()]
+        told = [f"with {at}: {about(*next(iter(wrong.items())))}" for at, wrong in mistakes.items()]
         raise SpecError(*(document.message((*top, "sweep", word), one) for one in told))
     return sweep.apart([case for case, _ in attempts.values()])
 

@@ -125,7 +125,7 @@ def test_cases_are_swept_each_by_itself(spec):
         ([SWEEP, "sweep: {sigma: [1, 2], of: [oder]}"], r"3: sweep\.of: has 'oder'; did you mean 'order'\?"),
         ([SWEEP, "sweep: {sigma: [1, 2], of: 3}"], r"3: sweep\.of: has '3'; known: order, error, .*"),
         ([SWEEP, "sweep: {sigma: [1, 2], of: {a: b}}"], r"3: sweep\.of: is no list of quantities; write .*"),
-        ([SWEEP, "sweep: {of: error}"], r"3: sweep: has 0 parameters; must have one and its values, .*"),
+        ([SWEEP, "sweep: {of: error}"], r"3: sweep: has 0 parameters; must have one or two and their values, .*"),
         (
             [SWEEP, "sweep: {steps: [2^-3]}"],
             r"3: sweep: 'steps' cannot be swept; write steps: \[\.\.\.\] without .*",
