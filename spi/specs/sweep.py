@@ -119,14 +119,17 @@ def check_shown(case: Any) -> None:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def versions(data: dict[str, Any], keys: Sequence[str], files: Files) -> dict[str, dict[str, Any]]:
+def versions(data: dict[str, Any], keys: Sequence[str], files: Files, most: int = 2) -> dict[str, dict[str, Any]]:
     """By ``sigma = 0.5``, of each value, the keys of a case with it in place of the parameter, or of two parameters.
 
-    `keys` are those in which the parameter may stand; raises the error about it.
+    `keys` are those in which a parameter may stand, of which there are `most`; raises the error about them.
     """
     sweep = {word: values for word, values in data["sweep"].items() if word != "of"}
-    if len(sweep) not in (1, 2):
-        raise wrong(f"has {len(sweep)} parameters", _RIGHT)
+    if not 1 <= len(sweep) <= most:
+        raise wrong(
+            f"has {len(sweep)} parameters",
+            _RIGHT if most > 1 else _RIGHT.replace("one or two and their", "one and its"),
+        )
     found = {"": data}
     for word, values in sweep.items():
         found = {

@@ -164,6 +164,11 @@ class LyapunovPlan(MeansPlan):
                 values[:, at] = np.moveaxis(np.concatenate((means, means.sum(axis=0, keepdims=True))), 0, 1)
         return Rows(values, change, np.logical_not(np.isfinite(values[:, -1]).all(axis=1)))
 
+    @cached_property
+    def _kernel_records(self) -> tuple[Any, Any]:
+        """The scheme and the model; looked up once, because there are many short calls."""
+        return self.scheme, self.model
+
     def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
         """States (blocks, d, LANES) at a stop, from those at the one before; on numbers of its own.
 
@@ -175,7 +180,7 @@ class LyapunovPlan(MeansPlan):
             reference_steps=int(self.stops[stop - 1] - done), first_step=unit, start=(int(done) - unit) * h
         )
         states = np.array(y).reshape(len(y), 1, -1)
-        moved, _ = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end)
+        moved, _ = integrated(*self._kernel_records, states, times, self.stream, first, len(y), end)
         return moved.reshape(y.shape)
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:

@@ -45,9 +45,6 @@ class Case(FunctionsCase):
     def _check_sweep(self) -> Self:
         if self.sweep is None:
             raise wrong("is empty", "must have a parameter and its values, as in sweep: {s: [0.1, 1, 10]}", "sweep")
-        if self.sweep.second_word:
-            right = "must have one, beside the steps, as in sweep: {s: [0.1, 1, 10]}"
-            raise wrong("has 2 parameters", right, "sweep")
         if self.sweep.of:
             raise wrong("is not for stability", f"say it by panels, some of {', '.join(PANELS)}", "sweep", "of")
         return self
