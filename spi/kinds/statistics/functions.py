@@ -30,7 +30,7 @@ FUNCTIONALS = {
     "start": "the value at t = 0, whose covariance with others tells how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
-_INVARIANT = re.compile(r"H|C(\d*)")
+_INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
 
 
 class PathFunction(NamedTuple):
@@ -86,11 +86,23 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
             raise NumberError("not a condition such as y1 > 0.5")
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
-    if text not in names and (found := _INVARIANT.fullmatch(text)):
-        return PathFunction(functional, text, _invariant(model, found))
-    tree = parse_expression(text, dimension(model), names)
+    invariants = {found[0]: found for found in _INVARIANT.finditer(text) if found[0] not in names}
+    if text in invariants:
+        return PathFunction(functional, text, _invariant(model, invariants[text]))
+    d = dimension(model)
+    tree = parse_expression(text, d, (*names, *[""] * (d - len(names)), *invariants) if invariants else names)
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
-    return PathFunction(functional, condition if functional == "passage" else canonical(tree), values)
+    told = canonical(tree)
+    if invariants:
+        values = _with_invariants(as_numpy(tree), [_invariant(model, found) for found in invariants.values()])
+        for k, name in enumerate(invariants, d + 1):
+            told = re.sub(rf"\by{k}\b", name, told)
+    return PathFunction(functional, condition if functional == "passage" else told, values)
+
+
+def _with_invariants(function: Callable[[Array], Array], invariants: list[Callable[[Array], Array]]) -> Any:
+    """A function of states with values of invariants behind their components, as one of states."""
+    return lambda states: function(np.concatenate([states, [one(states) for one in invariants]]))
 
 
 def _component(k: int, states: Array) -> Array:
