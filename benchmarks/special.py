@@ -7,8 +7,9 @@ import numpy as np
 from examples import STEP, example
 from pairs import BLOCKS, REPEATS, THREADS, our_work, seconds
 
-from spi.ensemble.loop import RandomStream, arguments_of, grid, integrate, use_threads
+from spi.ensemble.loop import arguments_of, grid, integrate, use_threads
 from spi.ensemble.observer import path_observer
+from spi.ensemble.streams import RandomStream
 from spi.expressions import parse_expression
 from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import BROWNIAN, LANES

@@ -29,9 +29,10 @@ from typing import NamedTuple
 import numpy as np
 from machine import arithmetic_peak, best_time
 
-from spi.ensemble.loop import brownian, grid, integrated
+from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import in_kernels
+from spi.ensemble.streams import brownian
 from spi.models.zeitlin import Zeitlin
 from spi.models.zeitlin.lattice import lines, modes
 from spi.models.zeitlin.tables import row_order

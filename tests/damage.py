@@ -18,7 +18,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from damaged_sums import sums_main
-from long_time_results import long_time, long_time_group
+from equilibrium_results import equilibrium, equilibrium_group
 from stability_results import stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -39,7 +39,7 @@ def originals(folder):
         "weak": weak(*(weak_group("splitting_order2", name, functions=1) for name in ("plain", "kolmogorov"))),
         "trajectory": trajectories(trajectory_group("splitting", T, y, np.ones((T.size, 1)))),
         "stability": stability(stability_group("splitting", law=True)),
-        "long_time": long_time(long_time_group("splitting")),
+        "equilibrium": equilibrium(equilibrium_group("splitting")),
         "work_precision": work_results(),
     }
     for name, results in each.items():

@@ -29,7 +29,7 @@ RUNS = {
     "trajectory": ("rigid_body_qualitative", ()),
     "work_precision": ("maxwell_bloch_work_precision", ("samples=2000",)),
     "stability": ("stability_positivity", ("samples=1000",)),
-    "long_time": ("stability_long_time", ("step_count=2^16",)),
+    "equilibrium": ("stability_long_time", ("step_count=2^16",)),
 }
 TIMES = ("seconds", "ns_per_step", "level_cost_rate", "threads", "notes")
 

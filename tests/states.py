@@ -7,7 +7,7 @@ from unittest.mock import patch
 import numpy as np
 
 from spi.kinds import blocks
-from spi.kinds.long_time import study as long_time
+from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.state import State
 from spi.kinds.weak.estimators.multilevel import plans as multilevel
 from spi.running import workers
@@ -31,7 +31,7 @@ def batches_of(most):
 
     with ExitStack() as stack:
         stack.enter_context(patch.object(blocks, "in_batches", in_batches))
-        stack.enter_context(patch.object(long_time, "BATCH_SECONDS", 0.0))
+        stack.enter_context(patch.object(equilibrium, "BATCH_SECONDS", 0.0))
         yield
 
 
@@ -41,7 +41,7 @@ def chunks_of(count):
     with ExitStack() as stack:
         for module in (blocks, multilevel):
             stack.enter_context(patch.object(module, "chunk_blocks", lambda steps, dimension: count))
-        stack.enter_context(patch.object(long_time, "_CHUNK_BLOCKS", count))
+        stack.enter_context(patch.object(equilibrium, "_CHUNK_BLOCKS", count))
         yield
 
 

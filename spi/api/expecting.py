@@ -21,6 +21,7 @@ from ..running.compiling import compile_missing
 from ..specs import SpecError
 from ..statistics.estimators import GROUPS, group_counts
 from ..statistics.powers import mean_over_paths, standard_deviation, with_powers
+from ..statistics.tallies import sum_of_fields
 from .paths import plan_of
 from .progress import Line
 from .specs import whole
@@ -123,8 +124,7 @@ class Sums(NamedTuple):
 
     def plus(self, later: "Sums") -> "Sums":
         """These paths and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        return Sums(**{name: mine[name] + others[name] for name in self._fields})
+        return sum_of_fields(self, later)
 
 
 @dataclass(frozen=True, kw_only=True)

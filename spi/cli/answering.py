@@ -1,5 +1,6 @@
 """The command that answers: an expectation to a wanted accuracy."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,7 +8,7 @@ import typer
 
 from .names import complete_spec
 from .options import Fresh, Out, Overrides, Profile, Seed, Threads, TrustCode, load
-from .running import Checkpoint, MaxTime, _limits, _prepare
+from .running import Checkpoint, MaxTime, limits_of, prepare
 from .streams import takes_all_characters, tell
 
 if TYPE_CHECKING:
@@ -51,8 +52,8 @@ def answer(
     asked = {"final_time": time, "accuracy": accuracy, "seconds": seconds, "functions": _functions(function)}
     named = [f"{key}={value}" for key, value in asked.items() if value is not None]
     (experiment,) = load([spec], profile, [*named, *(overrides or ())], None, seed, "answer", trust_code)
-    limits = _limits(max_time, checkpoint)
-    _prepare(threads)
+    limits = limits_of(max_time, checkpoint)
+    prepare(threads)
     if dry:
         _predict(experiment)
         return
@@ -92,4 +93,4 @@ def _predict(experiment: "Experiment") -> None:
         found = list(predictions(experiment, line.watch))
     for one in found:
         takes = f": about {human_time(one.seconds)} of processor time; the next digit {human_time(one.next_digit)}"
-        typer.echo(f"{one.case}: {one.how}{takes if one.seconds == one.seconds else ''}")
+        typer.echo(f"{one.case}: {one.how}{'' if math.isnan(one.seconds) else takes}")

@@ -80,8 +80,8 @@ def run(
         end(INVALID, f"--part is now called --shard; write --shard {part}")
     if sum(option is not None for option in (shard, workers, dask)) > 1:
         end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
-    mine, limits = _shard(shard), _limits(max_time, checkpoint)
-    _prepare(threads)
+    mine, limits = _shard(shard), limits_of(max_time, checkpoint)
+    prepare(threads)
     if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:
@@ -111,7 +111,7 @@ def merge(
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..running import shards
 
-    _prepare(threads)
+    prepare(threads)
     _show_each(experiments, lambda experiment, watch: shards.merge(experiment, out, fresh, watch))
 
 
@@ -142,7 +142,7 @@ def verify(
     from .progress import ProgressLine
 
     (file,) = stored([source], results, profile, overrides, samples, seed, kind)
-    _prepare(threads)
+    prepare(threads)
     with ProgressLine(file.stem) as line:
         found = verify(file, None if everything else chunks, line.report_chunk, trust_code)
     print_verification(file, found)
@@ -150,7 +150,7 @@ def verify(
         raise typer.Exit(CLAIM_FAILED)
 
 
-def _prepare(threads: int | None) -> None:
+def prepare(threads: int | None) -> None:
     """Set the number of threads, and warn before anything is compiled."""
     from .. import CACHE_PROBLEM
     from ..ensemble.loop import use_threads
@@ -164,7 +164,7 @@ def _prepare(threads: int | None) -> None:
         tell(f"spi: {CACHE_PROBLEM}; compiled kernels cannot be saved for the next run")
 
 
-def _limits(max_time: str | None, checkpoint: str) -> "Limits":
+def limits_of(max_time: str | None, checkpoint: str) -> "Limits":
     from ..running.run import Limits
 
     most = math.inf if max_time is None else _seconds("--max-time", max_time)

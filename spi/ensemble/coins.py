@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.dispatch import method
+from ..compiler.dispatch import device, method
 from ..numerics.rng import COINS, LANES, STEPS_PER_TOSS, UNIFORMS, draw_uniforms, read_coins, toss
 from .protocol import noises
 
@@ -27,6 +27,14 @@ def copy_coins(kept, coins, source, target):
 @method
 def turn_coins(kept, coins, source, target):
     """Those on the other side."""
+
+
+@device
+def toss_and_read(noise, n, block, bits, row):
+    """The coins of step n in `row`; `bits` are tossed at the first of STEPS_PER_TOSS steps."""
+    if n % STEPS_PER_TOSS == 0:
+        toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
+    read_coins(bits, n, row)
 
 
 class NoCoins(NamedTuple):
@@ -52,9 +60,7 @@ class Coins(NamedTuple):
         return LANES
 
     def draw_coins(kept, noise, n, block, bits, coins, row):
-        if n % STEPS_PER_TOSS == 0:
-            toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
-        read_coins(bits, n, coins[row])
+        toss_and_read(noise, n, block, bits, coins[row])
 
     def copy_coins(kept, coins, source, target):
         for lane in range(LANES):
@@ -72,9 +78,7 @@ class Uniforms(NamedTuple):
         return (1 + 4 * (noises(model) // 4 + 1)) * LANES
 
     def draw_coins(kept, noise, n, block, bits, coins, row):
-        if n % STEPS_PER_TOSS == 0:
-            toss(noise.seed, noise.stream + np.uint64(COINS), np.uint64(n // STEPS_PER_TOSS), block, bits)
-        read_coins(bits, n, coins[row])
+        toss_and_read(noise, n, block, bits, coins[row])
         draw_uniforms(noise.seed, noise.stream + np.uint64(UNIFORMS), n, block, coins[row, LANES:])
 
     def copy_coins(kept, coins, source, target):

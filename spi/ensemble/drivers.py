@@ -33,7 +33,7 @@ class _Nothing:
 
 
 class Driver:
-    """The paths of a seed of another process, as ``loop.RandomStream`` is those of Brownian motion.
+    """The paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
 
     `law` is one of ``laws.py``, `last_time` is that until which the process is asked for, and each step is resolved
     into at least `parts` sub-steps, so that schemes that need fewer have the same paths as those that need them all.

@@ -6,14 +6,17 @@ import numpy as np
 
 from ..compiler.dispatch import device, kernel, number
 from ..compiler.records import class_of
-from ..numerics.rng import COINS, LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments, read_coins, toss
+from ..numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS, draw_increments
 from .areas import draw_areas
-from .coins import Coins, draw_coins
+from .coins import Coins, draw_coins, toss_and_read
 from .increments import draw_steps, first_lane, row_length
 from .lanes import aligned
 from .pairs import channels
 from .points import Points, coins_of_points, draw_block, increments_of_points, scratch_of_points
+from .protocol import area_pairs, noises
+from .scheme_protocol import needs_areas, substeps, tosses
 from .steppers import kept_of_steps
+from .streams import in_one_call
 
 
 class Given(NamedTuple):
@@ -27,9 +30,17 @@ class Given(NamedTuple):
     coins: np.ndarray  #: (steps, paths) of 1.0 or -1.0
     first: int = 0  #: the number of the first of these steps
 
-    def pieces(self, scheme, model, times, first, blocks, end):
-        """As those of ``loop.RandomStream``."""
-        return ((times, self, first, end),)
+    def pieces(self, *arguments):
+        """All steps at once."""
+        return in_one_call(self, *arguments)
+
+
+def empty_noise(scheme, model, steps, paths):
+    """A :class:`Given` of zeros, with areas and coins where the scheme needs them."""
+    pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
+    areas = np.zeros((steps, paths, pairs)) if pairs else np.zeros((0, 0, 0))
+    coins = np.zeros((steps, paths)) if pairs or tosses(scheme) else np.zeros((0, 0))
+    return Given(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
 
 
 @device(by_type=True)
@@ -192,10 +203,7 @@ def draw_all_coins(noise, first_step, first_path, coins):
     for block in range(first_path // LANES, (first_path + paths - 1) // LANES + 1):
         first = block * LANES - first_path
         for n in range(first_step // STEPS_PER_TOSS * STEPS_PER_TOSS, first_step + steps):
-            if n % STEPS_PER_TOSS == 0:
-                where = np.uint64(n // STEPS_PER_TOSS), np.uint64(block)
-                toss(noise.seed, noise.stream + np.uint64(COINS), *where, bits)
+            toss_and_read(noise, n, np.uint64(block), bits, row)
             if n >= first_step:
-                read_coins(bits, n, row)
                 for path in range(max(first, 0), min(first + LANES, paths)):
                     coins[n - first_step, path] = row[path - first]

@@ -24,7 +24,7 @@ _KEPT = 64  # how many blocks of paths a driver remembers the end of
 class Asked(NamedTuple):
     """Which increments are asked for: `count` of size h from number `first` on, of consecutive paths and all noises."""
 
-    stream: Any  #: a ``drivers.RandomStream``
+    stream: Any  #: a ``streams.RandomStream``
     h: float
     first: int
     count: int

@@ -15,7 +15,7 @@ from numba import get_num_threads, prange, set_num_threads
 
 from ..compiler.dispatch import device, kernel
 from ..compiler.vectors import without_refcount
-from ..numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
+from ..numerics.rng import LANES, STEPS_PER_DRAW
 from .coins import coins_length, copy_coins, turn_coins
 from .given import coins_of_step, noise_of_steps, words_length
 from .increments import join, keep, reversed_row, row_length, truncate
@@ -90,36 +90,6 @@ def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, a
     doublings = [0, *(round(np.log2(h / reference_step)) for h in reversed(steps))]
     total = round(final_time / reference_step)
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
-
-
-class RandomStream(NamedTuple):
-    """Which random numbers: the 64-bit seed and one of the streams of ``spi.numerics.rng``, as uint64."""
-
-    seed: np.uint64
-    stream: np.uint64
-
-    @property
-    def keys(self):
-        """Of what the random numbers of these paths are functions: itself."""
-        return self
-
-    @property
-    def for_a_trial(self):
-        """A stream of the same type whose numbers are quickly made."""
-        return self
-
-    def most_blocks(self, model, times):
-        """How many blocks fit into memory, as far as their noise is concerned."""
-        return 2**62
-
-    def pieces(self, scheme, model, times, first, blocks, end):
-        """(grid, noise, first block, end of paths) of the calls of the loop that together make all steps of a grid."""
-        return ((times, self, first, end),)
-
-
-def brownian(seed):
-    """The increments of the paths of a seed."""
-    return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
 def states_at(initial, scheme, model, times, blocks, noise=None, first=0):

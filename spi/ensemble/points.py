@@ -19,6 +19,7 @@ from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, ne
 from .coins import Coins
 from .protocol import noise_indices
 from .steppers import kept_of_steps
+from .streams import RandomStream, as_many_blocks, in_one_call, itself
 
 _BITS = 32  # of the number of a point
 _FIRST, _0 = np.uint64(BITS - 1), np.uint64(0)
@@ -43,22 +44,9 @@ class Points(NamedTuple):
     @property
     def keys(self):
         """Of what the random numbers that are no points are functions."""
-        from .loop import RandomStream  # which imports this module
-
         return RandomStream(self.seed, self.stream)
 
-    @property
-    def for_a_trial(self):
-        """As that of ``loop.RandomStream``."""
-        return self
-
-    def most_blocks(self, model, times):
-        """As that of ``loop.RandomStream``."""
-        return 2**62
-
-    def pieces(self, scheme, model, times, first, blocks, end):
-        """As those of ``loop.RandomStream``."""
-        return ((times, self, first, end),)
+    for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
 
 
 def by_steps(count):

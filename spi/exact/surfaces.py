@@ -28,7 +28,7 @@ def spheres(model, point):
     d = dimension(model)
     states = np.random.default_rng(0).standard_normal((_TRIALS, d))
     with uncompiled():  # not worth compiling
-        matrices = [_structure_matrix(model, y) for y in states]
+        matrices = [structure_matrix(model, y) for y in states]
     lengths, triples, predicted = np.zeros(d), [], np.zeros((_TRIALS, d, d))
     for triple in _triples(matrices[0]):
         weights = np.array([matrices[0][j, k] / states[0, i] for i, j, k in _turned(triple)])
@@ -45,8 +45,8 @@ def spheres(model, point):
     return Spheres(tuple(map(float, point)), tuple(triples), tuple(lengths.tolist()))
 
 
-def _structure_matrix(model, y):
-    """B(y)."""
+def structure_matrix(model, y):
+    """B(y), of a state as an array."""
     unit = np.eye(len(y))
     return np.array([structure(model, tuple(y.tolist()), tuple(column)) for column in unit.tolist()], float).T
 

@@ -104,7 +104,7 @@ KINDS = {
     "weak": Kind("spi.kinds.weak"),
     "work_precision": Kind("spi.kinds.work_precision"),
     "stability": Kind("spi.kinds.stability"),
-    "long_time": Kind("spi.kinds.long_time"),
+    "equilibrium": Kind("spi.kinds.equilibrium"),
     "statistics": Kind("spi.kinds.statistics"),
     "lyapunov": Kind("spi.kinds.lyapunov"),
     "answer": Kind("spi.kinds.answer"),

@@ -67,7 +67,7 @@ class Thermal(NamedTuple):
         That quotient is taken as 1 / (1 + q/2 + q^2/12), which is right to third order, and never large: friction over
         long times, or near a maximum of g, is too weak, but cannot carry the state away.
         """
-        c = strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+        c = friction_rate(model, k)
         field = noise_field(model.model, k, y)
         gradient = drift_gradient(model.model, y)
         bent = dot(gradient, noise_field_derivative(model.model, k, y, field))
@@ -83,11 +83,17 @@ class Thermal(NamedTuple):
         return _add_friction_derivative(model, turned, drift_gradient(model.model, y), turned, y, v)
 
 
+@device
+def friction_rate(model, k):
+    """c_k = sigma_k^2 / (2 T)."""
+    return strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+
+
 @unrolled(noise_indices)
 def _add_friction(index, model, value, gradient, y):
     """value - sum_k c_k (X_k H)(y) grad Ĥ_k(y), given grad H."""
     k = number(index)
-    c = strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+    c = friction_rate(model, k)
     slope = dot(gradient, noise_field(model.model, k, y))
     return add_scaled(value, -c * slope, noise_gradient(model, k, y))
 
@@ -96,7 +102,7 @@ def _add_friction(index, model, value, gradient, y):
 def _add_friction_derivative(index, model, value, gradient, turned, y, v):
     """The derivative of that along v, given grad H and Hess H v."""
     k = number(index)
-    c = strengths(model)[k] * strengths(model)[k] / (2.0 * model.temperature)
+    c = friction_rate(model, k)
     field = noise_field(model.model, k, y)
     change = dot(turned, field) + dot(gradient, noise_field_derivative(model.model, k, y, v))
     value = add_scaled(value, -c * change, noise_gradient(model, k, y))

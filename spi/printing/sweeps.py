@@ -1,5 +1,6 @@
 """Tables of what came out over a swept parameter: a line for each value."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -65,7 +66,7 @@ def _at(curves: Sequence[Curve], name: str) -> str:
 
 def _told(point: Quantity) -> str:
     """A quantity with its interval, as its ends where these lie at different distances."""
-    if point.value != point.value:
+    if math.isnan(point.value):
         return "not resolved"
     if point.low == point.high:
         return short(point.value, ".3g")

@@ -48,20 +48,30 @@ def array_in(files: Files, path: str) -> np.ndarray:
 def arrays_in(files: Files, path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Arrays of a file that ``numpy.savez`` wrote, by their names; raises the error about the key ``file``."""
     data = content(files.text(path, "file", _MOST_BYTES, binary=True))
-    found = {}
     try:
-        with ZipFile(io.BytesIO(data)) as archive:
-            for name in names:
-                with archive.open(f"{name}.npy") as member:
-                    text = member.read(_MOST_UNPACKED + 1)
-                if len(text) > _MOST_UNPACKED:
-                    raise ValueError("too large")
-                found[name] = array_of(text, (0, 1, 2, 3))
-    except (ValueError, SyntaxError, RuntimeError, MemoryError, KeyError, OSError, EOFError, BadZipFile, zlib.error):
+        found = unpacked(data, (0, 1, 2, 3), names)
+    except ValueError:
         right = f"give a file of numpy.savez with {' and '.join(names)}, of at most {_MOST_UNPACKED // 10**6} MB"
         raise wrong(f"is {shown(path)}, which holds no such arrays", right, "file") from None
     for name in names:
         check_finite(found[name], f"{shown(path)}, in which {name}", "file")
+    return found
+
+
+def unpacked(data: bytes, dimensions: tuple[int, ...], names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """The arrays in a file of ``numpy.savez``, these or all, by their names; ValueError if there are none such."""
+    found, left = {}, _MOST_UNPACKED
+    try:
+        with ZipFile(io.BytesIO(data)) as archive:
+            for name in names or [member.removesuffix(".npy") for member in archive.namelist()]:
+                with archive.open(f"{name}.npy") as member:
+                    text = member.read(left + 1)
+                left -= len(text)
+                if left < 0:
+                    raise ValueError("too large")
+                found[name] = array_of(text, dimensions)
+    except (SyntaxError, RuntimeError, MemoryError, KeyError, OSError, EOFError, BadZipFile, zlib.error) as error:
+        raise ValueError(f"no such arrays: {error}") from None
     return found
 
 

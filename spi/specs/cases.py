@@ -166,7 +166,7 @@ class BaseCase(Keys):
         said = {"extrapolate": any, "every": lambda n: n > 1, "areas": lambda word: word != "exact"}
         said["temperature"] = lambda temperature: temperature < math.inf
         said |= dict.fromkeys(("damping", "noise", "times", "panels", "reference_step"), bool)
-        said |= dict.fromkeys(("autocorrelation", "density"), bool)
+        said |= dict.fromkeys(("autocorrelation", "density", "pullback"), bool)
         return {key: value for key, value in write(self).items() if key not in said or said[key](value)}
 
     @condition("schemes", "reference_scheme", "compositions")

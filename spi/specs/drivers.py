@@ -10,7 +10,6 @@ with the spec, and a digest of them is among what decides results.
 """
 
 import hashlib
-import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -20,15 +19,15 @@ from annotated_types import Ge, Gt, Le, Lt
 from ..ensemble.drivers import Driver
 from ..ensemble.inexact import flows_lacking
 from ..ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck, Recorded, at_once
-from ..ensemble.loop import brownian
 from ..ensemble.protocol import Positive, area_pairs, noises
 from ..ensemble.scheme_protocol import needs_areas, substeps
+from ..ensemble.streams import brownian
 from .arrays import arrays_in
+from .checks import ROUNDING
 from .document import SpecError
 from .explaining import explained
 from .keys import Keys, key_of, quantity, shown, suggestion, wrong
 
-ROUNDING = 1e-12
 _MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB
 _BROWNIAN = "Brownian motion"
 
@@ -177,8 +176,6 @@ def check_noise(case: Any) -> None:
     for key, found in (("estimators", others), ("extrapolate", levels)):
         if found:
             raise wrong(f"has {found[0]}, which is for {_BROWNIAN}", "use plain, not extrapolated", key)
-    if case.temperature < math.inf:
-        raise wrong(f"is {case.temperature:g}, which is kept by {_BROWNIAN}", "leave it out", "temperature")
     if case.truncate_noise:
         raise wrong(f"is true, whose bound is that for {_BROWNIAN}", "leave it out", "truncate_noise")
     if isinstance(law, Fractional) and law.hurst <= 0.25 and area_pairs(case.model):
@@ -218,7 +215,7 @@ def _check_step(case: Any, law: Any, h: float) -> None:
     count = round(case.last_time / h)
     if at_once(law) and (count * noises(case.model) > _MOST_AT_ONCE or hasattr(case, "step_count")):
         what = f"takes {count} increments of {noises(case.model)} noises, which are all made at once"
-        raise wrong(what, f"there may be {_MOST_AT_ONCE} in all, and not in long_time", "noise", "kind")
+        raise wrong(what, f"there may be {_MOST_AT_ONCE} in all, and not in equilibrium", "noise", "kind")
     if isinstance(law, Recorded):
         _check_file(case, law, h)
 

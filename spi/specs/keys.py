@@ -21,6 +21,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
 from ..schemes import SCHEMES
+from ..storage.records import RENAMED_KINDS
 from .mistakes import again, details, every
 
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
@@ -42,6 +43,9 @@ def shown(value: Any) -> str:
 
 def suggestion(word: Any, known: Iterable[str]) -> str:
     """What to write instead of an unknown word."""
+    known = tuple(known)
+    if isinstance(word, str) and (renamed := RENAMED_KINDS.get(word)) in known:
+        return f"it is called '{renamed}' now, and nothing else changes"
     near = difflib.get_close_matches(word, known, 1) if isinstance(word, str) else []
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
 

@@ -9,6 +9,10 @@ from ..ensemble.random_states import RandomState
 from .fitting import check_fact
 
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
+HEAVY_TAILS = 100.0  #: a kurtosis of which a person is told: few samples carry the variance, whose estimate is poor
+
+#: Kinds of experiment by the names that they had in files of earlier versions.
+RENAMED_KINDS = {"long_time": "equilibrium"}
 
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from .files import DAMAGE, MOST_BYTES, StorageError, aside, checksum_holds, contents, create, opened, reason
 from .fitting import check_fact
-from .records import Group, Results
+from .records import RENAMED_KINDS, Group, Results
 
 #: The root attribute by which our results are known, and the version of their layout.
 MARK, VERSION = "spi_results", 3
@@ -156,6 +156,8 @@ def _read_root(file: h5py.File) -> dict[str, Any]:
     attributes = _read_attributes(file)
     for name, hint in _ROOT.items():
         check_fact(name, attributes.get(name), hint | None)
+    if (kind := attributes.get("kind")) in RENAMED_KINDS:
+        attributes["kind"] = RENAMED_KINDS[kind]
     return attributes
 
 

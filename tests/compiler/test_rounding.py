@@ -87,7 +87,7 @@ for word in sys.argv[1:]:
     case, entry = load(f"experiments/{experiment}.yaml", "quick").cases[0], SCHEMES[scheme]
     terms = 2 if "areas" in scheme else 0
     times = loop.grid(2.0**-4, 32, truncate=entry.needs_truncation, area_terms=terms)
-    what = entry.record, in_kernels(case.model), np.array(case.initial, float), times, loop.brownian(1), 0, 1, 64
+    what = entry.record, in_kernels(case.model), np.array(case.initial, float), times, brownian(1), 0, 1, 64
     print(word, hashlib.sha256(loop.integrated(*what)[0].tobytes()).hexdigest())
 print("zmm", any("zmm" in text for text in loop.integrate.inspect_asm().values()))
 """

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damage import call
+from equilibrium_results import equilibrium, equilibrium_group
 from figure_checks import alike_without_colours, collisions, lightness
-from long_time_results import long_time, long_time_group
 from matplotlib import colormaps
 from stability_results import stability, stability_group
 from strong_results import LABELS, H, strong, strong_group
@@ -55,7 +55,7 @@ RESULTS = {
     "weak": weak_errors,
     "weak, several eps": lambda: weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1, 0.01))),
     "work_precision": work_results,
-    "long_time": lambda: long_time(long_time_group("splitting"), long_time_group("midpoint")),
+    "equilibrium": lambda: equilibrium(equilibrium_group("splitting"), equilibrium_group("midpoint")),
 }
 
 

@@ -12,9 +12,9 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble import area_series
 from spi.ensemble.area_series import TAILS, draw_fourier_areas
 from spi.ensemble.areas import GAUSSIAN, area_distance
-from spi.ensemble.loop import brownian
 from spi.ensemble.pairs import all_pairs, area_count
 from spi.ensemble.protocol import area_pairs
+from spi.ensemble.streams import brownian
 from spi.models import SineEuler
 from spi.numerics.rng import STEPS_PER_DRAW
 

@@ -10,7 +10,8 @@ from helpers import COMPILED, INITIAL, RIGID_BODY, SCHEMES, compiled_only
 from spi.ensemble import drivers
 from spi.ensemble.drivers import Driver
 from spi.ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck, Recorded, _coefficients, circulant
-from spi.ensemble.loop import brownian, grid, integrated, paths_of
+from spi.ensemble.loop import grid, integrated, paths_of
+from spi.ensemble.streams import brownian
 from spi.numerics.rng import LANES
 
 PATHS = 4096 if COMPILED else 64

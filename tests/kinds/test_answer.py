@@ -137,7 +137,7 @@ def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
 @compiled_only
 def test_tails_and_orders_that_are_not_those_of_theory_are_said(monkeypatch):
     ask = {**ASKED, "accuracy": 3e-2, "sampling": True}
-    monkeypatch.setattr(outcome, "HEAVY", 5.0)
+    monkeypatch.setattr(outcome, "HEAVY_TAILS", 5.0)
     found = spi.answer(MODEL, "tanh(400*(y1 - 1/4))", **ask)
     (told,) = found.warnings
     assert told.startswith("heavy tails: the kurtosis of a level is ")

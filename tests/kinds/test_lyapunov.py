@@ -116,6 +116,7 @@ def test_the_sum_at_a_temperature_is_known(case_of):
         ("initial=[0, 0, 0]", "initial: is a point that no flow moves"),
         ("every=200", "every: "),
         ("step=3", "step: is 3"),
+        ("noise={kind: ornstein_uhlenbeck, tau: 1}", "noise: is given, but this kind"),
     ],
 )
 def test_what_is_refused(case_of, override, complaint):

@@ -2,7 +2,7 @@
 
 import pkgutil
 
-import long_time_cases
+import equilibrium_cases
 import mpmath
 import numpy as np
 import pytest
@@ -226,7 +226,7 @@ schemes: [splitting, euler_maruyama]
 """
 STRONG = HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 70\n"
 TRAJECTORY = HEAD + "kind: trajectory\nfinal_time: 2\nstep: 1/8\npanels: [casimir_errors]\n"
-LONG_TIME = HEAD + "kind: long_time\nsteps: [1/8]\nstep_count: 1280\nsamples: 70\n"
+EQUILIBRIUM = HEAD + "kind: equilibrium\nsteps: [1/8]\nstep_count: 1280\nsamples: 70\n"
 STABILITY = (
     HEAD.replace("0.5", "g")
     + "kind: stability\nsweep: {g: [0, 0.5]}\nfinal_time: 1\nsteps: [2^-3, 2^-4]\nreference_step: 2^-6\nsamples: 70\n"
@@ -235,7 +235,7 @@ WEAK = HEAD + (
     "kind: weak\nfinal_time: 1\nsteps: [2^-2, 2^-3]\nreference_step: 2^-4\nfunctions: y1^2\n"
     "estimators: [plain]\nsamples: 1000\n"
 )
-load_text = long_time_cases.load_text
+load_text = equilibrium_cases.load_text
 
 
 @pytest.mark.share(1)
@@ -245,9 +245,9 @@ load_text = long_time_cases.load_text
     [
         (STRONG, "casimir_drift", "strong.study.path_observer"),
         (TRAJECTORY, "casimir_changes", "trajectory.study.growth"),
-        (LONG_TIME, "casimir_worst", "long_time.study.growth"),
+        (EQUILIBRIUM, "casimir_worst", "equilibrium.study.growth"),
     ],
-    ids=["strong", "trajectory", "long_time"],
+    ids=["strong", "trajectory", "equilibrium"],
 )
 def test_studies_compare_casimirs_with_their_decay(load_text, monkeypatch, text, name, asked):
     (plan,) = plans(load_text(text, "schemes=[splitting]"))
@@ -311,8 +311,8 @@ def test_growth_is_that_of_each_degree():
     [
         (STRONG, ["damping=-1"], "damping: is '-1'; must be at least 0"),
         (STRONG, ["damping=400"], "damping: is 400, with which .* must be at most 300 for paths until the time 1"),
-        (LONG_TIME, ["step_count=64000000"], "damping: .* must be at most 3.75e-05"),
-        (LONG_TIME, ["panels=[growth, law]"], "panels: has 'law', and no law is known with damping; leave out"),
+        (EQUILIBRIUM, ["step_count=64000000"], "damping: .* must be at most 3.75e-05"),
+        (EQUILIBRIUM, ["panels=[growth, law]"], "panels: has 'law', and no law is known with damping; leave out"),
         (WEAK, ["estimators=[kolmogorov]"], "estimators: has 'kolmogorov', which follows paths on a Casimir surface"),
         (
             STRONG,

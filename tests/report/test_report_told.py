@@ -1,7 +1,7 @@
 """What came out of an experiment, in one sentence for each kind."""
 
 import numpy as np
-from long_time_results import long_time, long_time_group
+from equilibrium_results import equilibrium, equilibrium_group
 from stability_results import stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -91,7 +91,7 @@ def test_stability():
 
 
 def test_long_time():
-    assert told(long_time(long_time_group("splitting"), long_time_group("euler_maruyama"))) == (
+    assert told(equilibrium(equilibrium_group("splitting"), equilibrium_group("euler_maruyama"))) == (
         "After 2^26 = 6.7e+07 steps the root mean square error of the Casimir functions is 8.8e-13 with splitting "
         "(growing as n^0.50) and diverged with Euler-Maruyama (growing as n^1.00); the means of the stationary law are "
         "off by at most so many standard errors: 2.1 with splitting."

@@ -55,7 +55,7 @@ def check_stability(group, v):
         assert np.all(v["finite"] == 1.0) and np.all(v["casimir_worst"] < 1e-12)
 
 
-def check_long_time(group, v):
+def check_equilibrium(group, v):
     if group.variant == "splitting":
         assert np.all(v["nonfinite"] == 0) and np.all(v["casimir_worst"] < 1e-12)
 

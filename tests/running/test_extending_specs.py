@@ -144,7 +144,7 @@ def test_values_of_a_swept_parameter(extended):
 
 @compiled_only
 def test_a_step_size_of_long_times(extended):
-    keys = {**BODY, "kind": "long_time", "schemes": ["splitting"], "samples": 64, "step_count": 256}
+    keys = {**BODY, "kind": "equilibrium", "schemes": ["splitting"], "samples": 64, "step_count": 256}
     assert extended(keys | {"steps": ["2^-4"]}) == {("main/splitting", 0)}
     assert extended(keys | {"steps": ["2^-4", "2^-5"]}) == {("main/splitting", 1)}
     assert extended(keys | {"steps": ["2^-3", "2^-4", "2^-5"]}) == {("main/splitting", 0)}

@@ -21,7 +21,7 @@ SOURCES = [
 #: (source, kind) -> what is said where no experiment can be made.
 REFUSED = {
     ("rigid_body_ap_weak", "answer"): "cases?.schemes: has a multiscale scheme; answers are about the equation",
-    ("rigid_body_ap_weak", "long_time"): "cases?.schemes: has a multiscale scheme; use schemes without eps",
+    ("rigid_body_ap_weak", "equilibrium"): "cases?.schemes: has a multiscale scheme; use schemes without eps",
     ("rigid_body_ap_weak", "lyapunov"): "cases?.schemes: has a scheme that keeps more than the state",
     ("zeitlin_strong", "lyapunov"): "model: has states that are arrays",
     ("zeitlin_strong", "stability"): "zeitlin_strong: --as stability: is zeitlin; choose a parameter to sweep",

@@ -297,7 +297,7 @@ KINDS = {
     "work_precision": f"{STEPS}repeats: 3\n",
     "weak": f"{STEPS}seconds: 0.01\nfunctions: sin(y1)\nestimators: [plain, multilevel, kolmogorov]\naccuracy: 1e-4\n",
     "stability": f"{STEPS}sweep: {{s: [1, 2]}}\n",
-    "long_time": "steps: [2^-3]\nstep_count: 128\nsamples: 64\npanels: [growth]\n",
+    "equilibrium": "steps: [2^-3]\nstep_count: 128\nsamples: 64\npanels: [growth]\n",
 }
 
 

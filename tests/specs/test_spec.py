@@ -242,8 +242,13 @@ SCHEMES = (
         (
             "kind: strong",
             "kind: weather",
-            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, long_time, "
+            "2: kind: is 'weather'; known: strong, trajectory, weak, work_precision, stability, equilibrium, "
             "statistics, lyapunov, answer",
+        ),
+        (
+            "kind: strong",
+            "kind: long_time",
+            "2: kind: is 'long_time'; it is called 'equilibrium' now, and nothing else changes",
         ),
         ("rigid_body", "rigid_boddy", "4: model.name: is 'rigid_boddy'; did you mean 'rigid_body'?"),
         (", splitting", ", spliting", "11: schemes: entry 2 is 'spliting'; did you mean 'splitting'?"),

@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 import pytest
+from equilibrium_results import equilibrium, equilibrium_group
 from helpers import printed
-from long_time_results import long_time, long_time_group
 from rich.console import Console
 from stability_results import predators, stability, stability_group
 from strong_results import strong, strong_group
@@ -315,6 +315,7 @@ EXPONENTS = Exponents(
     exponent_stderr=np.full((2, 1), 0.5),
     total=np.array([-2.0]),
     total_stderr=np.array([0.25]),
+    dimension_stderr=0.1,
     change=2.0,
     nonfinite=0,
     step=0.5,
@@ -331,7 +332,7 @@ WHOLE = {
     ),
     "work_precision": work_results(),
     "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
-    "long_time": long_time(long_time_group("splitting"), long_time_group("midpoint")),
+    "equilibrium": equilibrium(equilibrium_group("splitting"), equilibrium_group("midpoint")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
     "answer": Results({"kind": "answer", "title": "Answer"}, (ANSWER.group(),)),
     "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
@@ -362,7 +363,7 @@ def test_what_comes_out_is_what_the_results_hold():
     assert second.high - second.value == pytest.approx(1.96 * group.arrays["error_stderr"][1, 1])
     uniform = [one for one in quantities_of("weak") if one.name == "uniform_order"]
     assert [(one.about.scheme, one.about.eps) for one in uniform] == [("ap_splitting", None)]
-    growth = [one for one in quantities_of("long_time") if one.name == "growth" and one.about.scheme == "splitting"]
+    growth = [one for one in quantities_of("equilibrium") if one.name == "growth" and one.about.scheme == "splitting"]
     assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
     swept = {one.swept for one in quantities_of("stability")}
     assert {word for word, _ in swept} == {"sigma"} and len(swept) > 1

@@ -343,10 +343,10 @@ SPECS = {
     "plain": f"estimators: [plain]\nsamples: {SAMPLES}\nprefixes: [1, 100, {SAMPLES}]\n" + WEAK,
     "multilevel": "estimators: [multilevel]\nseconds: 0.01\n" + WEAK,
     "stability": f"kind: stability\nsamples: {SAMPLES}\n" + STEPS,
-    "long_time": f"kind: long_time\nsamples: {SAMPLES}\nsteps: [1/8, 1/4]\nstep_count: 384\n",
+    "equilibrium": f"kind: equilibrium\nsamples: {SAMPLES}\nsteps: [1/8, 1/4]\nstep_count: 384\n",
 }
 if not COMPILED:
-    del SPECS["multilevel"], SPECS["long_time"]  # which take too many steps
+    del SPECS["multilevel"], SPECS["equilibrium"]  # which take too many steps
 
 
 @pytest.fixture(params=SPECS)

@@ -423,3 +423,8 @@ def test_provenance_is_flat_and_storable(tmp_path):
     assert facts["created"].endswith("+00:00")
     storage.write(tmp_path / "r.h5", Results(facts, ()))
     assert storage.read(tmp_path / "r.h5").attributes == facts
+
+
+def test_results_of_a_kind_by_its_former_name(tmp_path):
+    storage.write(tmp_path / "a.h5", Results({"kind": "long_time"}, (group(),)))
+    assert storage.read(tmp_path / "a.h5").attributes["kind"] == "equilibrium"

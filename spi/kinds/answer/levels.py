@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, grid
 from spi.ensemble.points import dimensions_of
+from spi.ensemble.streams import RandomStream
 from spi.numerics.rng import ANSWERS, LANES
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.schemes import typical_ns

@@ -11,10 +11,10 @@ from spi.kinds.plans import State
 from spi.printing.sentences import joined
 from spi.printing.text import short
 from spi.statistics.richardson import weights
-from spi.storage.records import INTERVAL
+from spi.storage.records import HEAVY_TAILS, INTERVAL
 
 from .levels import LEVELS, SETS, along_points
-from .planner import HEAVY, bound, changed, order_of, shares
+from .planner import bound, changed, order_of, shares
 from .results import Answer, Chosen, Levels
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached
         theory = p.exponents(extra.scheme)[0]
         what = f"the order found is {extra.order:.2f}, not {theory:g} as assumed"
         yield f"{what}, as with functions that have jumps; not extrapolated"
-    if (heavy := float(chosen.levels.kurtosis.max())) > HEAVY:
+    if (heavy := float(chosen.levels.kurtosis.max())) > HEAVY_TAILS:
         yield f"heavy tails: the kurtosis of a level is {heavy:.0f}, so that intervals may be too narrow"
     if chosen.consistency > _DOUBT:
         yield f"levels do not agree with one another: their check is {chosen.consistency:.1f}, and should be below 1"

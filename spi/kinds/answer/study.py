@@ -28,7 +28,7 @@ from spi.schemes import SCHEMES, weak_exponents
 from spi.schemes.stages import compositions
 from spi.statistics.estimators import GROUPS, ROUND
 from spi.statistics.powers import with_powers
-from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
+from spi.statistics.tallies import Chunk, PathSet, chunk_blocks, sum_of_fields
 from spi.storage.records import Part
 
 from . import deciding, outcome
@@ -53,8 +53,7 @@ class Totals(NamedTuple):
 
     def plus(self, later: "Totals") -> "Totals":
         """These samples and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        return Totals(**{name: mine[name] + others[name] for name in self._fields})
+        return sum_of_fields(self, later)
 
 
 class Rows(NamedTuple):

@@ -14,3 +14,5 @@ def quantities(readings: Sequence[Exponents]) -> Iterator[Quantity]:
         largest = one.exponent[0, -1], INTERVAL * one.exponent_stderr[0, -1]
         yield quantity("largest_exponent", one.about, *largest)
         yield quantity("exponent_sum", one.about, one.total[-1], INTERVAL * one.total_stderr[-1])
+        if one.dimension_stderr is not None:
+            yield quantity("dimension", one.about, one.dimension, INTERVAL * one.dimension_stderr)

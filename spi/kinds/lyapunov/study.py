@@ -6,7 +6,8 @@ log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J
 Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -15,20 +16,22 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.ensemble.moments import add_moments
-from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.means import MeansPlan, lost_among
+from spi.kinds.plans import Cost, KernelCall, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
+from spi.statistics.tallies import PathSet, sum_of_fields
 from spi.storage.records import Part
 
-from .results import Exponents
-from .tangents import NEAR, make_tangent, orthonormalise, tangents
+from .pullback import Pulled, Seen
+from .results import PANELS, Exponents, kaplan_yorke
+from .tangents import NEAR, leaf_dimension, make_tangent, orthonormalise, tangents
 
 _TIMES = 16  # at which results are known
 _BATCH_BYTES = 64e6
-_NO_PAIRS = np.zeros(0, np.int64)
+_NO_PAIRS = np.zeros(0, int)
 
 
 class Sums(NamedTuple):
@@ -43,9 +46,7 @@ class Sums(NamedTuple):
 
     def plus(self, later: "Sums") -> "Sums":
         """These paths and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        added = {name: mine[name] + others[name] for name in self._fields}
-        return Sums(**added | {"change": max(self.change, later.change)})
+        return sum_of_fields(self, later)._replace(change=max(self.change, later.change))
 
 
 class Rows(NamedTuple):
@@ -69,8 +70,26 @@ def plan(case: Any, part: Part) -> "LyapunovPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class LyapunovPlan(BlocksPlan):
+class LyapunovPlan(MeansPlan):
     """Lyapunov exponents of one scheme."""
+
+    @cached_property
+    def pulled(self) -> Pulled | None:
+        """Path set number 1, if there are pictures."""
+        return Pulled(self) if self.case.pullback else None
+
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
+        """The paths of the exponents, and the states of the pictures."""
+        return [*super().path_sets(extra), *([self.pulled.path_set] if self.pulled else [])]
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of the states of the pictures also their times and axes."""
+        found = super().deciding(number)
+        return found | {"pullback": self.case.pullback.model_dump(exclude={"points"})} if number else found
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """Those of both."""
+        return [*super().kernel_calls(), *(self.pulled.kernel_calls() if self.pulled else [])]
 
     @cached_property
     def basis(self) -> np.ndarray:
@@ -97,19 +116,26 @@ class LyapunovPlan(BlocksPlan):
     def cost(self) -> Cost:
         """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
+        if self.pulled:
+            steps += sum(self.pulled.steps) * self.case.pullback.points
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths."""
+    def empty(self, number: int) -> Any:
+        """The sums over no paths, or no states of pictures."""
+        if number and self.pulled:
+            return self.pulled.empty()
         return Sums(0, 0.0, 0.0, np.zeros((2, len(self.known), self.case.count + 1, GROUPS)), 0.0, 0)
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        floats = 4 * (1 + self.case.count) * (len(self.initial) + len(self.known))
+        times, copies = len(self.pulled.steps if number and self.pulled else self.known), 4 * (1 + self.case.count)
+        floats = copies * (len(self.initial) + times)
         return max(1, int(_BATCH_BYTES / (8 * LANES * floats)))
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """The exponents of some blocks of paths."""
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
+        """The exponents of some blocks of paths, or the pictures of some blocks of states."""
+        if number and self.pulled:
+            return self.pulled.rows(first, blocks, end)
         m, d = self.basis.shape
         y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
         y = y.reshape(blocks, d, LANES)
@@ -149,30 +175,34 @@ class LyapunovPlan(BlocksPlan):
         moved, _ = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end)
         return moved.reshape(y.shape)
 
-    def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
+    def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
         """The sums with the rows `at`, of which the first is that of block `first`."""
+        if self.pulled and isinstance(rows, Seen):
+            return self.pulled.added(sums, rows, at, first, end)
         added = sums._replace(values=sums.values.copy())
         none = np.zeros((1, len(self.known), 0, GROUPS))
         all_times = (0, len(self.known))
         add_moments(rows.values[at], first, end, added.values, _NO_PAIRS, _NO_PAIRS, none, all_times)
-        counted = first * LANES + np.arange(rows.lost[at].size).reshape(rows.lost[at].shape) < end
         change = max(sums.change, float(rows.change[at].max(initial=0.0)))
-        return added._replace(change=change, nonfinite=sums.nonfinite + int((rows.lost[at] & counted).sum()))
+        return added._replace(change=change, nonfinite=sums.nonfinite + lost_among(rows.lost[at], first, end))
 
-    def progress(self, state: State) -> Done:
-        """Paths done, all paths, and the standard error of the largest exponent."""
-        known = state.so_far()
-        if not known.paths:
-            return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
-        mean, without = mean_over_paths(known.values[0], counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
+    def so_far(self, state: State) -> State | None:
+        """The state of the first paths, with those states of the pictures that are known without a gap."""
+        found = super().so_far(state)
+        if found is None or self.pulled is None:
+            return found
+        points = state.tally(1).leading(state.path_sets[1])
+        own: Any = found.plan
+        known = self.case.pullback.model_copy(update={"points": points}) if points else None
+        return state.of(replace(own, case=own.case.model_copy(update={"pullback": known})))
 
     def results(self, state: State) -> Exponents:
         """The results of one scheme of a case, from its final state."""
         sums, groups = state.total(), group_counts(self.samples)
         mean, without = mean_over_paths(sums.values[0], groups)
         stderr = jackknife_stderr(mean, without, groups)
+        dimension, others = (kaplan_yorke(np.moveaxis(one[..., -1, :-1], -1, 0)) for one in (mean, without))
+        is_known = self.case.count == leaf_dimension(self.model, self.initial) or dimension < self.case.count
         return Exponents(
             **self.whole(state),
             number=np.arange(1, self.case.count + 1),
@@ -181,9 +211,12 @@ class LyapunovPlan(BlocksPlan):
             exponent_stderr=stderr[:, :-1].T,
             total=mean[:, -1],
             total_stderr=stderr[:, -1],
+            dimension_stderr=float(jackknife_stderr(dimension, others, groups)) if is_known else None,
             change=float(np.exp(sums.change)),
             nonfinite=sums.nonfinite,
             step=self.case.step,
             samples=self.samples,
+            panels=self.case.panels or PANELS,
+            pictures=self.pulled.results(state.total(1)) if self.pulled else None,
             ns_per_step=1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
         )

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import casimirs, conserved, dimension, structure
+from spi.ensemble.protocol import casimirs, conserved
+from spi.exact.surfaces import structure_matrix
 from spi.numerics.arrays import log
 
 #: Near paths are so far away, relative to |y_0|: what is left out is of this size, and roundings are 1e-9 of it.
@@ -15,10 +16,9 @@ _RANK = 1e-10  # singular values of B(y_0), relative to the largest, that are 0
 
 def tangents(model: Any, y: Any) -> np.ndarray:
     """(m, d) an orthonormal basis of the range of B(y), the tangent space of the Casimir surface at y."""
-    d = dimension(model)
     with uncompiled():
-        columns = np.array([structure(model, tuple(map(float, y)), tuple(e)) for e in np.eye(d)]).T
-    left, sizes, _ = np.linalg.svd(columns)
+        matrix = structure_matrix(model, np.array(y))
+    left, sizes, _ = np.linalg.svd(matrix)
     return left.T[: int((sizes > _RANK * max(sizes[0], 1e-300)).sum())]
 
 

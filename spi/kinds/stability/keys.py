@@ -6,7 +6,7 @@ import pydantic
 from annotated_types import MinLen
 
 from spi.ensemble.protocol import Positive, large
-from spi.ensemble.random_states import Points, RandomState
+from spi.ensemble.random_states import Listed, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.conversion import Given
 from spi.specs.keys import Samples, condition, key_of, wrong
@@ -51,7 +51,7 @@ class Case(FunctionsCase):
 
     @condition("initial")
     def _check_not_zero(self) -> Self:
-        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Points)
+        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Listed)
         if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self

@@ -13,13 +13,12 @@ from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
-from spi.kinds.blocks import BlocksPlan
-from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.means import MeansPlan, lost_among
+from spi.kinds.plans import Cost, KernelCall, State
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
-from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import mean_over_paths
+from spi.statistics.estimators import GROUPS
 from spi.storage.records import Part
 
 from .columns import Columns, Map, in_threads
@@ -51,7 +50,7 @@ def plan(case: Any, part: Part) -> "StatisticsPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class StatisticsPlan(BlocksPlan):
+class StatisticsPlan(MeansPlan):
     """Statistics of one scheme."""
 
     def cost(self) -> Cost:
@@ -60,10 +59,8 @@ class StatisticsPlan(BlocksPlan):
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
 
     def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block, and nothing summed up."""
+        """One step of one block, and nothing summed up or counted."""
         calls, one, none = super().kernel_calls(), np.zeros((1, 1, 1, LANES)), (0, 0)
-        summed = np.zeros((2, 1, 1, GROUPS)), np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS))
-        calls.append(KernelCall(add_moments, (one, 0, 0, *summed, none)))
         if self.case.fine_bins or self.case.density:
             bins = np.zeros((1, 1)), np.ones((1, 1)), np.zeros((1, 1, 3), np.int64)
             calls.append(KernelCall(count_values, (one, 0, 0, *bins, none)))
@@ -157,8 +154,7 @@ class StatisticsPlan(BlocksPlan):
                 columns.evaluate(each, some, values[: len(some)])
                 self._add(each, added, some, values[: len(some)], first + begin, end)
         lost = np.logical_not(np.isfinite(states[:, -1]).reshape(len(states), -1, LANES).all(axis=1))
-        counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
-        diverged = sums.nonfinite + int((lost & counted).sum())
+        diverged = sums.nonfinite + lost_among(lost, first, end)
         return added._replace(nonfinite=diverged, report=sums.report + report.sum(axis=0))
 
     def _add(self, each: Map, sums: Sums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
@@ -178,15 +174,6 @@ class StatisticsPlan(BlocksPlan):
             maps = np.ascontiguousarray(self.cells.places(states, pair))
             begin = np.zeros((len(self.map_times), 1))
             count_values(maps, first, end, begin, begin + 1, sums.cells, (0, len(self.map_times)))
-
-    def progress(self, state: State) -> Done:
-        """Paths done, all paths, and the standard error of the first mean at the last time."""
-        known = state.so_far()
-        if not known.paths:
-            return Done(0, self.samples, float("nan"))
-        counts = group_counts(known.paths)
-        mean, without = mean_over_paths(known.values[0], counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))
 
     def results(self, state: State) -> Statistics:
         """The results of one scheme of a case, from its final state."""

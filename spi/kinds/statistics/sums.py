@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.statistics.tallies import sum_of_fields
+
 
 class Sums(NamedTuple):
     """Of F functions and further columns at T times, over some paths."""
@@ -20,8 +22,7 @@ class Sums(NamedTuple):
 
     def plus(self, later: "Sums") -> "Sums":
         """These paths and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        return Sums(**{name: mine[name] + others[name] for name in self._fields})
+        return sum_of_fields(self, later)
 
 
 class Rows(NamedTuple):

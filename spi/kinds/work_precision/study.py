@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import arguments_of, brownian, grid, integrate, limited_threads
+from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads
 from spi.ensemble.observer import path_observer
+from spi.ensemble.streams import brownian
 from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors

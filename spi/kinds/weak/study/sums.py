@@ -4,7 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from spi.ensemble.loop import Grid, RandomStream, integrated
+from spi.ensemble.loop import Grid, integrated
+from spi.ensemble.streams import RandomStream
 from spi.expressions import as_numpy
 from spi.kinds.plans import PartPlan
 from spi.numerics.rng import LANES

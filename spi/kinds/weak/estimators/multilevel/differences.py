@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.inexact import flows_lacking
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, RandomStream, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
 from spi.ensemble.protocol import exact_flows
 from spi.ensemble.scheme_protocol import needs_areas, tosses
+from spi.ensemble.streams import RandomStream
 from spi.kinds.plans import KernelCall, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns

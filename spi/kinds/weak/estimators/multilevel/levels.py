@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, RandomStream, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, grid
+from spi.ensemble.streams import RandomStream
 from spi.numerics.rng import LEVELS
 
 #: The quantities of which a level has sums; the last two only with a control.

@@ -6,7 +6,8 @@ import numpy as np
 
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
-from spi.statistics.powers import mean_over_paths
+from spi.statistics.powers import kurtosis, mean_over_paths
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Order
 
 from ...results import Levels as LevelTable
@@ -28,8 +29,7 @@ class Totals(NamedTuple):
 
     def plus(self, later: "Totals") -> "Totals":
         """These samples and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        return Totals(**{name: mine[name] + others[name] for name in self._fields})
+        return sum_of_fields(self, later)
 
 
 class Moments(NamedTuple):
@@ -93,13 +93,13 @@ class LevelSums(NamedTuple):
         """The moments of each level."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             powers = self.means_of_powers()
-            m1, m2, m3, m4 = powers[DIFFERENCE]
+            m1, m2 = powers[DIFFERENCE][:2]
             variance = np.maximum(m2 - m1 * m1, 0.0)
-            kurtosis = (m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2
+            tails = kurtosis(powers[DIFFERENCE], variance)
             if self.controlled:
                 covariance = powers[PRODUCT][0] - m1 * powers[CONTROL][0]
                 variance = np.maximum(variance - self.beta() * covariance, 0.0)
-            return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, kurtosis)
+            return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
 
     def consistency(self) -> np.ndarray:
         """Giles' check |a - b - d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).

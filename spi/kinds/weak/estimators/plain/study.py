@@ -19,6 +19,7 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths, standard_deviation, with_powers
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
@@ -48,9 +49,7 @@ class Totals(NamedTuple):
 
     def plus(self, later: "Totals") -> "Totals":
         """These paths and some later ones."""
-        mine, others = self._asdict(), later._asdict()
-        added = Totals(**{name: mine[name] + others[name] for name in self._fields})
-        return added._replace(report=add_reports(self.report, later.report[np.newaxis]))
+        return sum_of_fields(self, later)._replace(report=add_reports(self.report, later.report[np.newaxis]))
 
 
 class Rows(NamedTuple):

@@ -2,15 +2,15 @@
 
 import re
 
-import long_time_cases
+import equilibrium_cases
 import pytest
-from long_time_cases import RIGID
+from equilibrium_cases import RIGID
 
 from spi.models import MaxwellBloch
 from spi.specs import SpecError
 
 # fixtures
-load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
+load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of
 
 
 SCHEMES = "[splitting, euler_maruyama_renormalised, euler_maruyama]"

@@ -12,7 +12,7 @@ from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
 
-from .results import Law, LongTimes, with_laws
+from .results import Equilibrium, Law, with_laws
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,7 +24,7 @@ SHOWN = ("y3", "H")
 _PER_CASIMIR = ("growth", "growth_low", "growth_high", "bias", "bias_stderr")
 
 
-def rows(readings: Iterable[LongTimes]) -> Iterator[dict[str, Any]]:
+def rows(readings: Iterable[Equilibrium]) -> Iterator[dict[str, Any]]:
     """A record per step size and number of steps; the last ones of each step size tell all that has no number of steps.
 
     Of several Casimirs each has its columns, ``casimir_rms_1`` and so on.  Fractions in bins are left out.
@@ -37,7 +37,7 @@ def rows(readings: Iterable[LongTimes]) -> Iterator[dict[str, Any]]:
             yield {name: value for name, value in row.items() if name not in left_out}
 
 
-def show(console: "Console", heading: str, readings: Sequence[LongTimes]) -> None:
+def show(console: "Console", heading: str, readings: Sequence[Equilibrium]) -> None:
     """Print the tables of a case: errors of the Casimirs, and the stationary law where it is known."""
     print_whole(console, _casimirs(heading, readings))
     console.print()
@@ -49,7 +49,7 @@ def show(console: "Console", heading: str, readings: Sequence[LongTimes]) -> Non
     console.print()
 
 
-def _casimirs(heading: str, readings: Sequence[LongTimes]) -> "Table":
+def _casimirs(heading: str, readings: Sequence[Equilibrium]) -> "Table":
     """Per scheme, step size and Casimir its errors after all steps and how they grew."""
     from rich.text import Text
 
@@ -71,7 +71,7 @@ def _casimirs(heading: str, readings: Sequence[LongTimes]) -> "Table":
     return table
 
 
-def _casimir_cells(reading: LongTimes, i: int, c: int) -> list[str]:
+def _casimir_cells(reading: Equilibrium, i: int, c: int) -> list[str]:
     rms, worst = (float(values[i, -1, c]) for values in (reading.casimir_rms, reading.casimir_worst))
     p, low, high, bias, stderr = (float(getattr(reading, name)[i, c]) for name in _PER_CASIMIR)
     growth = f"{p:.2f} [{low:.2f}, {high:.2f}]" if math.isfinite(p) else "not fitted"
@@ -79,7 +79,7 @@ def _casimir_cells(reading: LongTimes, i: int, c: int) -> list[str]:
     return [short(rms), short(worst), growth, short(bias), ratio]
 
 
-def _laws(readings: Sequence[LongTimes], variables: tuple[str, ...]) -> "Table":
+def _laws(readings: Sequence[Equilibrium], variables: tuple[str, ...]) -> "Table":
     """Per scheme and step size how far distribution functions and means are from the exact ones."""
     from rich.text import Text
 
@@ -106,7 +106,7 @@ def _largest_z(law: Law, i: int) -> tuple[str, str]:
     return f"{z.max():.1f}", law.moments[z.argmax()]
 
 
-def told(readings: Sequence[LongTimes]) -> str:
+def told(readings: Sequence[Equilibrium]) -> str:
     """What came out of a case, in one sentence: errors of the Casimirs after all steps, and the law of the states."""
     errors, means = [], []
     for reading in readings:
@@ -122,7 +122,7 @@ def told(readings: Sequence[LongTimes]) -> str:
     return sentence([f"{after} {joined(errors)}" if errors else "", f"{law} {joined(means)}" if means else ""])
 
 
-def _grown(reading: LongTimes) -> str:
+def _grown(reading: Equilibrium) -> str:
     """The power of the number of steps by which the errors grow, from the smallest to the largest that is known."""
     known = reading.growth[np.isfinite(reading.growth)]
     if not known.size:
@@ -136,7 +136,7 @@ def chance(count: int) -> float:
     return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))
 
 
-def _remarks(readings: Sequence[LongTimes]) -> Iterator[str]:
+def _remarks(readings: Sequence[Equilibrium]) -> Iterator[str]:
     first = readings[0]
     snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
     yield f"{first.samples} paths of {_count(first.steps_each)} steps each{snapshots}"

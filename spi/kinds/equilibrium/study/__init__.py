@@ -35,7 +35,7 @@ from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Part
 
-from ..results import LongTimes
+from ..results import Equilibrium
 from .outcome import casimir_errors, law_of_states
 from .paths import OF_PATHS, Paths
 
@@ -51,14 +51,14 @@ def parts(case: Any) -> list[Part]:
     return [Part(scheme) for scheme in case.schemes]
 
 
-def plan(case: Any, part: Part) -> "LongTimePlan":
+def plan(case: Any, part: Part) -> "EquilibriumPlan":
     """The plan for one scheme of a case."""
     law = None if obstacle(case.model, case.initial) else SphereLaw.of(case.model, case.initial)
-    return LongTimePlan(case=case, part=part, law=law)
+    return EquilibriumPlan(case=case, part=part, law=law)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LongTimePlan(PartPlan):
+class EquilibriumPlan(PartPlan):
     """Very many steps of one scheme, with one step size after the other."""
 
     law: SphereLaw | None  #: to which the law of the states tends, None where that is not known
@@ -185,11 +185,11 @@ class LongTimePlan(PartPlan):
         steps = self.case.steps[: [*complete, False].index(False)]
         return state.of(replace(self, case=self.case.model_copy(update={"steps": steps}))) if steps else None
 
-    def results(self, state: State) -> LongTimes:
+    def results(self, state: State) -> Equilibrium:
         """The results of one scheme of a case, from its final state."""
         case, totals = self.case, [state.total(i) for i in range(len(self.case.steps))]
         casimir = np.array([paths.casimir for paths in totals])
-        return LongTimes(
+        return Equilibrium(
             **self.whole(state),
             h=np.array(case.steps),
             n=self.records,

@@ -2,22 +2,22 @@
 
 import math
 
-import long_time_cases
+import equilibrium_cases
 import numpy as np
 import pytest
+from equilibrium_cases import initial_rows, paths_done, rows_after, study
 from helpers import INITIAL, RIGID_BODY, compiled_only
-from long_time_cases import initial_rows, paths_done, rows_after, study
 from states import check_going_on, finished, same_numbers, taken
 
 from spi.ensemble.scheme_protocol import memory_size
-from spi.kinds.long_time import study as long_time
+from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.state import State
 from spi.numerics.rng import LANES, STEPS_PER_DRAW, STEPS_PER_TOSS
 from spi.schemes import scheme_entry
 from spi.storage.records import Part
 
 # fixtures
-load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
+load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of
 
 
 @pytest.mark.parametrize(("name", "eps"), [("splitting_order2", None), ("ap_splitting", 0.3)])
@@ -70,7 +70,7 @@ def test_records_are_those_of_integration_in_one_go(case_of, scheme):
 @compiled_only
 def test_going_on_from_every_snapshot_gives_the_same_bits(case_of):
     case = case_of()
-    plan = long_time.plan(case, Part("splitting"))
+    plan = equilibrium.plan(case, Part("splitting"))
     found = check_going_on(plan)
     assert len(found) == 1 + 2 * len(range(128, 640 + 1, 128))
     progress = [plan.progress(taken(plan, plain)) for plain in found]
@@ -78,13 +78,13 @@ def test_going_on_from_every_snapshot_gives_the_same_bits(case_of):
     assert progress[0][0] == 0 and progress[-1][:2] == (case.samples, case.samples)
     whole = finished(plan, 1)
     assert same_numbers(finished(plan), whole)
-    other = long_time.plan(case_of("seed=4"), Part("splitting"))
+    other = equilibrium.plan(case_of("seed=4"), Part("splitting"))
     assert not same_numbers(finished(other), whole)
 
 
 def test_stops_are_records_and_then_snapshots(case_of):
     """Many steps: snapshots are far apart, but the first records are not left out."""
-    plan = long_time.plan(case_of("step_count=2^24+128"), Part("splitting"))
+    plan = equilibrium.plan(case_of("step_count=2^24+128"), Part("splitting"))
     assert plan.spacing == 2**11
     assert plan.records.tolist() == [*(2**k for k in range(7, 25)), 2**24 + 128]
     stops = [0]
@@ -109,7 +109,7 @@ def walks(generator, paths, drift=0.0):
 def study_of_errors(case_of, errors):
     """The study of a plan whose Casimir errors are these, one array for each of two step sizes."""
     case = case_of(f"samples={errors[0].shape[1]}", f"step_count={RECORDS[-1]}", "model.sigma=[0, 0, 0]")
-    plan = long_time.plan(case, Part("splitting"))
+    plan = equilibrium.plan(case, Part("splitting"))
     state = State(plan)
     assert plan.records.tolist() == RECORDS.tolist()
     for stream, error in enumerate(errors):

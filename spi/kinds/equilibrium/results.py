@@ -36,7 +36,7 @@ class Law(Described):
             return (self.mean - self.mean_exact) / self.mean_stderr
 
 
-class LongTimes(Stored):
+class Equilibrium(Stored):
     """Paths of one scheme over very many steps at several step sizes, from large to small.
 
     Errors of the Casimirs are C(y_n) / C(y_0) - 1, or absolute ones if C(y_0) = 0, after several numbers of steps.
@@ -79,9 +79,9 @@ class LongTimes(Stored):
         return int(finite[np.argmax(self.h[finite])]) if len(finite) else None
 
 
-def with_laws(readings: Iterable[LongTimes]) -> Iterator[tuple[LongTimes, Law]]:
+def with_laws(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Law]]:
     """The results of which the law is known, each with its law."""
     return ((reading, reading.law) for reading in readings if reading.law)
 
 
-Record = LongTimes
+Record = Equilibrium

@@ -1,17 +1,17 @@
-"""Results of the kind ``long_time`` made by hand, with the features that views must not hide."""
+"""Results of the kind ``equilibrium`` made by hand, with the features that views must not hide."""
 
 import numpy as np
 from made_up import group_of
 from stability_results import LABELS
 
-from spi.kinds.long_time.results import Law, LongTimes
+from spi.kinds.equilibrium.results import Equilibrium, Law
 from spi.storage.records import Results
 
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")
 
 
-def long_time_group(
+def equilibrium_group(
     scheme, case="free", casimirs=1, panels=("growth", "law", "distance", "moments"), law=True, last=26, **more
 ):
     """Rounding walks of the splitting, errors of the midpoint rule's solver that add up, Euler-Maruyama that grows."""
@@ -49,7 +49,7 @@ def long_time_group(
     }
     # the final time depends on the step size, so that this kind has none
     told = {"scheme_label": LABELS[scheme], "case_title": f"case {case}, $5", "final_time": None} | more
-    return group_of(LongTimes, case, scheme, told, **fields)
+    return group_of(Equilibrium, case, scheme, told, **fields)
 
 
 def _law(scheme, h, lost, rng):
@@ -75,5 +75,5 @@ def _law(scheme, h, lost, rng):
     )
 
 
-def long_time(*groups):
-    return Results({"kind": "long_time", "title": "Long times"}, groups)
+def equilibrium(*groups):
+    return Results({"kind": "equilibrium", "title": "Long times"}, groups)

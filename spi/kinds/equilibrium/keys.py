@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind long_time."""
+"""The keys of an experiment of kind equilibrium."""
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 

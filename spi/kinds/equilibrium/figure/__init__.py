@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from spi.drawing import layout, style
 from spi.drawing.axes import legend_line
 
-from ..results import LongTimes
+from ..results import Equilibrium
 from .growth import growth_panel, marks, steps_shown
 from .laws import chosen, distance_limits, distance_panel, law_limits, law_panel, moments_panel, scheme_entries
 
@@ -21,8 +21,8 @@ LEAST_LARGE, LEAST_SMALL = 3.2, 1.6  # inches of their widths in a paper
 WORDS = ("growth", "law", "distance", "moments")
 
 
-def draw(title: str, cases: Sequence[Sequence[LongTimes]]) -> Figure:
-    """The figure of a study of kind long_time.
+def draw(title: str, cases: Sequence[Sequence[Equilibrium]]) -> Figure:
+    """The figure of a study of kind equilibrium.
 
     For each case a line with ``growth``, a panel per Casimir, and ``moments``, and under it lines of ``law`` and of
     ``distance``, a panel per variable.
@@ -39,12 +39,12 @@ def draw(title: str, cases: Sequence[Sequence[LongTimes]]) -> Figure:
     return layout.arranged(title, lines, shared)
 
 
-def _facts(reading: LongTimes) -> dict[str, str]:
+def _facts(reading: Equilibrium) -> dict[str, str]:
     steps = style.number(reading.steps_each, steps=True)
     return {**style.facts(reading), "paths": f"{style.count(reading.samples)} paths of ${steps}$ steps"}
 
 
-def _lines(readings: Sequence[LongTimes], looks: style.Looks) -> list[layout.Line]:
+def _lines(readings: Sequence[Equilibrium], looks: style.Looks) -> list[layout.Line]:
     """The lines of panels of one case; what needs the stationary law is left out where that is not known."""
     words, law = readings[0].panels, readings[0].law
     layout.check_panels(words, WORDS)

@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 from states import finished
 
-from spi.ensemble.loop import RandomStream, grid, integrated, states_at
-from spi.kinds.long_time import study as long_time
-from spi.kinds.long_time.study.paths import OF_PATHS
+from spi.ensemble.loop import grid, integrated, states_at
+from spi.ensemble.streams import RandomStream
+from spi.kinds.equilibrium import study as equilibrium
+from spi.kinds.equilibrium.study.paths import OF_PATHS
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.running.run import load
 from spi.storage.records import Part
 
 RIGID = """\
 title: A title
-kind: long_time
+kind: equilibrium
 model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
 initial: [cos(1.1), 0, sin(1.1)]
 steps: [1/8, 1/4]
@@ -43,7 +44,7 @@ def case_of(load_text):
 
 def study(case, scheme, state=None):
     """(variables by name, group) of a whole study."""
-    plan = long_time.plan(case, Part(scheme))
+    plan = equilibrium.plan(case, Part(scheme))
     group = plan.results(finished(plan) if state is None else state).group()
     return group.arrays, group
 

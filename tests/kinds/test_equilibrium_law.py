@@ -2,15 +2,15 @@
 
 import math
 
-import long_time_cases
+import equilibrium_cases
 import numpy as np
 import pytest
+from equilibrium_cases import RIGID, initial_rows, paths_done, rows_after, study
 from helpers import RIGID_BODY, compiled_only, final_states
-from long_time_cases import RIGID, initial_rows, paths_done, rows_after, study
 
 from spi.ensemble.protocol import hamiltonian
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
-from spi.kinds.long_time import study as long_time
+from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.state import State
 from spi.models import RigidBodySharedNoise, SineEuler
 from spi.numerics.rng import LANES
@@ -18,7 +18,7 @@ from spi.schemes import scheme_entry
 from spi.storage.records import Part
 
 # fixtures
-load_text, case_of = long_time_cases.load_text, long_time_cases.case_of
+load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of
 
 
 def fibonacci(n):
@@ -138,19 +138,19 @@ def test_without_noise_or_off_the_sphere_no_law_is_known(load_text, case_of):
         case_of("model.sigma=[0, 0, 0]"),
         load_text(RIGID, "model={name: maxwell_bloch}", "schemes=[splitting]").cases[0],
     ):
-        plan = long_time.plan(case, Part("splitting"))
+        plan = equilibrium.plan(case, Part("splitting"))
         assert plan.law is None
         state = State(plan)
         for chunk in state.missing():
             state.put(chunk, paths_done(plan, chunk))
         found, _ = study(case, "splitting", state)
         assert "nonfinite" in found and "law_distance" not in found and "mean" not in found
-    assert isinstance(long_time.plan(case_of(), Part("splitting")).law, SphereLaw)
+    assert isinstance(equilibrium.plan(case_of(), Part("splitting")).law, SphereLaw)
 
 
 def test_on_an_axis_nothing_moves_and_no_law_is_known(case_of):
     for initial in ("[1, 0, 0]", "[0, 0, -2]", "[0, 0, 0]"):
-        assert long_time.plan(case_of(f"initial={initial}"), Part("splitting")).law is None
+        assert equilibrium.plan(case_of(f"initial={initial}"), Part("splitting")).law is None
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_one_noise_about_an_axis_of_symmetry_keeps_the_component_along_it():
 
 def test_cost(case_of):
     case = case_of()
-    plan = long_time.plan(case, Part("splitting"))
+    plan = equilibrium.plan(case, Part("splitting"))
     steps, seconds, needed = plan.cost()
     assert steps == 2 * 640 * 2 * LANES
     assert 1e-9 < seconds / steps < 1e-7

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import SLOPE, legend_under, limits, rules
 
-from ..results import LongTimes
+from ..results import Equilibrium
 
 FLOOR = 1e-11  #: errors of what keeps a Casimir but for rounding are held to stay below that
 TOP = 1e2  # larger errors are only marked
@@ -25,7 +25,7 @@ SLOPE_LOOKS: tuple[dict[str, Any], ...] = (
 FLOOR_LOOK: dict[str, Any] = {"color": "#000000", "linestyle": "-.", "linewidth": 0.8}
 
 
-def growth_panel(ax: Axes, readings: Sequence[LongTimes], c: int, looks: style.Looks) -> None:
+def growth_panel(ax: Axes, readings: Sequence[Equilibrium], c: int, looks: style.Looks) -> None:
     """Root mean square of the relative error of Casimir `c` against the number of steps, and of path 0, thin.
 
     A line per scheme and step size, with the fitted exponent in the legend.  Slope 1/2 lies just above the errors of
@@ -54,12 +54,12 @@ def growth_panel(ax: Axes, readings: Sequence[LongTimes], c: int, looks: style.L
     legend_under(ax)
 
 
-def steps_shown(reading: LongTimes) -> list[int]:
+def steps_shown(reading: Equilibrium) -> list[int]:
     """Numbers of the step sizes that have lines."""
     return layout.spread(len(reading.h), STEPS)
 
 
-def marks(readings: Sequence[LongTimes]) -> list[layout.Entry]:
+def marks(readings: Sequence[Equilibrium]) -> list[layout.Entry]:
     """Entries of a legend for what is no curve of a scheme."""
     looks = zip(("1/2", "1"), SLOPE_LOOKS, strict=True)
     found: list[layout.Entry] = [(Line2D([], [], **look), f"slope {text}") for text, look in looks]
@@ -70,7 +70,7 @@ def marks(readings: Sequence[LongTimes]) -> list[layout.Entry]:
     return found
 
 
-def _slopes(ax: Axes, readings: Sequence[LongTimes], c: int) -> None:
+def _slopes(ax: Axes, readings: Sequence[Equilibrium], c: int) -> None:
     """Reference slopes at the errors of the scheme with the smallest ones in the end."""
     ends = [(values[-1], reading.n, values) for reading in readings for values in reading.casimir_rms[..., c]]
     kept = [end for end in ends if 0 < end[0] < KEPT]
@@ -83,7 +83,7 @@ def _slopes(ax: Axes, readings: Sequence[LongTimes], c: int) -> None:
     ax.plot(x, first * x / x[0], zorder=1, **SLOPE_LOOKS[1])
 
 
-def _curves(ax: Axes, reading: LongTimes, i: int, c: int, marker: str, colour: str, zorder: float) -> None:
+def _curves(ax: Axes, reading: Equilibrium, i: int, c: int, marker: str, colour: str, zorder: float) -> None:
     """The lines of one scheme at one step size, with a mark where the first leaves the panel."""
     n, top = reading.n, ax.get_ylim()[1]
     rms, one = reading.casimir_rms[i, :, c], np.abs(reading.casimir_one[i, :, c])
@@ -96,7 +96,7 @@ def _curves(ax: Axes, reading: LongTimes, i: int, c: int, marker: str, colour: s
     layout.edge_marks(ax, n[above][:1], rms[above][:1], colour)
 
 
-def _label(reading: LongTimes, i: int, c: int) -> str:
+def _label(reading: Equilibrium, i: int, c: int) -> str:
     p, low, high = (float(values[i, c]) for values in (reading.growth, reading.growth_low, reading.growth_high))
     text = f"{style.label(reading.about)}, $h={style.number(float(reading.h[i]), steps=True)}$"
     return f"{text}: $n^{{{p:.2f}}}$ [{low:.2f}, {high:.2f}]" if math.isfinite(p) else text

@@ -4,23 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from equilibrium_results import equilibrium, equilibrium_group
 from helpers import printed
-from long_time_results import long_time, long_time_group
 from matplotlib.colors import to_hex
 from matplotlib.markers import CARETDOWN, CARETUP
 from view_helpers import GREEN, SCHEMES, edge, inches_of_panels, legends, lines_of, texts
 
 from spi.drawing import layout
-from spi.kinds.long_time import figure
-from spi.kinds.long_time.figure import growth, laws
-from spi.kinds.long_time.keys import PANELS
-from spi.kinds.long_time.table import chance
+from spi.kinds.equilibrium import figure
+from spi.kinds.equilibrium.figure import growth, laws
+from spi.kinds.equilibrium.keys import PANELS
+from spi.kinds.equilibrium.table import chance
 from spi.report import views
 
 
 def test_rows_of_long_times():
-    one, two = long_time_group("splitting"), long_time_group("midpoint", casimirs=2, law=False)
-    records = views.rows(long_time(one, two))
+    one, two = equilibrium_group("splitting"), equilibrium_group("midpoint", casimirs=2, law=False)
+    records = views.rows(equilibrium(one, two))
     assert len(records) == 2 * 3 * 27
     assert list(records[0])[3:] == ["n", "casimir_mean", "casimir_rms", "casimir_worst", "casimir_one", "samples"]
     last = records[26]
@@ -31,7 +31,7 @@ def test_rows_of_long_times():
 
 
 def test_printed_long_times():
-    results = long_time(*(long_time_group(scheme) for scheme in SCHEMES))
+    results = equilibrium(*(equilibrium_group(scheme) for scheme in SCHEMES))
     text = printed(results)
     casimirs, law = text.split("stationary law")
     explicit = lines_of(casimirs, "Euler-Maruyama")
@@ -49,16 +49,17 @@ def test_printed_long_times():
 
 
 def test_printed_long_times_of_two_casimirs_and_none():
-    text = printed(long_time(long_time_group("splitting", casimirs=2, law=False)))
+    text = printed(equilibrium(equilibrium_group("splitting", casimirs=2, law=False)))
     assert text.count("C1") == text.count("C2") == 3 and "stationary law" not in text
     assert (
-        lines_of(printed(long_time(long_time_group("splitting", casimirs=0))), "splitting")[0][1:] == ["0"] + ["-"] * 5
+        lines_of(printed(equilibrium(equilibrium_group("splitting", casimirs=0))), "splitting")[0][1:]
+        == ["0"] + ["-"] * 5
     )
 
 
 def test_long_times():
-    groups = [long_time_group(scheme) for scheme in SCHEMES]
-    fig = views.figure(long_time(*groups))
+    groups = [equilibrium_group(scheme) for scheme in SCHEMES]
+    fig = views.figure(equilibrium(*groups))
     assert len(fig.axes) == 2 + 4 + 4
     assert "512 paths of $2^{26}$ steps" in fig.texts[1].get_text() and "T=" not in fig.texts[1].get_text()
     walk, means = fig.axes[:2]
@@ -73,8 +74,8 @@ def test_long_times():
 
 
 def test_reference_slopes_and_path_0():
-    group = long_time_group("splitting", panels=("growth",), law=False)
-    (ax,) = views.figure(long_time(group, long_time_group("midpoint", panels=("growth",), law=False))).axes
+    group = equilibrium_group("splitting", panels=("growth",), law=False)
+    (ax,) = views.figure(equilibrium(group, equilibrium_group("midpoint", panels=("growth",), law=False))).axes
     for line, slope in (("--", 0.5), (":", 1.0)):
         (drawn,) = (one for one in ax.lines if one.get_linestyle() == line and one.get_color() == growth.SLOPE)
         x, y = drawn.get_data()
@@ -91,8 +92,8 @@ def test_reference_slopes_and_path_0():
 
 
 def test_law_against_the_exact_one():
-    groups = [long_time_group(scheme, panels=("law", "distance")) for scheme in ("midpoint", "splitting")]
-    fig = views.figure(long_time(*groups))
+    groups = [equilibrium_group(scheme, panels=("law", "distance")) for scheme in ("midpoint", "splitting")]
+    fig = views.figure(equilibrium(*groups))
     ax, distances = fig.axes[2], fig.axes[6]  # of y3
     (bars,) = (c for c in ax.containers if to_hex(c[0].get_color()) == GREEN)
     np.testing.assert_allclose(bars[0].get_ydata(), 20 * groups[1].variables["fraction"][1][0, 2])
@@ -104,33 +105,33 @@ def test_law_against_the_exact_one():
 
 
 def test_far_densities_do_not_hide_the_others():
-    far, near = long_time_group("midpoint"), long_time_group("splitting")
+    far, near = equilibrium_group("midpoint"), equilibrium_group("splitting")
     far.variables["fraction"][1][0, :, 5:] = 0.0
     far.variables["fraction"][1][0, :, 0] = 1.0
-    low, high = laws.law_limits(views.readings(long_time(far, near)), ["y1", "H"])
+    low, high = laws.law_limits(views.readings(equilibrium(far, near)), ["y1", "H"])
     assert 0.3 < low < 0.95 and 1.05 < high < 1.7
-    ax = views.figure(long_time(far, near)).axes[2]
+    ax = views.figure(equilibrium(far, near)).axes[2]
     assert len(edge(ax, CARETDOWN)) == 15 and len(edge(ax, CARETUP)) == 1
 
 
 def test_lost_everywhere():
-    group = long_time_group("splitting", casimirs=2)
+    group = equilibrium_group("splitting", casimirs=2)
     group.variables["nonfinite"][1][:] = 3
     group.variables["casimir_rms"][1][:] = np.inf
     group.variables["mean"][1][:] = np.nan
     for name in ("fraction", "law_distance", "law_distance_stderr"):
         group.variables[name][1][:] = np.nan
-    fig = views.figure(long_time(group))
+    fig = views.figure(equilibrium(group))
     assert len(fig.axes) == 3 + 4 + 4
     assert any("paths diverge at every" in text for legend in legends(fig) for text in legend)
-    assert "nan" in printed(long_time(group))
+    assert "nan" in printed(equilibrium(group))
 
 
 def test_growth_of_cases_side_by_side():
-    two = [long_time_group("splitting", case, panels=("growth",), law=False) for case in ("one", "two")]
-    fig = views.figure(long_time(*two))
+    two = [equilibrium_group("splitting", case, panels=("growth",), law=False) for case in ("one", "two")]
+    fig = views.figure(equilibrium(*two))
     assert [ax.get_title() for ax in fig.axes] == [r"case one, \$5", r"case two, \$5"]
-    assert views.figure(long_time(long_time_group("splitting", casimirs=0, panels=("growth",)))).axes[0].texts
+    assert views.figure(equilibrium(equilibrium_group("splitting", casimirs=0, panels=("growth",)))).axes[0].texts
 
 
 def test_legend_rows_fit():
@@ -141,14 +142,14 @@ def test_legend_rows_fit():
 
 
 def test_statistics_of_a_reading():
-    explicit, implicit = views.readings(long_time(long_time_group("euler_maruyama"), long_time_group("midpoint")))
+    explicit, implicit = views.readings(equilibrium(equilibrium_group("euler_maruyama"), equilibrium_group("midpoint")))
     assert (explicit.largest_finite, implicit.largest_finite, explicit.casimir_count) == (2, 0, 1)
     assert replace(explicit, nonfinite=np.array([3, 1, 2])).largest_finite is None
     assert replace(implicit, h=implicit.h[::-1]).largest_finite == 2  # the largest, not the first
     exact = 1 / (1 + np.arange(9))
     np.testing.assert_allclose(implicit.law.z, (implicit.law.mean - exact) / 1e-3)
     assert implicit.law.variables == ("y1", "y2", "y3", "H") and implicit.law.fraction.shape == (3, 4, 20)
-    (bare,) = views.readings(long_time(long_time_group("splitting", law=False)))
+    (bare,) = views.readings(equilibrium(equilibrium_group("splitting", law=False)))
     assert bare.law is None and bare.solver is None and bare.about.final_time is None
 
 
@@ -158,13 +159,13 @@ def test_the_figure_knows_the_panels_of_a_spec():
 
 def test_what_is_asked_must_be_known():
     with pytest.raises(ValueError, match="'regimes' is not a known panel; known panels: growth, law"):
-        views.figure(long_time(long_time_group("splitting", panels=("regimes",))))
+        views.figure(equilibrium(equilibrium_group("splitting", panels=("regimes",))))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
-        views.figure(long_time(long_time_group("splitting", panels=("law",), law=False)))
+        views.figure(equilibrium(equilibrium_group("splitting", panels=("law",), law=False)))
 
 
 def test_drawn_to_the_end():
     """Layouts raise no warning either; nor do they leave the panels without room."""
-    groups = [long_time_group(scheme, panels=("growth", "moments"), last=10) for scheme in SCHEMES]
-    inches = inches_of_panels(views.figure(long_time(*groups)))
+    groups = [equilibrium_group(scheme, panels=("growth", "moments"), last=10) for scheme in SCHEMES]
+    inches = inches_of_panels(views.figure(equilibrium(*groups)))
     assert all(width > 1.5 and height > 1.3 for width, height in inches)

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules
 
-from ..results import LongTimes, with_laws
+from ..results import Equilibrium, with_laws
 
 MOST = 4  # variables shown
 ZERO = 2.0  # standard errors: up to these a distance is statistically zero
@@ -24,7 +24,7 @@ def chosen(names: tuple[str, ...]) -> tuple[str, ...]:
     return names if len(names) <= MOST else (*names[:2], *names[-2:])
 
 
-def scheme_entries(readings: Sequence[LongTimes], looks: style.Looks, word: str) -> list[layout.Entry]:
+def scheme_entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> list[layout.Entry]:
     """The entries of the legend of a line of panels: the schemes, of the law with the step size, and one more."""
     row = []
     for reading in readings:
@@ -39,11 +39,11 @@ def scheme_entries(readings: Sequence[LongTimes], looks: style.Looks, word: str)
     return [*row, layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6)]
 
 
-def _step(reading: LongTimes) -> str:
+def _step(reading: Equilibrium) -> str:
     return f"$h={style.number(float(reading.h[reading.largest_finite]), steps=True)}$"
 
 
-def _densities(readings: Sequence[LongTimes], name: str) -> Iterator[tuple[LongTimes, np.ndarray, np.ndarray]]:
+def _densities(readings: Sequence[Equilibrium], name: str) -> Iterator[tuple[Equilibrium, np.ndarray, np.ndarray]]:
     """(reading, frequency over exact probability, half the 95 % interval) of each scheme that kept all paths.
 
     At its largest step size that did.
@@ -56,7 +56,7 @@ def _densities(readings: Sequence[LongTimes], name: str) -> Iterator[tuple[LongT
             yield reading, len(values) * values, INTERVAL * len(values) * stderr
 
 
-def law_limits(readings: Sequence[LongTimes], names: tuple[str, ...]) -> tuple[float, float]:
+def law_limits(readings: Sequence[Equilibrium], names: tuple[str, ...]) -> tuple[float, float]:
     """Limits of the axis of densities, about 1: all of the best scheme, and of the others what is not far away."""
     reach: dict[str, float] = {}
     for name in names:
@@ -71,7 +71,7 @@ def law_limits(readings: Sequence[LongTimes], names: tuple[str, ...]) -> tuple[f
 
 
 def law_panel(
-    ax: Axes, readings: Sequence[LongTimes], name: str, limits: tuple[float, float], looks: style.Looks
+    ax: Axes, readings: Sequence[Equilibrium], name: str, limits: tuple[float, float], looks: style.Looks
 ) -> None:
     """Frequency over exact probability in bins of equal probability, at the largest step size that keeps all paths."""
     _begin(ax, name, "frequency / exact")
@@ -100,14 +100,14 @@ def _begin(ax: Axes, name: str, label: str) -> None:
     ax.set_ylabel(label)
 
 
-def _distances(readings: Sequence[LongTimes], name: str) -> Iterator[tuple[LongTimes, np.ndarray, np.ndarray]]:
+def _distances(readings: Sequence[Equilibrium], name: str) -> Iterator[tuple[Equilibrium, np.ndarray, np.ndarray]]:
     """(reading, distance, standard error), arrays (h,), of each scheme."""
     for reading, law in with_laws(readings):
         at = law.variables.index(name)
         yield reading, law.distance[:, at], law.distance_stderr[:, at]
 
 
-def distance_limits(readings: Sequence[LongTimes], names: tuple[str, ...]) -> tuple[float, float]:
+def distance_limits(readings: Sequence[Equilibrium], names: tuple[str, ...]) -> tuple[float, float]:
     """Limits of the axis of distances: all of them, and the sampling errors."""
     each = []
     for name in names:
@@ -119,7 +119,7 @@ def distance_limits(readings: Sequence[LongTimes], names: tuple[str, ...]) -> tu
 
 
 def distance_panel(
-    ax: Axes, readings: Sequence[LongTimes], name: str, limits: tuple[float, float], looks: style.Looks
+    ax: Axes, readings: Sequence[Equilibrium], name: str, limits: tuple[float, float], looks: style.Looks
 ) -> None:
     """Largest difference of the distribution functions against the step size, hollow where it is statistically zero."""
     found = list(_distances(readings, name))
@@ -144,7 +144,7 @@ def _points(ax: Axes, h: np.ndarray, value: np.ndarray, stderr: np.ndarray, look
     layout.edge_marks(ax, h, value, look["color"])
 
 
-def moments_panel(ax: Axes, readings: Sequence[LongTimes], names: tuple[str, ...], looks: style.Looks) -> None:
+def moments_panel(ax: Axes, readings: Sequence[Equilibrium], names: tuple[str, ...], looks: style.Looks) -> None:
     """Means less exact values in standard errors, of each scheme at the largest step size that keeps all paths."""
     ax.set(xlim=(-0.6, len(names) - 0.4), ylim=(-FAR, FAR), ylabel="(mean $-$ exact) / standard error")
     ax.set_xticks(range(len(names)), [f"${style.formula(name)}$" for name in names])
