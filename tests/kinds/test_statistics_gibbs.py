@@ -10,7 +10,7 @@ from spi.kinds.statistics.maps import Cells
 
 
 def test_the_law_on_a_map_is_that_of_the_temperature():
-    """E H and E y_3^2 are those of quadrature at T = 1/4 (docs/temperature.md); a negative temperature turns it over."""
+    """E H and E y_3^2 are those of quadrature at T = 1/4 (docs/temperature.md); at T < 0 it is turned over."""
     cells = Cells.of_sphere(1, (64, 128))
     area = cells.width.prod()
     z, longitude = np.meshgrid((np.arange(64) + 0.5) / 32 - 1, np.pi * ((np.arange(128) + 0.5) / 64 - 1), indexing="ij")

@@ -76,7 +76,9 @@ class Cells(NamedTuple):
         rows, columns = self.number
         return weight.reshape(rows, _WITHIN, columns, _WITHIN).mean(axis=(1, 3)) / (4 * np.pi * weight.mean())
 
-    def densities(self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray, law: Any) -> DensityMap:
+    def densities(
+        self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray, law: Any
+    ) -> DensityMap:
         """What follows from counts (times, 1, 2 + cells); functions have been counted less their `origins` (2,)."""
         n = counts[0, 0].sum()
         share = counts[:, 0, 1:-1].reshape(-1, *self.number) / n
