@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers import INITIAL, RIGID_BODY
+from yaml_cases import made
 
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.statistics.functions import path_function
@@ -33,8 +34,18 @@ def test_functions_of_the_energy_and_of_casimir_functions():
     assert found.told == "y1*(H - 0.5)^2/C1 + C"
     met = path_function(RIGID_BODY, (), {"passage": "H > y3"})
     assert np.array_equal(met.values(y) > 0, energy > y[2]) and met.told == "share with H > y3 until t"
-    assert path_function(RIGID_BODY, ("a", "b", "H"), "2*H").told == "2*y3"
+    named = path_function(RIGID_BODY, ("a", "b", "H"), "2*H*y1")
+    assert np.allclose(named.values(y), 2 * y[2] * y[0]) and named.told == "2*H*a"
     with pytest.raises(NumberError, match="known are H, C1"):
         path_function(RIGID_BODY, (), "H + C2")
     with pytest.raises(NumberError, match="unknown word 'y4'"):
         path_function(RIGID_BODY, (), "H + y4")
+
+
+def test_the_energy_of_a_system_with_a_logarithm():
+    """Whose generated code takes the logarithm of numbers only."""
+    model = made("{variables: [u, v], bracket: {u v: u*v}, hamiltonian: u + v - 2*log(u) - log(v)}").record
+    y = np.random.default_rng(1).uniform(0.5, 2.0, (2, 3))
+    found = path_function(model, ("u", "v"), "H + u^2")
+    assert np.allclose(found.values(y), y.sum(axis=0) - 2 * np.log(y[0]) - np.log(y[1]) + y[0] ** 2)
+    assert found.told == "H + u^2"

@@ -92,11 +92,10 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
     d = dimension(model)
     tree = parse_expression(text, d, (*names, *[""] * (d - len(names)), *invariants) if invariants else names)
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
-    told = canonical(tree)
     if invariants:
         values = _with_invariants(as_numpy(tree), [_invariant(model, found) for found in invariants.values()])
-        for k, name in enumerate(invariants, d + 1):
-            told = re.sub(rf"\by{k}\b", name, told)
+    called = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
+    told = re.sub(r"\by(\d+)\b", lambda y: called[int(y[1])] or y[0], canonical(tree))
     return PathFunction(functional, condition if functional == "passage" else told, values)
 
 
@@ -110,6 +109,17 @@ def _component(k: int, states: Array) -> Array:
     return np.asarray(states)[k]
 
 
+def _take_arrays(model: Any) -> bool:
+    """Whether H and the Casimir functions are had of arrays: elementary functions of models take numbers only."""
+    y = tuple(np.full((dimension(model), 2), 0.5))
+    try:
+        with np.errstate(all="ignore"):
+            hamiltonian(model, y), casimirs(model, y)
+    except Exception:  # of the compiler, or of Python without it
+        return False
+    return True
+
+
 def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
     """H, or a Casimir function by its number from 1 on, C being the only one."""
     count = conserved(model)
@@ -121,13 +131,15 @@ def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
         known = ", ".join(["H", *(f"C{c + 1}" for c in range(count))])
         raise NumberError(f"known are {known}")
 
+    takes_arrays = not large(model) and _take_arrays(model)
+
     def values(states: Array) -> Array:
         if number is None and states.ndim == 4:
             by_block = np.ascontiguousarray(np.moveaxis(states, 0, 2))
             energy = np.empty((*by_block.shape[:2], LANES))
             energies(model, by_block.reshape(*by_block.shape[:2], -1), energy)
             return energy
-        if large(model):
+        if large(model) or not takes_arrays:
             rows = np.ascontiguousarray(states.reshape(len(states), -1).T)
             energy, others = invariants_of(model, rows, np.zeros(len(rows)))
             return (energy if number is None else others[:, number - 1]).reshape(states.shape[1:])

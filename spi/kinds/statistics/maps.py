@@ -5,11 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import dimension, hamiltonian, structure
+from spi.ensemble.protocol import dimension, structure
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.special import frozen
 from spi.models.delegation import undamped
 
+from .functions import path_function
 from .quantiles import Bins
 from .results import DensityMap
 
@@ -71,7 +72,7 @@ class Cells(NamedTuple):
         z, longitude = np.meshgrid(2 * fine[0] - 1, np.pi * (2 * fine[1] - 1), indexing="ij")
         across = np.sqrt(1 - z**2)
         y = np.linalg.norm(initial) * np.array([across * np.cos(longitude), across * np.sin(longitude), z])
-        exponent = -np.asarray(hamiltonian(model, tuple(y))) / temperature
+        exponent = -path_function(model, (), "H").values(y) / temperature
         weight = np.exp(exponent - exponent.max())
         rows, columns = self.number
         return weight.reshape(rows, _WITHIN, columns, _WITHIN).mean(axis=(1, 3)) / (4 * np.pi * weight.mean())
