@@ -27,7 +27,8 @@ def level_table(levels: Levels, f: int, title: str) -> "Table":
 
 def difference_table(differences: Differences, h: np.ndarray, f: int, title: str) -> "Table":
     """The differences of one test function to the scheme of weak order 2, at the step sizes h from large to small."""
-    names = [power_of_two(step) for step in h]
+    halves = np.zeros(len(h), bool) if differences.symmetrised is None else differences.symmetrised
+    names = [power_of_two(step) + ", in halves" * bool(half) for step, half in zip(h, halves, strict=True)]
     return _table(f"{title}: differences to {differences.scheme}", "h", names, differences, f, np.arange(len(h)))
 
 

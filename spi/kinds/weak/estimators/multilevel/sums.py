@@ -49,6 +49,7 @@ class LevelSums(NamedTuple):
     nonfinite: np.ndarray  #: (levels,)
     cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
     known: np.ndarray  #: (levels, F) expectations of the control
+    used: np.ndarray  #: (levels,) bool, which of them are in the errors
 
     def only(self, levels: slice) -> "LevelSums":
         """Those of some levels."""
