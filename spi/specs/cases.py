@@ -118,7 +118,8 @@ class BaseCase(Keys):
     @property
     def limiting(self) -> tuple[str, ...]:
         """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
-        return ("h", *["eps"] * (self.eps is not None), *([self.sweep.word] if self.sweep else []))
+        swept = (self.sweep.word, self.sweep.second_word) if self.sweep else ()
+        return ("h", *["eps"] * (self.eps is not None), *filter(None, swept))
 
     @property
     def owner(self) -> str:

@@ -7,6 +7,8 @@ import re
 import numpy as np
 import pytest
 from helpers import INITIAL, compiled_only
+from kills import numbers
+from repeats import in_shards, interrupted, straight
 from states import finished
 
 import spi
@@ -87,6 +89,23 @@ def test_the_choice_has_the_least_work_of_those_that_are_exact_enough():
     finer = choose(known, exponents, (0,), 1e-5)
     coarser = choose(known, exponents, (0,), 1e-4)
     assert finer.finest > coarser.finest and 80 < finer.work / coarser.work < 150
+
+
+def test_points_come_in_powers_of_two():
+    """The differences share what these leave, so that the variance wanted is reached; those that are there are free."""
+    known, _ = measured([0.3, -0.2, 0.1], 2.0)
+    found = choose(known, (2.0, 3.0, 4.0, 5.0), (0,), 1e-4)
+    plain = allocation(known, (2.0,), found, 1e-4)
+    for there in (2**15, 2**40):
+        points = known._replace(along=np.full(LEVELS, there))
+        samples = allocation(points, (2.0,), found, 1e-4)
+        number = samples[LEVELS + found.base]
+        assert math.log2(number) % 1 == 0 and number >= there
+        s = shares(weights(()), found.base, found.finest, LEVELS)
+        used = (s != 0) & (samples[:LEVELS] > 0)
+        variance = 1.0 / number + (s**2 * known.variance[:, 0])[used] @ (1.0 / samples[:LEVELS][used])
+        assert found.bias + INTERVAL * math.sqrt(variance) == pytest.approx(1e-4, rel=0.02)
+    assert samples[found.base + 1] < plain[found.base + 1]  # where the points take nothing of the variance
 
 
 def test_an_order_that_is_not_that_of_theory_is_found():
@@ -193,6 +212,16 @@ def test_steps_and_samples_may_be_fixed():
     biased = spi.answer(MODEL, "sin(2*pi*y1)", **ask, accuracy=5e-3, steps=["1/2", "1/4"])
     assert biased.warnings[-1].endswith("because of the bias of the smallest step")
     assert biased.bias[0] > biased.sampling[0]
+
+
+@compiled_only
+def test_shards_and_interruptions_give_the_same_bits(tmp_path):
+    spec = tmp_path / "asked.yaml"
+    spec.write_text(f"{SPEC}sampling: true\n", encoding="utf-8")
+    experiment = load(spec)
+    ways = {"straight": straight, "interrupted": interrupted, "in shards": in_shards}
+    first, *others = (numbers(way(experiment, tmp_path / name)) for name, way in ways.items())
+    assert first and all(one == first for one in others)
 
 
 @pytest.mark.parametrize("kind", ["weak", "statistics"])

@@ -221,10 +221,13 @@ class AnswerPlan(Blockwise, PartPlan):
             of_values = np.array([p[:, -1] for p in powers])
             variances = of_values[:, 1] - of_values[:, 0] ** 2
         of_values = np.where(np.isnan(variances[LEVELS:ALONG]), variances[:LEVELS], variances[LEVELS:ALONG])
+        followed = [one.paths for one in totals[ALONG:]]
         along = np.array([along_points(one.sums, one.paths) for one in totals[ALONG:]])
         values = np.where(np.isnan(along), of_values, along)
         cost = np.array([self.cost_of(scheme * SETS + i) for i in range(ALONG)])
-        return Measured.of(np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:])
+        return Measured.of(
+            np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:], followed
+        )
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error."""
