@@ -1,6 +1,6 @@
 """E |omega_m|^2 by wave number along the later half of the paths of `zeitlin_temperature`, beside Kraichnan's formula.
 
-That is the law exp(-H/T - mu sum |omega_m|^2) of independent modes, mu such that the enstrophy is right (R. H. Kraichnan,
+That is the law exp(-H/T - mu sum |omega_m|^2) of independent modes, with mu for the right enstrophy (Kraichnan 1967,
 doi:10.1063/1.1762301); the law of the model fixes the other Casimir functions as well.
 
     python benchmarks/fluid_equilibrium.py results/zeitlin_temperature.h5

@@ -1,6 +1,6 @@
 """Energies of bonds of Heisenberg's chain of classical spins, open and on rings, see docs/equilibria.md.
 
-    python benchmarks/spin_chain.py
+python benchmarks/spin_chain.py
 """
 
 import numpy as np
