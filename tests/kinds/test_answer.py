@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -202,6 +203,31 @@ def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
 
 
 @compiled_only
+def test_a_scheme_for_another_equation_is_caught_by_another_scheme(monkeypatch):
+    """Which one step finer of the same scheme cannot see: here the other one has noise that is a tenth weaker."""
+    ask = {
+        **ASKED,
+        "accuracy": 3e-3,
+        "sampling": True,
+        "reference_scheme": "splitting",
+        "schemes": ["splitting_order2"],
+    }
+    found = spi.answer(MODEL, "y1^2", **ask)
+    assert found.reached and found.compared.agrees and "and by splitting" in str(found) and not found.warnings
+    assert abs(found.compared.difference[0]) > 2 * abs(found.compared.left[0])  # the biases of both at that step
+    honest = study.AnswerPlan.reference.func
+
+    def weaker(plan):
+        model = plan.model._replace(sigma=tuple(0.9 * s for s in plan.model.sigma))
+        return replace(honest(plan), case=plan.case.model_copy(update={"model": model}))
+
+    monkeypatch.setattr(study.AnswerPlan, "reference", property(weaker))
+    wrong = spi.answer(MODEL, "y1^2", **ask)
+    assert not wrong.reached and not wrong.compared.agrees and wrong.value == found.value
+    assert wrong.warnings[-1].startswith("splitting_order2 and splitting have other limits, ")
+
+
+@compiled_only
 def test_steps_and_samples_may_be_fixed():
     ask = {**ASKED, "sampling": True, "extrapolate": [0], "seed": 5}
     found = spi.answer(MODEL, "y1^2", **ask, accuracy=1e-3, steps=["1/2", "1/4"], samples=4096)
@@ -269,6 +295,8 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
         ("steps: [1]", "steps: has 1 entry, too few to tell the bias from; must have 2 or more, as in "),
         ("steps: [1/2, 1/3]", "steps: has 0.333333333333, which is not final_time / 1, 2, 4, ..., 32768; the nearest"),
         ("steps: [2^-8, 2^-9]", "steps: has at most 2^-8; the largest must be at least 2^-6"),
+        ("reference_scheme: splitings", "reference_scheme: is 'splitings'"),
+        ("reference_scheme: midpoint", "reference_scheme: is 'midpoint', which needs bounded increments; leave it out"),
         ("samples: 100", "samples: is '100'; must be at least 1024"),
         ("extrapolate: 2\nsteps: [1/2, 1/4]", "must have 4 or more"),
         ("step: 1/8", "step: is not a known key; did you mean 'steps'"),

@@ -12,8 +12,8 @@ from spi.statistics.estimators import ROUND
 from . import outcome
 from .decisions import BEGINNING, DONE, GLANCE_LEVELS, PILOTING, WHOLE, Decisions, glance, pilot_of
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
-from .levels import ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
-from .planner import BIAS_SHARE, Choice, Measured, allocation, choose, contradicted
+from .levels import AGAINST, ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
+from .planner import BIAS_SHARE, CHECK_SHARE, Choice, Measured, allocation, choose, contradicted
 
 if TYPE_CHECKING:
     from .study import AnswerPlan
@@ -206,7 +206,7 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     narrow = bool((found.half <= extra.aim).all())
     lost = not np.isfinite(found.half).all()
     if (narrow and found.passed) or lost or extra.stage >= MOST_STAGES:
-        return extra._replace(stage=DONE)
+        return extra._replace(stage=DONE) if lost else _compared(p, state)
     measured = p.measured(state, extra.scheme)
     exponents, allowed, order = powers_of(p, measured, extra.scheme, extra.aim, extra.base)
     choice = choose(measured, exponents, allowed, extra.aim, p.case.step_levels, (extra.base,))
@@ -226,6 +226,23 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     if (wanted == extra.wanted).all():
         return extra._replace(stage=DONE)  # the case allows no more
     return more._replace(wanted=wanted)
+
+
+def _compared(p: "AnswerPlan", state: State) -> Decisions:
+    """The end, or some samples of the difference from the reference scheme, by whose variance as many as are needed."""
+    extra: Decisions = state.extra
+    level = extra.compared or min(max(extra.finest, PILOT_LEVELS - 1), LEVELS - 2)
+    number = extra.scheme * SETS + AGAINST + level
+    if not p.reference or extra.wanted[number] > PILOT_SAMPLES:
+        return extra._replace(stage=DONE)
+    wanted = extra.wanted.copy()
+    wanted[number] = PILOT_SAMPLES
+    if extra.compared:
+        stderr = np.nan_to_num(outcome.compared(p, state).stderr.max())  # of as many paths as in a pilot
+        most = p.case.seconds / p.cost_of(number)
+        needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
+        wanted[number] = max(whole_blocks(min(needed, most), ROUND), 2 * PILOT_SAMPLES)
+    return extra._replace(wanted=wanted, compared=level)
 
 
 def state_samples(state: State, extra: Decisions) -> np.ndarray:
