@@ -1,31 +1,36 @@
 """Means over time at equilibrium: what is recorded, errors, warnings, orders, and keys."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import equilibrium_cases
 import numpy as np
 import pytest
 from equilibrium_cases import RIGID, initial_rows, study
-from helpers import compiled_only
+from helpers import compiled_only, printed
 from states import check_going_on, chunks_of, finished, same_numbers
 
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import hamiltonian
 from spi.ensemble.streams import brownian
+from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
+from spi.kinds.equilibrium.planner import step_for
 from spi.kinds.equilibrium.references import Known
 from spi.kinds.equilibrium.results import Equilibrium
 from spi.kinds.equilibrium.study.averages import _order
 from spi.kinds.equilibrium.study.recording import Series
 from spi.numerics.rng import LANES
+from spi.report import views
 from spi.schemes import scheme_entry
 from spi.specs import SpecError
-from spi.storage.records import Part
+from spi.storage.records import Order, Part, Results
 
 # fixtures
 load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of
 
+ALL = ("growth", "means", "histogram", "autocorrelation", "heat", "acceptance")
 LONG = RIGID.replace("step_count: 640", "final_time: 96").replace("[1/8, 1/4]", "[1/4, 1/8]")
 LONG += "functions: {height: y3, H: H}\nburn_in: 8\nspacing: 3/4\nbins: 8\n"
 
@@ -135,6 +140,36 @@ def test_results_survive_a_file_and_step_sizes_that_are_done(load_text):
 
 
 @compiled_only
+def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
+    """Eight paths that are too short and begin at one state, a wrong reference, and one that is the finest step."""
+    keys = ("samples=8", "reference={height: 1/2, H: finest}", "burn_in=0", "accuracy=1e-3", "panels=[growth, means]")
+    case = load_text(LONG, *keys).cases[0]
+    plan = equilibrium.plan(case, Part("splitting"))
+    reading = plan.results(finished(plan))
+    results = Results({"kind": "equilibrium", "title": "Means"}, (reading.group(),))
+    text = printed(results)
+    assert "means over time" in text and "bias (95 %)" in text and "heat capacity" not in text
+    assert "autocorrelation times, fewer than 50; run longer" in text
+    assert "paths of time" in text and "for a standard error of 1.0e-3" in text
+    fig = views.figure(results)
+    assert [ax.get_ylabel() for ax in fig.axes][-2:] == ["|mean $-$ reference|"] * 2
+    told = {one.name: one for one in KINDS["equilibrium"].claims.quantities([reading])}
+    assert {"average", "tau", "halves", "deviation"} <= set(told) and "heat_capacity" not in told
+    deviations = [one for one in KINDS["equilibrium"].claims.quantities([reading]) if one.name == "deviation"]
+    assert [one.h for one in deviations if one.function == "height"] == [0.25, 0.125]
+    assert max(one.value for one in deviations if one.function == "height") > 4.5
+    every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))
+    assert len(every.axes) == 1 + 2 * 3 and len(views.rows(results)) == 2 * len(reading.n)
+
+
+def test_the_step_for_a_bias():
+    orders = SimpleNamespace(
+        constant=np.array([-0.02, np.nan]), order=(Order(2.0, 1.9, 2.1, 5), Order(*[np.nan] * 3, 0))
+    )
+    assert step_for(orders, 0, 2e-4) == pytest.approx(0.1) and step_for(orders, 1, 1e-3) is None
+
+
+@compiled_only
 def test_without_functions_nothing_is_recorded(case_of):
     _, group = study(case_of(), "splitting")
     assert "average" not in group.arrays
@@ -144,7 +179,7 @@ def test_without_functions_nothing_is_recorded(case_of):
     ("overrides", "message"),
     [
         (["step_count=640"], "final_time: is given beside step_count; leave out one of them"),
-        (["final_time=1", "spacing=1/4"], "final_time: is 1, fewer than 128 steps of .*; must be at least 32"),
+        (["final_time=1", "spacing=1/4"], "final_time: is 1, fewer than 128 steps of .*; must be at least 2.5"),
         (["final_time=100.1"], "steps: has .*, of which final_time 100.1 is not a multiple; the nearest multiples"),
         (["functions={a: y7}"], r"functions.a: is 'y7' .*; must be an expression in y1 .. y3, H or C1"),
         (["functions={a: {maximum: y1}}"], "functions.a: is a mapping"),

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from spi.printing.text import short
+from spi.printing.text import INTERVAL, short
 
 from .results import LONG_ENOUGH, Averages, Equilibrium
 
@@ -25,18 +25,22 @@ def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
             needed = f"{short(float(rate))}/s^2 of time in all paths"
             yield f"{reading.about.label}: a standard error s of {name} takes {needed}"
             continue
-        h = step_for(found, f, wanted)
+        step, why = step_for(reading, found, f, wanted)
         time = rate / wanted**2
         each = max(time / reading.samples, LONG_ENOUGH * found.tau[i, f])
-        step, known = (reading.h[i], "the smallest step here, no bias was fitted") if h is None else (h, "")
-        which = f"h = {short(float(step))}" + (f" ({known})" if known else f" for a bias of {short(wanted)}")
         length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
-        yield f"{reading.about.label}: {name}: {which}; {length} for a standard error of {short(wanted)}"
+        yield f"{reading.about.label}, {name}: h = {short(step)} ({why}) and {length}, for an accuracy of {short(wanted)}"
 
 
-def step_for(found: Averages, f: int, wanted: float) -> float | None:
-    """The step size at which the fitted bias of a function is `wanted`; None where none was fitted."""
+def step_for(reading: Equilibrium, found: Averages, f: int, wanted: float) -> tuple[float, str]:
+    """A step size at which the bias of a function is at most `wanted`, and how that is known.
+
+    By the fitted bias, or else the largest one at which mean and reference are that close; or none is known.
+    """
     constant, order = found.constant[f], found.order[f].order
-    if not (np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0):
-        return None
-    return float((wanted / abs(constant)) ** (1 / order))
+    if np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0:
+        return float((wanted / abs(constant)) ** (1 / order)), "by the fitted bias"
+    near = np.abs(found.bias[:, f]) + INTERVAL * found.bias_stderr[:, f] <= wanted  # false for NaN
+    if near.any():
+        return float(reading.h[near].max()), "no bias is seen there"
+    return float(reading.h[-1]), "the smallest here, its bias is not known"

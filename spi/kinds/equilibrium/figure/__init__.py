@@ -42,7 +42,8 @@ def draw(title: str, cases: Sequence[Sequence[Equilibrium]]) -> Figure:
 
 def _facts(reading: Equilibrium) -> dict[str, str]:
     steps = style.number(reading.steps_each, steps=True)
-    return {**style.facts(reading), "paths": f"{style.count(reading.samples)} paths of ${steps}$ steps"}
+    each = "" if reading.averages else f" of ${steps}$ steps"
+    return {**style.facts(reading), "paths": f"{style.count(reading.samples)} paths{each}"}
 
 
 def _lines(readings: Sequence[Equilibrium], looks: style.Looks) -> list[layout.Line]:

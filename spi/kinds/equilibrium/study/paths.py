@@ -29,7 +29,7 @@ class Paths(NamedTuple):
     values: np.ndarray  #: (COLUMNS, F, GROUPS) sums over paths
     lagged: np.ndarray  #: (F, L, GROUPS) sums of products of values at each lag
     ends: np.ndarray  #: (F, L, GROUPS) sums of both values of all pairs at that lag
-    cells: np.ndarray  #: (F, bins + 2, GROUPS) int64: values below all bins, in each, and above all or NaN
+    cells: np.ndarray  #: (F, bins + 2, GROUPS) int64: values below all bins or NaN, in each, and above all
 
     def plus(self, later: "Paths") -> "Paths":
         """These paths and some later ones, all steps done."""

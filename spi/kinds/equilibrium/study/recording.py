@@ -121,10 +121,11 @@ class Recorder(NamedTuple):
         return paths
 
     def _count(self, cells: Array, values: Array, f: int, first: int, end: int) -> None:
-        """Add to the cells of a function: below all bins, in each, and above all or not a number."""
+        """Add to the cells of a function: below all bins or not a number, in each, and above all."""
         with np.errstate(all="ignore"):
-            places = np.floor((values - (self.low[f] - self.origins[f])) / self.width[f]) + 1
-            places = np.clip(np.where(np.isnan(places), np.inf, places), 0, self.bins + 1).astype(np.int64)
+            places = values * (1 / self.width[f])
+            places += 1 - (self.low[f] - self.origins[f]) / self.width[f]
+            places = np.fmin(np.fmax(places, 0, out=places), self.bins + 1, out=places).astype(np.int64)
         size = self.bins + 2
         places += size * np.arange(LANES)[:, np.newaxis]
         counts = np.array([np.bincount(one.ravel(), minlength=size * LANES) for one in places])

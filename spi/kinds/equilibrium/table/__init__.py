@@ -146,7 +146,8 @@ def chance(count: int) -> float:
 def _remarks(readings: Sequence[Equilibrium]) -> Iterator[str]:
     first = readings[0]
     snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
-    yield f"{first.samples} paths of {_count(first.steps_each)} steps each{snapshots}"
+    which = f" at h = {first.h[0]:g}" if first.averages else ""
+    yield f"{first.samples} paths of {_count(first.steps_each)} steps each{which}{snapshots}"
     yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
     for reading in readings:
         for i, h in enumerate(reading.h.tolist() if reading.acceptance else ()):

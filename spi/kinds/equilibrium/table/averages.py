@@ -52,7 +52,8 @@ def _cells(found: Averages, i: int, f: int, known: bool) -> Iterator[str]:
     yield _cell(found.average[i, f], found.average_half[i, f])
     if known:
         factor = found.average_half[i, f] / found.stderr[i, f] if found.stderr[i, f] else INTERVAL
-        yield _cell(found.bias[i, f], factor * found.bias_stderr[i, f])
+        of_bias = found.bias[i, f], factor * found.bias_stderr[i, f]
+        yield _cell(*of_bias) if found.bias_stderr[i, f] else "reference"
         yield f"{found.deviation[i, f]:.1f}" if np.isfinite(found.deviation[i, f]) else "-"
     yield _cell(found.tau[i, f], INTERVAL * found.tau_stderr[i, f])
 
@@ -92,7 +93,7 @@ def _warnings(reading: Equilibrium, found: Averages) -> Iterator[str]:
             halves > likely,
         ),
         (
-            f"a path has {{:.0f}} autocorrelation times, fewer than {LONG_ENOUGH}; errors are too small, run longer",
+            f"a path has {{:.0f}} autocorrelation times, fewer than {LONG_ENOUGH}; run longer",
             lengths := found.kept * found.spacing / np.maximum(found.tau, 1e-300),
             lengths < LONG_ENOUGH,
         ),
