@@ -16,6 +16,11 @@ import spi
 # spin while they wait, they stand in one another's way.  Must be said before NumPy is imported.
 os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
 
+# The programs that tests start find the packages as bytecode: where Python may not keep it, as in many containers, each
+# start compiles 850 modules, which takes three seconds of processor time in place of one.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # The package names its cache by its own sources, and compiled kernels also contain what helpers.py and extending.py
 # say: without this an edit there would go unnoticed.  Programs that tests start inherit the folder.
 _sources = [Path(__file__).with_name(name).read_bytes() for name in ("helpers.py", "extending.py")]

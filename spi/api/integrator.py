@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..ensemble.drivers import Driver
-from ..ensemble.given import Given, draw_noise, draw_paths
+from ..ensemble.given import Given, draw_noise, draw_paths, empty_noise
 from ..ensemble.loop import add_reports, empty_report, integrate, limited_threads
 from ..ensemble.moving import move
 from ..ensemble.observer import last_states_only
@@ -163,15 +163,16 @@ class Integrator:
     def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
         """What :meth:`sample` uses, arrays dW, areas, coins: ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
-        areas = np.zeros((*shape, len(self.pairs))) if self.pairs else _NO_AREAS
-        coins = np.zeros(shape) if "coins" in self.needs else _NO_COINS
-        given = Given(np.zeros((shape[0] * self.substeps, shape[1], self.noises)), areas, coins, 0)
+        given = empty_noise(self._scheme, self._model, *shape)
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
         stream = self._stream(seed)
         if isinstance(stream, Driver):
             from_step, from_path = first
             dW = stream.increments(self.step_size, from_step, shape[0], from_path, shape[1], self.noises, self.substeps)
-            return Noise(dW, areas, stream.coins(from_step, shape[0], from_path, shape[1]) if len(coins) else coins)
+            coins = given.coins
+            return Noise(
+                dW, given.areas, stream.coins(from_step, shape[0], from_path, shape[1]) if len(coins) else coins
+            )
         draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
         return Noise(*given[:3])
 

@@ -13,6 +13,8 @@ from .increments import draw_steps, first_lane, row_length
 from .lanes import aligned
 from .pairs import channels
 from .points import Points, coins_of_points, draw_block, increments_of_points, scratch_of_points
+from .protocol import area_pairs, noises
+from .scheme_protocol import needs_areas, substeps, tosses
 from .steppers import kept_of_steps
 from .streams import in_one_call
 
@@ -31,6 +33,14 @@ class Given(NamedTuple):
     def pieces(self, *arguments):
         """All steps at once."""
         return in_one_call(self, *arguments)
+
+
+def empty_noise(scheme, model, steps, paths):
+    """A :class:`Given` of zeros, with areas and coins where the scheme needs them."""
+    pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
+    areas = np.zeros((steps, paths, pairs)) if pairs else np.zeros((0, 0, 0))
+    coins = np.zeros((steps, paths)) if pairs or tosses(scheme) else np.zeros((0, 0))
+    return Given(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
 
 
 @device(by_type=True)

@@ -102,6 +102,11 @@ def log(x):
     return of_array(Logarithm(), x)
 
 
+def exp(x):
+    """e^x of an array of any shape."""
+    return of_array(Exponential(), x)
+
+
 def whole_power(x, exponent):
     """x^n for an array and n = 1, 2, 3, ..., by squares and products."""
     if exponent == 1:

@@ -26,6 +26,7 @@ LEVELS = 16  # increments of level number j of a multilevel estimator: LEVELS + 
 ANSWERS = 512  # those of path set number j of an answer: ANSWERS + 2 j
 POINTS = 1536  # scrambles of quasi-random points, and what is keyed beside them
 DIFFERENCES = 1024  # those of its differences between two schemes at the step 2^j h_ref: DIFFERENCES + 2 j
+HALVES = 1280  # those of the halves i = 0, 1 of such a difference where it is symmetrised: HALVES + 128 i + 2 j
 
 #: Paths are computed in blocks of this many, always whole: path p is lane p % LANES of block p // LANES.
 LANES = 64

@@ -43,3 +43,10 @@ def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, n
 def standard_deviation(mean: np.ndarray, mean_square: np.ndarray) -> np.ndarray:
     """The standard deviation of a quantity, from the means of it and of its square."""
     return np.sqrt(np.maximum(mean_square - mean**2, 0.0))
+
+
+def kurtosis(powers: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """E (x - E x)^4 / variance^2 from the means (4, ...) of x, x^2, x^3 and x^4."""
+    m1, m2, m3, m4 = powers
+    with np.errstate(all="ignore"):
+        return np.asarray((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2)

@@ -16,6 +16,8 @@ from spi.expressions import functions_of
 from spi.kinds.statistics.claims import quantities
 from spi.kinds.statistics.estimates import simultaneous
 from spi.kinds.statistics.results import Statistics
+from spi.running import shipped
+from spi.running.run import load
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
@@ -247,3 +249,11 @@ def test_moments_of_maxwell_bloch_that_close(case_of):
     louder = results_of(case_of("model={name: maxwell_bloch, sigma: [1, 1.1]}", *about, functions))
     spread = louder.covariance[0, 0] + louder.covariance[1, 1] - 2 * louder.covariance[0, 1]
     assert np.allclose(spread[8:], 1.21 * louder.mean[2, 8:], rtol=0.03)
+
+
+def test_a_mistake_beside_a_key_named_as_the_kind_is_told_where_it_is(tmp_path):
+    """Which class of a union pydantic tried is named by the kind, as is the key `statistics`."""
+    text = (shipped.folder() / "rigid_body_statistics.yaml").read_text().replace("final_time: 4", "final_time: four")
+    (tmp_path / "spec.yaml").write_text(text)
+    with pytest.raises(SpecError, match="final_time: is 'four'"):
+        load(tmp_path / "spec.yaml")

@@ -90,7 +90,7 @@ def test_levels_not_to_be_trusted(results):
     v["level_kurtosis"][1][0, 2], v["level_consistency"][1][1, 6], v["level_nonfinite"][1][3] = 345.6, 1.3, 7
     v["level_kurtosis"][1][0, 0], v["level_consistency"][1][0, 0] = math.nan, math.nan
     text = printed(results)
-    assert text.count("kurtosis 346 at 2^-7: the variance estimate is poor") == 1
+    assert text.count("heavy tails: kurtosis 346 at 2^-7; few samples carry the variance, so that intervals") == 1
     assert text.count("consistency 1.30 at 2^-3: the means of neighbouring levels disagree") == 1
     assert any(line.startswith("2^-6, 2^-7") and line.rstrip().endswith(" 7") for line in text.splitlines())
 
@@ -191,11 +191,11 @@ def test_differences():
     for function in ("phi", "square"):
         name = f"splitting, multilevel, {function}"
         assert f"{name}: differences to splitting_order2" in text and f"{name} of splitting_order2: levels" in text
-    group.variables["difference_kurtosis"][1][0, 2] = 150.0
+    group.variables["difference_kurtosis"][1][0, 1:3] = 101.0, 150.0
     group.variables["difference_consistency"][1][1, 0] = 1.5
     group.variables["difference_nonfinite"][1][1] = 7
     text = printed(weak(group))
-    assert text.count("kurtosis 150 at 2^-5: the variance estimate is poor") == 1
+    assert text.count("heavy tails: kurtosis 101 at 2^-4 and kurtosis 150 at 2^-5; few samples") == 1
     assert text.count("consistency 1.50 at 2^-3: the expectation is not that of its levels") == 1
     assert any(line.split()[:1] == ["2^-4"] and line.split()[-1] == "7" for line in text.splitlines())
 
@@ -216,3 +216,13 @@ def test_a_reference_whose_error_is_not_of_its_order_is_told(bend, told):
     line = f"the reference's own error, {own:.1e} by the smallest step, would be {by_next - own:.1e} more by the next"
     assert ("errors are not yet C h, and may be off by about that" in text) is told
     assert (line.replace("e-0", "e-") in text) is told
+
+
+@pytest.mark.parametrize(("extrapolate", "expected", "told"), [(1, 3.0, 1), (1, 2.0, 0), (1, None, 0), (0, 3.0, 0)])
+def test_an_extrapolated_order_that_is_not_the_one_assumed_is_told(extrapolate, expected, told):
+    """The errors are of order 2 [1.98, 2.02]."""
+    group = weak_group("splitting_order2", "plain", functions=1, extrapolate=extrapolate)
+    group.attributes.pop("expected_order")
+    group.attributes.update({} if expected is None else {"expected_order": expected})
+    line = "the order found is not the one assumed: extrapolated errors should fall like h^3; the function may have a"
+    assert printed(weak(group)).count(line) == told

@@ -315,6 +315,7 @@ EXPONENTS = Exponents(
     exponent_stderr=np.full((2, 1), 0.5),
     total=np.array([-2.0]),
     total_stderr=np.array([0.25]),
+    dimension_stderr=0.1,
     change=2.0,
     nonfinite=0,
     step=0.5,

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.statistics.powers import kurtosis
 from spi.statistics.richardson import weights
 from spi.storage.records import INTERVAL
 
@@ -24,7 +25,6 @@ CHECK_SHARE = 0.15  #: of the accuracy, the standard error with which one step f
 #: Paths of a level at least, in units of its kurtosis: below, its standard error is not to be trusted.
 TAILS = 8.0
 MOST_TAILS = 2**17
-HEAVY = 100.0  #: a kurtosis of which a person is told
 #: Levels that are asked what the bias is, counted from the one with the smallest step.
 _ASKED = 3
 _CLEAR = 3.0  # a mean stands clear of its standard error
@@ -52,11 +52,11 @@ class Measured(NamedTuple):
         The variances of levels without samples go on as they fell before; a level that is not finite has an infinite
         one, so that it is not chosen.
         """
-        m1, m2, m3, m4 = moments
+        m1, m2 = moments[:2]
         known = int(np.flatnonzero(samples)[-1])
         with np.errstate(all="ignore"):
             variance = np.maximum(m2 - m1**2, 0.0)
-            kurtosis = np.nan_to_num((m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2, nan=0.0, posinf=0.0)
+            tails = np.nan_to_num(kurtosis(moments, variance), nan=0.0, posinf=0.0)
             variance = np.where(np.isfinite(variance), variance, np.inf)
             variance[0] = 0.0
             last = [variance[k][np.newaxis] for k in (known, max(known - 1, 1))]
@@ -66,7 +66,7 @@ class Measured(NamedTuple):
             values = np.where(np.isfinite(values), values, np.inf)
             values[known + 1 :] = values[known]
             stderr = np.sqrt(variance / samples[:, np.newaxis])
-        return cls(m1, stderr, variance, kurtosis, values, cost, value_cost, known)
+        return cls(m1, stderr, variance, tails, values, cost, value_cost, known)
 
     @property
     def widest(self) -> tuple[np.ndarray, np.ndarray]:
@@ -135,19 +135,25 @@ def bound(measured: Measured, exponents: Sequence[float], levels: int, finest: i
 
 
 def choose(
-    measured: Measured, exponents: Sequence[float], allowed: Sequence[int], accuracy: float, bases: Sequence[int] = ()
+    measured: Measured,
+    exponents: Sequence[float],
+    allowed: Sequence[int],
+    accuracy: float,
+    steps: Sequence[int] = (),
+    bases: Sequence[int] = (),
 ) -> Choice:
     """The least work by which bias and sampling together stay below the accuracy.
 
-    Of all `allowed` numbers of levels of extrapolation, and of all largest steps, or those of `bases`.  If the bias is
-    too large even at the smallest step, the choice has that.
+    Of all `allowed` numbers of levels of extrapolation, of all levels, or those of `steps`, and of all largest steps,
+    or those of `bases`.  If the bias is too large even at the smallest step, the choice has that.
     """
-    most, found = len(measured.cost) - 2, []  # one level more is kept for the check
+    steps = steps or range(len(measured.cost) - 1)  # one level more is kept for the check
+    most, found = max(steps), []
     for levels in allowed:
         if levels and len(exponents) <= levels:
             continue
-        for base in bases or range(measured.known):
-            for finest in range(base + levels + 1, most + 1):
+        for base in bases or [step for step in steps if step < measured.known]:
+            for finest in [step for step in steps if step > base + levels]:
                 bias = float(bound(measured, exponents, levels, finest, base).bias.max())
                 if bias <= BIAS_SHARE * accuracy or finest == most:
                     one = Choice(levels, base, finest, 0.0, bias)

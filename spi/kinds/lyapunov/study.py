@@ -6,7 +6,9 @@ log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J
 Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -15,17 +17,20 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.ensemble.moments import add_moments
+from spi.exact.divergence import mean_divergence
 from spi.kinds.means import MeansPlan, lost_among
-from spi.kinds.plans import Cost, State
+from spi.kinds.plans import Cost, KernelCall, State
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
-from spi.statistics.tallies import sum_of_fields
+from spi.statistics.tallies import PathSet, sum_of_fields
 from spi.storage.records import Part
 
-from .results import Exponents
-from .tangents import NEAR, make_tangent, orthonormalise, tangents
+from .pullback import Pulled, Seen
+from .results import PANELS, Exponents, kaplan_yorke
+from .tangents import NEAR, leaf_dimension, make_tangent, orthonormalise, tangents
 
 _TIMES = 16  # at which results are known
 _BATCH_BYTES = 64e6
@@ -72,6 +77,24 @@ class LyapunovPlan(MeansPlan):
     """Lyapunov exponents of one scheme."""
 
     @cached_property
+    def pulled(self) -> Pulled | None:
+        """Path set number 1, if there are pictures."""
+        return Pulled(self) if self.case.pullback else None
+
+    def path_sets(self, extra: Any) -> Sequence[PathSet]:
+        """The paths of the exponents, and the states of the pictures."""
+        return [*super().path_sets(extra), *([self.pulled.path_set] if self.pulled else [])]
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Of the states of the pictures also their times and axes."""
+        found = super().deciding(number)
+        return found | {"pullback": self.case.pullback.model_dump(exclude={"points"})} if number else found
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """Those of both."""
+        return [*super().kernel_calls(), *(self.pulled.kernel_calls() if self.pulled else [])]
+
+    @cached_property
     def basis(self) -> np.ndarray:
         """(m, d) tangent vectors at y_0."""
         return tangents(self.model, self.initial)[: self.case.count]
@@ -96,19 +119,26 @@ class LyapunovPlan(MeansPlan):
     def cost(self) -> Cost:
         """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
+        if self.pulled:
+            steps += sum(self.pulled.steps) * self.case.pullback.points
         return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(_BATCH_BYTES))
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths."""
+    def empty(self, number: int) -> Any:
+        """The sums over no paths, or no states of pictures."""
+        if number and self.pulled:
+            return self.pulled.empty()
         return Sums(0, 0.0, 0.0, np.zeros((2, len(self.known), self.case.count + 1, GROUPS)), 0.0, 0)
 
     def most_blocks(self, number: int) -> int:
         """How many blocks a batch may have, because of memory."""
-        floats = 4 * (1 + self.case.count) * (len(self.initial) + len(self.known))
+        times, copies = len(self.pulled.steps if number and self.pulled else self.known), 4 * (1 + self.case.count)
+        floats = copies * (len(self.initial) + times)
         return max(1, int(_BATCH_BYTES / (8 * LANES * floats)))
 
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """The exponents of some blocks of paths."""
+    def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
+        """The exponents of some blocks of paths, or the pictures of some blocks of states."""
+        if number and self.pulled:
+            return self.pulled.rows(first, blocks, end)
         m, d = self.basis.shape
         y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
         y = y.reshape(blocks, d, LANES)
@@ -134,6 +164,11 @@ class LyapunovPlan(MeansPlan):
                 values[:, at] = np.moveaxis(np.concatenate((means, means.sum(axis=0, keepdims=True))), 0, 1)
         return Rows(values, change, np.logical_not(np.isfinite(values[:, -1]).all(axis=1)))
 
+    @cached_property
+    def _kernel_records(self) -> tuple[Any, Any]:
+        """The scheme and the model; looked up once, because there are many short calls."""
+        return self.scheme, self.model
+
     def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
         """States (blocks, d, LANES) at a stop, from those at the one before; on numbers of its own.
 
@@ -145,11 +180,13 @@ class LyapunovPlan(MeansPlan):
             reference_steps=int(self.stops[stop - 1] - done), first_step=unit, start=(int(done) - unit) * h
         )
         states = np.array(y).reshape(len(y), 1, -1)
-        moved, _ = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end)
+        moved, _ = integrated(*self._kernel_records, states, times, self.stream, first, len(y), end)
         return moved.reshape(y.shape)
 
-    def added(self, sums: Sums, rows: Rows, at: slice, first: int, end: int) -> Sums:
+    def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
         """The sums with the rows `at`, of which the first is that of block `first`."""
+        if self.pulled and isinstance(rows, Seen):
+            return self.pulled.added(sums, rows, at, first, end)
         added = sums._replace(values=sums.values.copy())
         none = np.zeros((1, len(self.known), 0, GROUPS))
         all_times = (0, len(self.known))
@@ -157,11 +194,32 @@ class LyapunovPlan(MeansPlan):
         change = max(sums.change, float(rows.change[at].max(initial=0.0)))
         return added._replace(change=change, nonfinite=sums.nonfinite + lost_among(rows.lost[at], first, end))
 
+    def so_far(self, state: State) -> State | None:
+        """The state of the first paths, with those states of the pictures that are known without a gap."""
+        found = super().so_far(state)
+        if found is None or self.pulled is None:
+            return found
+        points = state.tally(1).leading(state.path_sets[1])
+        own: Any = found.plan
+        known = self.case.pullback.model_copy(update={"points": points}) if points else None
+        return state.of(replace(own, case=own.case.model_copy(update={"pullback": known})))
+
+    def _known_sum(self) -> float | None:
+        """The sum of the exponents of the equation; None where it is not known."""
+        case = self.case
+        if self.case.count < leaf_dimension(self.model, self.initial) or case.damping:
+            return None
+        if math.isinf(case.temperature):
+            return 0.0
+        return mean_divergence(undamped(case.model), case.temperature, self.initial)
+
     def results(self, state: State) -> Exponents:
         """The results of one scheme of a case, from its final state."""
         sums, groups = state.total(), group_counts(self.samples)
         mean, without = mean_over_paths(sums.values[0], groups)
         stderr = jackknife_stderr(mean, without, groups)
+        dimension, others = (kaplan_yorke(np.moveaxis(one[..., -1, :-1], -1, 0)) for one in (mean, without))
+        is_known = self.case.count == leaf_dimension(self.model, self.initial) or dimension < self.case.count
         return Exponents(
             **self.whole(state),
             number=np.arange(1, self.case.count + 1),
@@ -170,9 +228,13 @@ class LyapunovPlan(MeansPlan):
             exponent_stderr=stderr[:, :-1].T,
             total=mean[:, -1],
             total_stderr=stderr[:, -1],
+            total_known=self._known_sum(),
+            dimension_stderr=float(jackknife_stderr(dimension, others, groups)) if is_known else None,
             change=float(np.exp(sums.change)),
             nonfinite=sums.nonfinite,
             step=self.case.step,
             samples=self.samples,
+            panels=self.case.panels or PANELS,
+            pictures=self.pulled.results(state.total(1)) if self.pulled else None,
             ns_per_step=1e9 * sums.cpu_seconds / (self.grid.reference_steps * self.samples),
         )

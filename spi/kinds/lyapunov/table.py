@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, with_interval
+from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, short, with_interval
 
 from .results import Exponents
 
@@ -26,18 +26,24 @@ def show(console: "Console", heading: str, readings: Sequence[Exponents]) -> Non
     from rich.text import Text
 
     columns = ["scheme", *(f"exponent {k} (95 %)" for k in range(1, len(readings[0].number) + 1)), "sum (95 %)"]
-    table = new_table(heading, [*columns, "dimension"], left=1, labels=0)
+    table = new_table(heading, [*columns, "dimension (95 %)"], left=1, labels=0)
     for one in readings:
         found = [
             _value(value, error) for value, error in zip(one.exponent[:, -1], one.exponent_stderr[:, -1], strict=True)
         ]
-        cells = [lines_of(one.about), *found, _value(one.total[-1], one.total_stderr[-1]), f"{one.dimension:.3f}"]
+        cells = [lines_of(one.about), *found, _value(one.total[-1], one.total_stderr[-1]), _dimension(one)]
         table.add_row(*map(Text, cells))
     print_whole(console, table)
     console.print()
     for line in _remarks(readings):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print()
+
+
+def _dimension(one: Exponents) -> str:
+    if one.dimension_stderr is None:
+        return f"{one.dimension:g} or more"
+    return _value(one.dimension, one.dimension_stderr) if one.dimension_stderr else f"{one.dimension:g}"
 
 
 def _value(value: float, stderr: float) -> str:
@@ -52,6 +58,12 @@ def _remarks(readings: Sequence[Exponents]) -> Iterator[str]:
         yield f"{one.about.label}: {one.samples} paths until t = {one.t[-1]:g} with h = {one.step:g}{lost}, {speed}"
         if one.change > _LARGE:
             yield f"    vectors changed by factors of {one.change:.0e} between two stops: take a smaller `every`"
+        if (found := one.pictures) is not None:
+            yield f"    {found.points} states on one path of noise, which began a time t ago:"
+            for i, t in enumerate(found.t):
+                mean = _value(found.distance[i], found.distance_stderr[i])
+                told = f"mean distance {mean}, typical one {short(float(found.typical[i]))}"
+                yield f"    t = {t:g}: {told}, in {found.occupied[i]:.1%} of the cells"
 
 
 def told(readings: Sequence[Exponents]) -> str:

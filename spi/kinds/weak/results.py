@@ -107,6 +107,7 @@ class Differences(Described):
     variance_rate: Annotated[
         tuple[Order, ...], array("function", "rate of the variances", formula="p in variance = C h^p")
     ]
+    symmetrised: Annotated[Array | None, array("h", "whether both halves of the difference were sampled apart")] = None
 
 
 class Quasi(Described):

@@ -7,14 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
 from spi.drawing import style
+from spi.drawing.spheres import net
+from spi.statistics.projection import mollweide
 
 from ..results import DensityMap, Statistics
 
 _COLOURS = "YlGnBu"  # white for no paths
-_LINES = "#777777"
 _FINER = 4  # points between the edges of cells, which are curved
-_TABLE = np.linspace(-np.pi / 2, np.pi / 2, 2001)  # auxiliary angles a with 2 a + sin 2 a = pi sin(latitude)
-_HEIGHT = (2 * _TABLE + np.sin(2 * _TABLE)) / np.pi
 
 
 def map_panel(ax: Axes, reading: Statistics, m: int, highest: float) -> None:
@@ -44,39 +43,8 @@ def _sphere(ax: Axes, found: DensityMap, m: int, names: list[str], look: dict[st
     density = np.where(found.density[m] > 0, found.density[m], np.nan)
     density = np.repeat(np.repeat(density, _FINER, axis=0), _FINER, axis=1)
     mesh = ax.pcolormesh(*mollweide(*np.meshgrid(z, longitude, indexing="ij")), density, **look)
-    thin: dict[str, Any] = {"color": _LINES, "linewidth": 0.4, "alpha": 0.6}
-    whole = np.linspace(-1, 1, 201)
-    for meridian in np.pi * np.array([-0.5, 0, 0.5]):
-        ax.plot(*mollweide(whole, np.full_like(whole, meridian)), **thin)
-    for height in (-0.5, 0, 0.5):
-        ax.plot(*mollweide(np.full_like(whole, height), np.pi * whole), **thin)
-    for side in (-np.pi, np.pi):
-        ax.plot(*mollweide(whole, np.full_like(whole, side)), color="black", linewidth=0.7)
-    ends = {
-        (0, 0): names[0],
-        (0, 0.5): names[1],
-        (0, -0.5): _minus(names[1]),
-        (1, 0): names[2],
-        (-1, 0): _minus(names[2]),
-    }
-    for (height, turn), name in ends.items():
-        x, y = mollweide(np.array(height, float), np.pi * np.array(turn))
-        ax.plot(x, y, marker="+", color="black", markersize=4, markeredgewidth=0.7)
-        above, shift = height >= 0, (0, 3 if height >= 0 else -3)
-        ax.annotate(name, (x, y), shift, textcoords="offset points", ha="center", va="bottom" if above else "top")
-    ax.set_aspect("equal")
-    ax.set_axis_off()
+    net(ax, names)
     return mesh
-
-
-def _minus(name: str) -> str:
-    return f"$-${name}"
-
-
-def mollweide(z: np.ndarray, longitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The point of the plane for one at this height on the unit sphere, with this longitude in [-pi, pi]."""
-    angle = np.interp(z, _HEIGHT, _TABLE)
-    return 2 * np.sqrt(2) / np.pi * longitude * np.cos(angle), np.sqrt(2) * np.sin(angle)
 
 
 def _plane(ax: Axes, found: DensityMap, m: int, look: dict[str, Any]) -> QuadMesh:

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from spi.printing.sentences import joined
 from spi.printing.text import INTERVAL, lost_paths, new_table, power_of_two, short, with_interval
-from spi.storage.records import Order
+from spi.storage.records import HEAVY_TAILS, Order
 
 from ..results import Differences, Levels
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-KURTOSIS = 100.0  #: beyond that few samples carry the variance, whose estimate is then poor
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
 
 
@@ -27,7 +27,8 @@ def level_table(levels: Levels, f: int, title: str) -> "Table":
 
 def difference_table(differences: Differences, h: np.ndarray, f: int, title: str) -> "Table":
     """The differences of one test function to the scheme of weak order 2, at the step sizes h from large to small."""
-    names = [power_of_two(step) for step in h]
+    halves = np.zeros(len(h), bool) if differences.symmetrised is None else differences.symmetrised
+    names = [power_of_two(step) + ", in halves" * bool(half) for step, half in zip(h, halves, strict=True)]
     return _table(f"{title}: differences to {differences.scheme}", "h", names, differences, f, np.arange(len(h)))
 
 
@@ -51,7 +52,7 @@ def _table(
             name,
             with_interval(float(rows.mean[f, i]), half),
             short(variance, ".2e"),
-            Text(f"{kurtosis:.3g}", style="bold red" if kurtosis > KURTOSIS else ""),
+            Text(f"{kurtosis:.3g}", style="bold red" if kurtosis > HEAVY_TAILS else ""),
             Text(f"{consistency:.2f}", style="bold red" if consistency > CONSISTENCY else ""),
             short(float(samples), ".2e") if samples >= 1e6 else str(samples),
             f"{1e6 * rows.seconds[i]:.3g}",
@@ -78,9 +79,11 @@ def difference_warnings(differences: Differences, h: np.ndarray, f: int) -> Iter
 
 
 def _doubts(h: np.ndarray, rows: Levels | Differences, f: int, inconsistency: str) -> Iterator[str]:
-    for step, kurtosis, consistency in zip(h, rows.kurtosis[f], rows.consistency[f], strict=True):
-        if kurtosis > KURTOSIS:
-            yield f"kurtosis {kurtosis:.3g} at {power_of_two(step)}: the variance estimate is poor"
+    heavy = [(k, power_of_two(step)) for step, k in zip(h, rows.kurtosis[f], strict=True) if k > HEAVY_TAILS]
+    if heavy:
+        each = joined([f"kurtosis {kurtosis:.3g} at {step}" for kurtosis, step in heavy])
+        yield f"heavy tails: {each}; few samples carry the variance, so that intervals may be too narrow"
+    for step, consistency in zip(h, rows.consistency[f], strict=True):
         if consistency > CONSISTENCY:
             yield f"consistency {consistency:.2f} at {power_of_two(step)}: {inconsistency}"
 

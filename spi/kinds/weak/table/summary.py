@@ -16,6 +16,7 @@ from .levels import difference_warnings, level_warnings
 
 PAPER = 1e9  #: samples of the paper's weak errors
 TOO_FAR = 4.0  #: standard errors
+_ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one expected
 
 
 def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
@@ -45,6 +46,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
         order, low, high, used = reading.orders[f]
         through = f", through {used} of {points} step sizes" if math.isfinite(order) and used < points else ""
         yield f"{name_of(reading, f)}: {order_found(order, low, high, reading.expected_order)}{through}"
+        if reading.about.extrapolate and high < (reading.expected_order or -math.inf) - _ORDER_AMISS:
+            yield f"    {_not_as_assumed(reading)}"
         if reading.sampled:
             yield f"    {_accuracy(reading, reading.sampled, f)}"
         if reading.quasi:
@@ -78,6 +81,13 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
         if stderr > paper > 0 and math.isfinite(stderr):
             told += f", which would take about {_two_digits(seconds * (stderr / paper) ** 2)} s here"
     return told
+
+
+def _not_as_assumed(reading: WeakErrors) -> str:
+    """That extrapolated errors do not fall as they would if the powers of h removed were those that there are."""
+    power = _power(reading.expected_order or math.nan, "h")
+    told = f"the order found is not the one assumed: extrapolated errors should fall like {power}"
+    return f"{told}; the function may have a jump or a kink, or the steps may be too large; compare extrapolate: 0"
 
 
 def _points(quasi: Quasi, f: int) -> str:

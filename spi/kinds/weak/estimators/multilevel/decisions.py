@@ -1,5 +1,6 @@
 """What a multilevel estimator has decided: how many samples each level gets, and what came of earlier allocations."""
 
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +9,8 @@ from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
 from spi.schemes.asymptotic import AsymptoticPreserving
 from spi.statistics.estimators import ROUND, jackknife_stderr
+
+from ..kolmogorov.study import solution
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
 SHARES = (1 / 16, 1 / 4, 1.0, 1.0)  #: of the budget, or of 1/target^2, that the allocations have in view
@@ -28,6 +31,7 @@ class Decisions(NamedTuple):
     cpu_seconds: float
     allocations: int  #: how many have been made
     targets: np.ndarray  #: (levels,) blocks that the current allocation wants
+    used: np.ndarray  #: (levels,) bool, which levels are in the errors, chosen after the pilot where there is a choice
     known: np.ndarray  #: (levels, F) expectations of the control, NaN until they are
     control_bound: float  #: the largest estimate of their numerical error
     history_error: np.ndarray  #: (allocations, F, S) when each allocation was fulfilled
@@ -42,6 +46,7 @@ class Decisions(NamedTuple):
             cpu_seconds=0.0,
             allocations=0,
             targets=np.full(levels, PILOT),
+            used=np.full(levels, True),
             known=np.full((levels, functions), np.nan if control else 0.0),
             control_bound=0.0,
             history_error=np.zeros((len(SHARES), functions, steps)),
@@ -62,6 +67,18 @@ class Decisions(NamedTuple):
         i = self.allocations - 1
         error[i], stderr[i], seconds[i] = errors.error, jackknife_stderr(*errors), cpu_seconds
         return self._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
+
+    def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Decisions":
+        """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
+        began, cpu_began = time.perf_counter(), time.process_time()
+        exact = solution(case, control, steps)
+        differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
+        return self._replace(
+            seconds=self.seconds + time.perf_counter() - began,
+            cpu_seconds=self.cpu_seconds + time.process_time() - cpu_began,
+            known=np.concatenate([differences, exact.value[:, :1].T]),
+            control_bound=float(exact.weak_error_bound.max()),
+        )
 
 
 def control_of(case: Any, record: Any) -> tuple | None:

@@ -18,7 +18,6 @@ With extrapolation (multilevel Richardson-Romberg, Lemaire and Pagès, Bernoulli
 R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another sum over the same differences.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
@@ -39,7 +38,6 @@ from spi.storage.records import Part
 from ...results import History, Sampled, WeakErrors
 from ...study.plans import WeakPlan, sampled_errors
 from ...study.sums import values_of_blocks
-from ..kolmogorov.study import solution
 from .combination import Combination
 from .decisions import PILOT, SHARES, Decisions, Errors, control_of
 from .levels import VALUE, Level, levels_of
@@ -142,27 +140,22 @@ class MultilevelPlan(Blockwise, WeakPlan):
         """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
         extra = state.extra
         if self.control and np.isnan(extra.known).any():
-            return self._with_control(self.control, extra)
+            steps = self.case.reference_step * 2.0 ** np.arange(self.base, -1, -1)
+            return extra.with_control(self.case, self.control, steps)
         levels = self.level_sums(state)
         if not extra.recorded:
             extra = extra.with_errors(self.all_errors(levels), levels.cpu_seconds.sum())
         if extra.allocations == len(SHARES):
             return extra if extra is not state.extra else None
+        if not extra.allocations:
+            extra = extra._replace(used=self.chosen(levels))
+            levels = levels._replace(used=extra.used)
         targets = np.maximum(levels.blocks, self.allocation(levels, SHARES[extra.allocations]))
         return extra._replace(targets=targets, allocations=extra.allocations + 1)
 
-    def _with_control(self, control: tuple, extra: Decisions) -> Decisions:
-        """The decisions with the expectations of the control, rows of flows, from the finest level to the last."""
-        began, cpu_began = time.perf_counter(), time.process_time()
-        steps = self.case.reference_step * 2.0 ** np.arange(self.base, -1, -1)
-        exact = solution(self.case, control, steps)
-        differences = (exact.weak_error[:, :-1] - exact.weak_error[:, 1:]).T[::-1]
-        return extra._replace(
-            seconds=extra.seconds + time.perf_counter() - began,
-            cpu_seconds=extra.cpu_seconds + time.process_time() - cpu_began,
-            known=np.concatenate([differences, exact.value[:, :1].T]),
-            control_bound=float(exact.weak_error_bound.max()),
-        )
+    def chosen(self, levels: LevelSums) -> np.ndarray:
+        """(levels,) bool, which levels make the errors, by the sums of the pilot: all."""
+        return levels.used
 
     def level_sums(self, state: State) -> LevelSums:
         """The sums of all levels: over all paths that are wanted, or those that are there."""
@@ -175,6 +168,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
             nonfinite=np.array([one.nonfinite for one in totals]),
             cpu_seconds=cpu_seconds,
             known=state.extra.known,
+            used=state.extra.used,
         )
 
     def progress(self, state: State) -> Done:
@@ -208,7 +202,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
         is the largest over the test functions; a level whose values are not finite gets no more.
         """
         with np.errstate(invalid="ignore"):
-            variance = np.nan_to_num(levels.moments().variance.max(axis=1), nan=0.0, posinf=0.0)
+            variance = np.nan_to_num(levels.moments().variance.max(axis=1), nan=0.0, posinf=0.0) * levels.used
         cost = self.seconds_per_block / LANES
         root, per_root = self.least_work(variance, cost)
         samples = np.zeros(len(self.levels))

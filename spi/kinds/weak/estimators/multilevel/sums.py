@@ -6,7 +6,7 @@ import numpy as np
 
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import GROUPS, PARTS, fit_order, group_counts
-from spi.statistics.powers import mean_over_paths
+from spi.statistics.powers import kurtosis, mean_over_paths
 from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Order
 
@@ -49,6 +49,7 @@ class LevelSums(NamedTuple):
     nonfinite: np.ndarray  #: (levels,)
     cpu_seconds: np.ndarray  #: (levels,), that of the control in the last one
     known: np.ndarray  #: (levels, F) expectations of the control
+    used: np.ndarray  #: (levels,) bool, which of them are in the errors
 
     def only(self, levels: slice) -> "LevelSums":
         """Those of some levels."""
@@ -93,13 +94,13 @@ class LevelSums(NamedTuple):
         """The moments of each level."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             powers = self.means_of_powers()
-            m1, m2, m3, m4 = powers[DIFFERENCE]
+            m1, m2 = powers[DIFFERENCE][:2]
             variance = np.maximum(m2 - m1 * m1, 0.0)
-            kurtosis = (m4 - 4 * m1 * m3 + 6 * m1**2 * m2 - 3 * m1**4) / variance**2
+            tails = kurtosis(powers[DIFFERENCE], variance)
             if self.controlled:
                 covariance = powers[PRODUCT][0] - m1 * powers[CONTROL][0]
                 variance = np.maximum(variance - self.beta() * covariance, 0.0)
-            return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, kurtosis)
+            return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
 
     def consistency(self) -> np.ndarray:
         """Giles' check |a - b - d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
