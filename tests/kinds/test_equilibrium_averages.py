@@ -150,7 +150,7 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     text = printed(results)
     assert "means over time" in text and "bias (95 %)" in text and "heat capacity" not in text
     assert "autocorrelation times, fewer than 50; run longer" in text
-    assert "paths of time" in text and "for a standard error of 1.0e-3" in text
+    assert "paths of time" in text and "for an accuracy of 1.0e-3" in text
     fig = views.figure(results)
     assert [ax.get_ylabel() for ax in fig.axes][-2:] == ["|mean $-$ reference|"] * 2
     told = {one.name: one for one in KINDS["equilibrium"].claims.quantities([reading])}
@@ -163,10 +163,13 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
 
 
 def test_the_step_for_a_bias():
-    orders = SimpleNamespace(
-        constant=np.array([-0.02, np.nan]), order=(Order(2.0, 1.9, 2.1, 5), Order(*[np.nan] * 3, 0))
-    )
-    assert step_for(orders, 0, 2e-4) == pytest.approx(0.1) and step_for(orders, 1, 1e-3) is None
+    unknown = Order(np.nan, np.nan, np.nan, 0)
+    told = {"constant": np.array([-0.02, np.nan]), "order": (Order(2.0, 1.9, 2.1, 5), unknown)}
+    errors = {"bias": np.array([[0.1, 0.1], [0.1, 1e-4], [0.1, 1e-5]]), "bias_stderr": np.full((3, 2), 1e-4)}
+    what = SimpleNamespace(h=np.array([1.0, 0.5, 0.25])), SimpleNamespace(**told, **errors)
+    assert step_for(*what, 0, 2e-4)[0] == pytest.approx(0.1)
+    assert step_for(*what, 1, 1e-3) == (0.5, "no bias is seen there")
+    assert step_for(*what, 1, 1e-5) == (0.25, "the smallest here, its bias is not known")
 
 
 @compiled_only

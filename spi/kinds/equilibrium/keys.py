@@ -22,11 +22,10 @@ from .references import EXACT, FINEST, check
 from .results import BATCHES
 
 #: What the figure can show: of Casimir functions and the uniform law, and of functions.
-PANELS = ("growth", "law", "distance", "moments")
 OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
-_ALL_PANELS = PANELS + OF_FUNCTIONS
+PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
 
-Panels = tuple[Literal[_ALL_PANELS], ...]
+Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
 Functions = Annotated[_ByName, BeforeValidator(lambda value: {"phi": value} if isinstance(value, str) else value)]
@@ -69,7 +68,7 @@ class Case(BaseCase):
     accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
     panels: key_of(
         Panels,
-        f"what the figure shows, some of {', '.join(_ALL_PANELS)}; default: growth, of functions means, histogram and "
+        f"what the figure shows, some of {', '.join(PANELS)}; default: growth, of functions means, histogram and "
         "autocorrelation",
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False

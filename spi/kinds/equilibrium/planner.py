@@ -29,7 +29,8 @@ def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
         time = rate / wanted**2
         each = max(time / reading.samples, LONG_ENOUGH * found.tau[i, f])
         length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
-        yield f"{reading.about.label}, {name}: h = {short(step)} ({why}) and {length}, for an accuracy of {short(wanted)}"
+        which = f"{reading.about.label}, {name}: h = {short(step)} ({why})"
+        yield f"{which} and {length}, for an accuracy of {short(wanted)}"
 
 
 def step_for(reading: Equilibrium, found: Averages, f: int, wanted: float) -> tuple[float, str]:
