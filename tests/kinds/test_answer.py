@@ -296,6 +296,7 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
         ("steps: [1/2, 1/3]", "steps: has 0.333333333333, which is not final_time / 1, 2, 4, ..., 32768; the nearest"),
         ("steps: [2^-8, 2^-9]", "steps: has at most 2^-8; the largest must be at least 2^-6"),
         ("reference_scheme: splitings", "reference_scheme: is 'splitings'"),
+        ("reference_scheme: midpoint", "reference_scheme: is 'midpoint', which needs bounded increments; leave it out"),
         ("samples: 100", "samples: is '100'; must be at least 1024"),
         ("extrapolate: 2\nsteps: [1/2, 1/4]", "must have 4 or more"),
         ("step: 1/8", "step: is not a known key; did you mean 'steps'"),

@@ -125,10 +125,11 @@ class Case(FunctionKeys, BaseCase):
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_once(self.schemes, "schemes")
         for name in self.schemes_used:
+            key, has = ("schemes", "has") if name in self.schemes else ("reference_scheme", "is")
             if self.row(name).needs_truncation:
-                raise wrong(f"has '{name}', which needs bounded increments", "leave it out", "schemes")
+                raise wrong(f"{has} '{name}', which needs bounded increments", "leave it out", key)
             if self.row(name).multiscale:
-                raise wrong(f"has '{name}' for the multiscale system", "use schemes without eps", "schemes")
+                raise wrong(f"{has} '{name}' for the multiscale system", "use schemes without eps", key)
         check_flows(self)
         return self
 
