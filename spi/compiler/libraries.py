@@ -5,26 +5,38 @@ is ever used of it is its copy in the functions that call it.  For the functions
 kernel, that took most of the time of compiling.
 """
 
+import contextlib
 import dis
+import gc
 
+from numba.core import event
 from numba.core.compiler import Compiler
 
 from .rounding import RoundedLibrary, parts_of
+
+#: Thresholds of the garbage collector while Numba compiles: what it makes mostly stays, and is looked at in vain.
+COLLECTIONS = (50_000, 20, 20)
 
 
 class InlinedLibrary(RoundedLibrary):
     """The code of one function, to be linked into its callers and never run by itself."""
 
-    def __init__(self, codegen, function):
+    def __init__(self, codegen, function, *, once):
         super().__init__(codegen, function.__qualname__)
-        self._has_loop = has_loop(function)
+        self._has_loop, self._once = has_loop(function), once
 
     def _optimize_final_module(self):
         """As Numba's, but only if the function has a loop, which must become vector instructions before it is inlined.
 
-        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.
+        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.  With
+        `once` it is the first of Numba's two rounds, since the callers have both of them.
         """
-        if self._has_loop:
+        if self._has_loop and self._once:
+            codegen = self._codegen
+            vectors = {"loop_vectorize": codegen._loopvect, "slp_vectorize": False}
+            passes, builder = codegen._module_pass_manager(opt=codegen._opt_level, cost="cheap", **vectors)
+            passes.run(self._final_module, builder)
+        elif self._has_loop:
             super()._optimize_final_module()
 
     def _finalize_final_module(self):
@@ -55,8 +67,27 @@ class InliningCompiler(Compiler):
     """Compiles a function into an :class:`InlinedLibrary`."""
 
     def compile_extra(self, function):
-        self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function)
-        return super().compile_extra(function)
+        once = self.state.flags.forceinline  # else it is called, and nobody optimises it as part of a caller
+        self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function, once=once)
+        with unhindered():
+            return super().compile_extra(function)
+
+
+@contextlib.contextmanager
+def unhindered():
+    """Within it the garbage collector is patient, and Numba's timers of LLVM stand still.
+
+    There is a timer for each function that is being compiled, and each is told of every call of LLVM.
+    """
+    thresholds, listeners = gc.get_threshold(), event._registered["numba:llvm_lock"]
+    timers = [listener for listener in listeners if isinstance(listener, event.TimingListener)]
+    listeners[:] = [listener for listener in listeners if listener not in timers]
+    gc.set_threshold(*COLLECTIONS)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
+        listeners += timers
 
 
 class LinkedLibrary(InlinedLibrary):
@@ -78,7 +109,7 @@ class KernelCompiler(Compiler):
         codegen = self.state.targetctx.codegen()
         self.state.library = RoundedLibrary(codegen, function.__qualname__)
         self.state.library.enable_object_caching()
-        with parts_of(codegen, LinkedLibrary):
+        with parts_of(codegen, LinkedLibrary), unhindered():
             result = super().compile_extra(function)
         # an error that an inlined function raises looks for the environment of that function
         for environment in result._find_referenced_environments():
