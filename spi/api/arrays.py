@@ -15,6 +15,8 @@ def dataset_of(group: Group) -> xr.Dataset:
     }
     if "swept_word" in group.attributes:  # so that parts can be put together along the parameter
         coordinates[group.attributes["swept_word"]] = ((), group.attributes["swept_value"])
+    if "swept_second_word" in group.attributes:
+        coordinates[group.attributes["swept_second_word"]] = ((), group.attributes["swept_second_value"])
     variables = {name: (axes, values, group.notes.get(name)) for name, (axes, values) in group.variables.items()}
     attributes = {name: value for name, value in group.attributes.items() if value is not None}
     return xr.Dataset(variables, coordinates, attributes)

@@ -43,8 +43,9 @@ def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
     for case in cases:
         if (sweep := case.sweep) is None or sweep.value is None:
             yield case.name, case.schemes
-        elif sweep.value == sweep.values[0]:
-            yield f"{sweep.case} with {len(sweep.values)} values of {sweep.word}", case.schemes
+        elif (sweep.value, sweep.second_value) == (sweep.values[0], next(iter(sweep.second_values), None)):
+            other = f" and {len(sweep.second_values)} of {sweep.second_word}" * bool(sweep.second_word)
+            yield f"{sweep.case} with {len(sweep.values)} values of {sweep.word}{other}", case.schemes
 
 
 def print_remarks(experiment: Any, remarks: Iterable[str], file: IO[str] | None = None) -> None:

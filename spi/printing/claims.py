@@ -46,8 +46,8 @@ def _at(one: Verdict) -> str:
     """The step size and the swept value of what came out."""
     found = one.found
     h = f"h = {power_of_two(found.h)}" if found and found.h is not None else ""
-    swept = "{} = {:g}".format(*found.at) if found and found.at else ""
-    return ", ".join(filter(None, (h, swept)))
+    swept = found.swept_places.items() if found else ()
+    return ", ".join(filter(None, (h, *(f"{word} = {value:g}" for word, value in swept))))
 
 
 def came_out(one: Verdict) -> str:

@@ -28,7 +28,7 @@ def rows_of(
     head |= {name: group.attributes.get(name) for name in ("eps", "extrapolate")}
     head["estimator"] = group.attributes.get("estimator") or None
     if (swept := record.about.swept) is not None:
-        head[swept.word] = swept.value
+        head |= swept.places
     tail = {name: value for name, value in group.attributes.items() if columns_named.get((name, True))}
     named = group.attributes.get("variables")
     labels = group.coordinates | ({"component": np.array(named)} if named else {})

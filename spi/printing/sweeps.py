@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
 from .sentences import sentence, whose
@@ -21,6 +23,9 @@ def show(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
 
     Quantities of other test functions, as quantiles are, have a table of their own.
     """
+    if curves and curves[0].second_word:
+        _show_map(console, heading, curves)
+        return
     by_functions: dict[tuple[str, ...], list[Curve]] = {}
     for name in dict.fromkeys(curve.name for curve in curves):
         members = [curve for curve in curves if curve.name == name]
@@ -50,6 +55,30 @@ def _table(heading: str, curves: Sequence[Curve]) -> "Table":
             cells = [""] * len(cells)
         table.add_section()
     return table
+
+
+def _show_map(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
+    """Of two parameters a line for each value of the first: both ends of what came out, and where it is zero."""
+    from rich.text import Text
+
+    for curve in curves:
+        grid = curve.grid()
+        words, values, zeros = grid.words, grid.of("value"), grid.zeros()
+        name = f"{curve.label}, {curve.about.label}{f', {curve.function}' * bool(curve.function)}"
+        columns = [words[0], "least", f"at {words[1]}", "largest", f"at {words[1]}", f"zero at {words[1]} (95 %)"]
+        table = new_table(": ".join(filter(None, (heading, name))), columns[: 6 if zeros else 5], left=0, labels=0)
+        for i, value in enumerate(grid.axes[0].tolist()):
+            known = np.flatnonzero(np.isfinite(values[i]))
+            ends = [known[pick(values[i, known])] for pick in (np.argmin, np.argmax)] if known.size else []
+            told = [f(x) for j in ends for f, x in ((short, float(values[i, j])), ("{:g}".format, grid.axes[1][j]))]
+            told += [""] * (4 - len(told))
+            told += [", ".join(with_interval(where, half) for at, where, half in zeros if at == value)] * bool(zeros)
+            table.add_row(*map(Text, (f"{value:g}", *told)))
+        print_whole(console, table)
+        if (known_too := curve.chi_squared) is not None:
+            told_of = f"chi squared {known_too[0]:.1f} of {known_too[1]} differences from what is known"
+            console.print(told_of, markup=False, highlight=False)
+        console.print()
 
 
 def _whose(curve: Curve) -> tuple[str, str, str]:
@@ -85,7 +114,7 @@ def told(curves: Sequence[Curve]) -> str:
 
 def _ends(curve: Curve) -> str:
     first, last = curve.points[0], curve.points[-1]
-    places = [f"{curve.word} = {value:g}" for value in (curve.values[0], curve.values[-1])]
+    places = [", ".join(f"{word} = {x:g}" for word, x in one.swept_places.items()) for one in (first, last)]
     of = f" of {curve.function}" * bool(curve.function)
     return (
         f"{curve.label}{of} with {whose(curve.about)} goes from {_told(first)} at {places[0]} "

@@ -42,8 +42,8 @@ def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
 
 
 def figure(kind: str, title: str, found: Sequence[Whole]) -> "Figure":
-    """Curves over the parameter, a line of panels for each case; ValueError if nothing is known of any."""
-    from ..drawing import style, sweeps
+    """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
+    from ..drawing import style, sweep_maps, sweeps
 
     drawn = []
     for whole in found:
@@ -53,4 +53,5 @@ def figure(kind: str, title: str, found: Sequence[Whole]) -> "Figure":
             drawn.append((whole.title, whole.curves, facts))
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    return sweeps.draw(title, drawn, KINDS[kind].keys.Case.quantities)
+    of = sweep_maps if any(curve.second_word for _, curves, _ in drawn for curve in curves) else sweeps
+    return of.draw(title, drawn, KINDS[kind].keys.Case.quantities)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from ..kinds.answer.deciding import PILOTING
+from ..kinds.answer.decisions import PILOTING
 from ..kinds.state import State
 from ..specs import Experiment
 from .compiling import compile_missing

@@ -87,6 +87,7 @@ class BaseCase(Keys):
     quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> what claims may be about
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
+    unless_asked: ClassVar[tuple[str, ...] | None] = None  #: without which `accuracy` asks for an answer, where it may
     shown_over: ClassVar[tuple[str, ...]] = ()  #: the quantities that are shown over it by default; () for the first
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has
@@ -117,7 +118,8 @@ class BaseCase(Keys):
     @property
     def limiting(self) -> tuple[str, ...]:
         """What a claim may be limited by: the step size, eps where there is one, and the swept parameter."""
-        return ("h", *["eps"] * (self.eps is not None), *([self.sweep.word] if self.sweep else []))
+        swept = (self.sweep.word, self.sweep.second_word) if self.sweep else ()
+        return ("h", *["eps"] * (self.eps is not None), *filter(None, swept))
 
     @property
     def owner(self) -> str:

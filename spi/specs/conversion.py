@@ -66,7 +66,7 @@ def converted(text: str, name: str, cases: tuple[BaseCase, ...], files: Files, k
         raw = laid_over(above, own.get(name, {}))
         case, title = first, first.title
         if sweep := first.sweep:  # the middle value stands for the others
-            middle = len(sweep.values) // 2
+            middle = len(sweep.values) // 2 * (second := max(1, len(sweep.second_values))) + second // 2
             raw = [*versions(raw, first.swept_in, files).values()][middle]
             case, title = (sweep.cases or [first, *others])[middle], sweep.title or title
         given = _given(case, {key: raw[key] for key in _KEPT if key in raw})

@@ -160,6 +160,7 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
+    document.data = kinds.asked(document.data)
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document
@@ -240,22 +241,26 @@ def _swept(case_class: type[BaseCase], files: Files, data: dict[str, Any], layer
     """The cases that a swept parameter makes of one; of stability that one, with the others in it."""
     read = partial(case_class.model_validate, context=files)
     document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
+    required, keys = case_class.model_fields["sweep"].is_required(), case_class.swept_in
     try:
-        versions = sweep.versions(data, [k for k in case_class.swept_in if k in case_class.model_fields], files)
+        known = [key for key in keys if key in case_class.model_fields]
+        versions = sweep.versions(data, known, files, most=1 if required else 2)
     except PydanticCustomError as error:
         document.fail((*top, "sweep"), error.message())
-    if case_class.model_fields["sweep"].is_required():
+    if required:
         found = [_valid(read, version, layers) for version in versions.values()]
         return [found[0].model_copy(update={"sweep": found[0].sweep._replace(cases=tuple(found))})]
-    attempts = {value: attempt(read, version) for value, version in versions.items()}
-    mistakes = {value: wrong for value, (_, wrong) in attempts.items() if wrong}
+    attempts = {at: attempt(read, version) for at, version in versions.items()}
+    mistakes = {at: wrong for at, (_, wrong) in attempts.items() if wrong}
     if mistakes:
         first = next(iter(mistakes.values()))
         if len(mistakes) == len(attempts) and all(wrong == first for wrong in mistakes.values()):  # whatever the value
             _report(first, layers)
         word = next(word for word in data["sweep"] if word != "of")
-        told = [f"with {word} = {value}: {about(*next(iter(wrong.items())))}" for value, wrong in mistakes.items()]
-        raise SpecError(*(document.message((*top, "sweep", word), one) for one in told))
+        told = [(at, about(*next(iter(wrong.items())))) for at, wrong in mistakes.items()]
+        if len(data["sweep"].keys() - {"of"}) > 1:  # a mistake in one parameter once, not for all values of the other
+            told = [(at, text) for text, at in dict((text, at) for at, text in reversed(told)).items()][::-1]
+        raise SpecError(*(document.message((*top, "sweep", word), f"with {at}: {text}") for at, text in told))
     return sweep.apart([case for case, _ in attempts.values()])
 
 

@@ -25,7 +25,9 @@ def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, s
     loc: Location = ()
     value = data
     keys = context.get("keys") or (context.get("discriminator", "").strip("'"),)
-    tagged = isinstance(data, dict) and error["loc"][:1] == (data.get("kind"),)  # by pydantic, with the class of the file
+    tagged = isinstance(data, dict) and error["loc"][:1] == (
+        data.get("kind"),
+    )  # by pydantic, with the class of the file
     for step in (*error["loc"][tagged:], *keys):
         if step in (value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ()):
             loc, value = (*loc, step), value[step]  # else it is the name of a class, or missing

@@ -28,6 +28,9 @@ PROFILES = ("laptop", "paper", "quick")
 ONLY_IN_FILES = ("kind", "asks", "figure", "cases", "profiles")
 
 
+#: The kind of what names an accuracy in place of how it is to be reached.
+ANSWER = "answer"
+
 #: The context in which a word may stand for a number: that can be read only together with its values.
 SWEPT = "swept"
 _UNLESS_SWEPT = pydantic.WrapValidator(lambda value, read, info: value if info.context == SWEPT else read(value))
@@ -50,6 +53,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
     classes = zip(MODELS, COMPLETE, strict=True)
     models = [{"properties": {"name": {"const": n}}, "required": list(needed_keys(cls))} for n, cls in classes]
     models += [{"required": keys} for keys in (["system"], ["algebra"], ["bracket"], ["python", "name"])]
+    enough = [] if case_class.unless_asked is None else [{"required": ["accuracy"]}]
     alone = {"required": [k for k in keys if k in needed_keys(case_class)], "properties": {"model": {"anyOf": models}}}
     whole: dict[str, Any] = {
         "kind": (Literal[kind], ...),
@@ -59,7 +63,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
         "profiles": (key_of(profiles, "paper and quick, mappings of keys that override those of the file"), ABSENT),
     }
-    extra = {"json_schema_extra": {"anyOf": [{"required": ["cases"]}, alone]}}
+    extra = {"json_schema_extra": {"anyOf": [{"required": ["cases"]}, alone, *enough]}}
     file = create_model(kind, __base__=part, __doc__=case_class.__doc__, __cls_kwargs__=extra, **whole)
     return profile, file
 
@@ -77,6 +81,19 @@ class Layers(NamedTuple):
         both = {kind: _layers(kind, case_class) for kind, case_class in cases.items()}
         file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
+
+    def asked(self, data: Any) -> Any:
+        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached."""
+        of_file = data if isinstance(data, dict) else {}
+        case_class = self.cases.get(str(of_file.get("kind")))
+        if case_class is None or case_class.unless_asked is None:
+            return data
+        cases = of_file.get("cases")
+        within = [case for case in (cases if isinstance(cases, list) else ()) if isinstance(case, dict)]
+        named = {*of_file}.union(*within)
+        return (
+            data if "accuracy" not in named or named.intersection(case_class.unless_asked) else {**data, "kind": ANSWER}
+        )
 
     def context(self, data: Any, overrides: Iterable[str] = ()) -> str | None:
         """In which the layers of a file are read: SWEPT where words may stand for numbers."""

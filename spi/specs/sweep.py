@@ -4,6 +4,10 @@
     sweep: {s: 2^-4 .. 2^0, of: [order, error]}
     model: {name: rigid_body, ..., sigma: [s, s, s/2]}
 
+or two of them, and what comes out is a map over both:
+
+    sweep: {sigma: 2^-4 .. 2^0, T: [0.1, 1, 10]}
+
 The parameter is a word in formulas of the case, or the name of one of its parameters: of the model, or a key with a
 number.  Reading makes a case of each value, but for stability, whose figure needs all of them at once.
 """
@@ -11,6 +15,7 @@ number.  Reading makes a case of each value, but for stability, whose figure nee
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 from annotated_types import MinLen
@@ -28,7 +33,9 @@ POINT = ("model", "damping", "temperature", "initial", "eps")  #: where the para
 _NUMBERS = ("damping", "temperature", "eps", "final_time", "step", "reference_step", "step_count")
 PLACES = (*POINT, "noise", "functions", "reference", *_NUMBERS[3:])  #: the same elsewhere
 
-SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them"
+SWEEP = "a parameter and its values, as in {sigma: [0.1, 1, 10], of: order}: of each result a curve over them; "
+SWEEP += "of two parameters a map"
+_RIGHT = "must have one or two and their values, as in sweep: {s: [0.1, 1, 10]}"
 _NO_FORMULAS = (*SOURCES, "file", "results")
 _LISTS = {"steps": "which gives results at each of them", "schemes": "which gives results of each of them"}
 
@@ -43,6 +50,9 @@ class Sweep(NamedTuple):
     case: str = ""  #: the name, and
     title: str = ""  #: the title, of the case that is swept, where this is the sweep of a case made of it
     value: float | None = None  #: that of this case
+    second_word: str = ""  #: another parameter, if there are two
+    second_values: tuple[float, ...] = ()
+    second_value: float | None = None  #: that of this case
 
     def effective(self) -> dict[str, Any]:
         """What of it decides results, as plain data."""
@@ -74,13 +84,14 @@ def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
     if not isinstance(of, str | list) or not all(isinstance(name, str) for name in of):
         raise wrong("is no list of quantities", "write one or several, as in of: [order, error]", "of")
     found = read({word: values for word, values in value.items() if word != "of"})
-    if len(found) > 1:
-        raise wrong(f"has {len(found)} parameters", "must have one and its values, as in sweep: {s: [0.1, 1, 10]}")
     for word, values in found.items():
         if len(set(values)) < len(values):
             raise wrong("has a value twice", "remove one", word)
-    word, values = next(iter(found.items()), ("", ()))
-    return Sweep(word, values, (of,) if isinstance(of, str) else tuple(of))
+    if len(found) > 2:
+        raise wrong(f"has {len(found)} parameters", _RIGHT)
+    (word, values), (second, others) = [*found.items(), ("", ()), ("", ())][:2]
+    shown = (of,) if isinstance(of, str) else tuple(of)
+    return Sweep(word, values, shown, second_word=second, second_values=others)
 
 
 #: The annotation of ``sweep``.
@@ -96,9 +107,11 @@ def check_shown(case: Any) -> None:
     for name in case.sweep.of:
         if name not in case.quantities:
             raise wrong(f"has '{name}'", suggestion(name, case.quantities), "sweep", "of")
-    if len(case.sweep.values) == 1:
-        right = "give several, or leave out the sweep and write the value where the parameter stands"
-        raise wrong("has one value", right, "sweep", case.sweep.word)
+    sweep = case.sweep
+    for word, values in ((sweep.word, sweep.values), (sweep.second_word, sweep.second_values)):
+        if len(values) == 1:
+            right = "give several, or leave out the sweep and write the value where the parameter stands"
+            raise wrong("has one value", right, "sweep", word)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -106,15 +119,31 @@ def check_shown(case: Any) -> None:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def versions(data: Mapping[str, Any], keys: Sequence[str], files: Files) -> dict[str, dict[str, Any]]:
-    """By each value, as a text, the keys of a case with it in place of the parameter; raises the error about that.
+def versions(data: dict[str, Any], keys: Sequence[str], files: Files, most: int = 2) -> dict[str, dict[str, Any]]:
+    """By ``sigma = 0.5``, of each value, the keys of a case with it in place of the parameter, or of two parameters.
 
-    `keys` are those in which the parameter may stand.
+    `keys` are those in which a parameter may stand, of which there are `most`; raises the error about them.
     """
     sweep = {word: values for word, values in data["sweep"].items() if word != "of"}
-    if len(sweep) != 1:
-        raise wrong(f"has {len(sweep)} parameters", "must have one and its values, as in sweep: {s: [0.1, 1, 10]}")
-    ((word, values),) = sweep.items()
+    if not 1 <= len(sweep) <= most:
+        raise wrong(
+            f"has {len(sweep)} parameters",
+            _RIGHT if most > 1 else _RIGHT.replace("one or two and their", "one and its"),
+        )
+    found = {"": data}
+    for word, values in sweep.items():
+        found = {
+            ", ".join(filter(None, (before, f"{word} = {value}"))): version
+            for before, one in found.items()
+            for value, version in _with_each(one, word, values, keys, files).items()
+        }
+    return found
+
+
+def _with_each(
+    data: Mapping[str, Any], word: str, values: Any, keys: Sequence[str], files: Files
+) -> dict[str, dict[str, Any]]:
+    """By each value, as a text, the keys of a case with it in place of one parameter."""
     if word in (*Numbers.functions, *Numbers.constants) or not re.match("^[A-Za-z_][A-Za-z0-9_]*$", word):
         raise wrong(f"'{word}' cannot be swept", "must be a name that is not a function or constant")
     if word in _LISTS:
@@ -143,18 +172,24 @@ def is_in(data: Any, overrides: Iterable[str] = ()) -> bool:
 
 def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """A sweep with what stands above it: another parameter or other values, or another choice of what is shown."""
-    kept = {key: value for key, value in below.items() if key == "of" or not above.keys() - {"of"}}
+    kept = {key: value for key, value in below.items() if key == "of" or above.keys() - {"of"} <= below.keys()}
     return kept | above
 
 
 def apart(cases: Sequence[Any]) -> list[Any]:
     """The cases of all values of a sweep, each with its value and with a name of its own."""
-    found = []
-    for case, value in zip(cases, cases[0].sweep.values, strict=True):
-        whole = "" if case.name == "main" else f"{case.name}_"
-        title = "" if case.name == "main" else f"{case.title}, "
-        own, number = case.sweep._replace(case=case.name, title=case.title, value=value), repr(value).removesuffix(".0")
-        told = {"name": f"{whole}{own.word}={number}", "title": f"{title}{own.word} = {number}"}
+    found, sweep = [], cases[0].sweep
+    values = product(sweep.values, sweep.second_values or [None])
+    for case, (value, second) in zip(cases, values, strict=True):
+        whole = [] if case.name == "main" else [case.name]
+        title = [] if case.name == "main" else [case.title]
+        own = sweep._replace(case=case.name, title=case.title, value=value, second_value=second)
+        at = {own.word: value} | ({} if second is None else {own.second_word: second})
+        numbers = {word: repr(one).removesuffix(".0") for word, one in at.items()}
+        told = {
+            "name": "_".join([*whole, *(f"{word}={one}" for word, one in numbers.items())]),
+            "title": ", ".join([*title, *(f"{word} = {one}" for word, one in numbers.items())]),
+        }
         found.append(case.model_copy(update=told | {"sweep": own}))
     return found
 

@@ -98,9 +98,16 @@ class Quantity(NamedTuple):
         return self.swept or (self.about.swept and self.about.swept[:2])
 
     @property
+    def swept_places(self) -> dict[str, float]:
+        """The swept parameters with the values it belongs to."""
+        if self.swept is None and self.about.swept is not None:
+            return self.about.swept.places
+        return dict([self.swept] if self.swept else [])
+
+    @property
     def places(self) -> dict[str, float]:
-        """The step size, eps and the swept value that it belongs to, by name, those that there are."""
-        known = {"h": self.h, "eps": self.about.eps, **dict([self.at] if self.at else [])}
+        """The step size, eps and the swept values that it belongs to, by name, those that there are."""
+        known = {"h": self.h, "eps": self.about.eps, **self.swept_places}
         return {name: value for name, value in known.items() if value is not None}
 
     @property

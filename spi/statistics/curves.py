@@ -2,16 +2,60 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from ..storage.records import Description
+from ..storage.records import INTERVAL, Description
 from .claims import Quantity
 
 
+class Grid(NamedTuple):
+    """What is known of a quantity over the values of two parameters."""
+
+    words: tuple[str, str]
+    axes: tuple[np.ndarray, np.ndarray]  #: the values, in ascending order
+    points: dict[tuple[float, float], Quantity]
+
+    def of(self, field: str) -> np.ndarray:
+        """(V, W) a field of the quantities; NaN where nothing is known."""
+        found = np.full((len(self.axes[0]), len(self.axes[1])), np.nan)
+        for i, value in enumerate(self.axes[0].tolist()):
+            for j, second in enumerate(self.axes[1].tolist()):
+                if (value, second) in self.points:
+                    found[i, j] = getattr(self.points[value, second], field)
+        return found
+
+    def zeros(self) -> list[tuple[float, float, float]]:
+        """(value, where along the second parameter the quantity is zero, half the width of the 95 % interval).
+
+        Between two neighbours of different signs, both known to 95 %, by linear interpolation over all between them.
+        """
+        middle, low, high = (self.of(field) for field in ("value", "low", "high"))
+        found = []
+        for i, value in enumerate(self.axes[0].tolist()):
+            sure = np.flatnonzero((low[i] > 0) | (high[i] < 0))
+            for a, b in pairwise(sure.tolist()):
+                if middle[i, a] * middle[i, b] < 0:
+                    at = slice(a, b + 1)
+                    found.append((value, *_zero(self.axes[1][at], middle[i, at], (high[i, at] - low[i, at]) / 2)))
+        return found
+
+
+def _zero(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> tuple[float, float]:
+    """Where the line of least squares through points with errors is zero, and half the width of that interval."""
+    weight = 1.0 / np.maximum(half, 1e-12 * np.abs(y).max()) ** 2
+    centre = (weight @ x) / weight.sum()
+    slope = (weight * (x - centre)) @ y / ((weight * (x - centre)) @ (x - centre))
+    level = (weight @ y) / weight.sum()
+    where = centre - level / slope
+    spread = 1.0 / weight.sum() + (where - centre) ** 2 / (weight @ (x - centre) ** 2)
+    return float(where), float(np.sqrt(spread) / abs(slope))
+
+
 class Curve(NamedTuple):
-    """A quantity over the values of a parameter, with its 95 % intervals."""
+    """A quantity over the values of a parameter, or of two, with its 95 % intervals."""
 
     name: str  #: of the quantity
     function: str  #: the test function that it belongs to, or ""
@@ -33,6 +77,25 @@ class Curve(NamedTuple):
     def values(self) -> np.ndarray:
         """(V,) the values of the parameter."""
         return np.array([point.at[1] for point in self.points if point.at])
+
+    @property
+    def second_word(self) -> str:
+        """The other parameter; empty if there is none."""
+        return self.about.swept.second_word if self.about.swept and not self.points[0].swept else ""
+
+    def grid(self) -> Grid:
+        """The quantity over both parameters, where there are two."""
+        points = {(one.about.swept.value, one.about.swept.second_value): one for one in self.points if one.about.swept}
+        first, second = (np.unique(each) for each in zip(*points, strict=True))
+        return Grid((self.word, self.second_word), (first, second), points)
+
+    @property
+    def chi_squared(self) -> tuple[float, int] | None:
+        """Of the differences from what is known, in standard errors, and how many there are; None if there are none."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            away = INTERVAL * (self.of("value") - self.of("expected")) / ((self.of("high") - self.of("low")) / 2)
+        away = away[np.isfinite(away)]
+        return (float((away**2).sum()), len(away)) if away.size else None
 
     @property
     def h(self) -> float | None:

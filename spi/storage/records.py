@@ -1,5 +1,6 @@
 """What a study hands to storage, tables and figures: plain arrays with names."""
 
+import math
 from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
@@ -91,6 +92,13 @@ class Swept(NamedTuple):
     case: str  #: the name of the case that is swept
     title: str  #: its title
     of: tuple[str, ...] = ()  #: the quantities that are to be shown; () for those that suit the kind
+    second_word: str = ""  #: another parameter, if there are two
+    second_value: float = math.nan
+
+    @property
+    def places(self) -> dict[str, float]:
+        """The values by the names of the parameters."""
+        return {self.word: self.value} | ({self.second_word: self.second_value} if self.second_word else {})
 
 
 class Description(NamedTuple):
@@ -168,8 +176,9 @@ class Description(NamedTuple):
         empty = {name: plain[name] or None for name in ("variables", "extrapolate", "estimator", "driver")}
         empty["areas"] = None if self.areas == "exact" else self.areas
         swept = {} if self.swept is None else {f"{_SWEPT}{name}": it for name, it in self.swept._asdict().items()}
-        if not swept.get(f"{_SWEPT}of"):
-            swept.pop(f"{_SWEPT}of", None)
+        lacking = [name for name in ("of", "second_word") if not swept.get(f"{_SWEPT}{name}")]
+        for name in lacking + ["second_value"] * ("second_word" in lacking):
+            swept.pop(f"{_SWEPT}{name}", None)
         del plain["swept"]
         return {k: value for k, value in (plain | empty | parameters | swept).items() if k not in ("case", "variant")}
 
@@ -214,7 +223,10 @@ def _swept_of(sweep: Any) -> Swept | None:
     """Of the key ``sweep`` of a case what results tell; None where the case is none of its values."""
     if sweep is None or sweep.value is None:
         return None
-    return Swept(sweep.word, sweep.value, sweep.case, sweep.title, sweep.of)
+    found = Swept(sweep.word, sweep.value, sweep.case, sweep.title, sweep.of)
+    return (
+        found._replace(second_word=sweep.second_word, second_value=sweep.second_value) if sweep.second_word else found
+    )
 
 
 def _swept(attributes: dict[str, Any]) -> Swept | None:
@@ -223,7 +235,8 @@ def _swept(attributes: dict[str, Any]) -> Swept | None:
         return None
     of = tuple(attributes.get(f"{_SWEPT}of") or ())
     word, value, case, title = (attributes[f"{_SWEPT}{name}"] for name in ("word", "value", "case", "title"))
-    told = Swept(word, value, case, title, of)
+    second = attributes.get(f"{_SWEPT}second_word", ""), attributes.get(f"{_SWEPT}second_value", math.nan)
+    told = Swept(word, value, case, title, of, *second)
     for name, hint in get_type_hints(Swept).items():
         check_fact(f"{_SWEPT}{name}", getattr(told, name), hint)
     return told

@@ -113,9 +113,15 @@ def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> 
         if dataset.is_scale:
             coordinates[name] = read_array(dataset)
         else:
-            axes = tuple(Path(dataset.dims[i][0].name).name for i in range(dataset.ndim))
+            axes = tuple(_axis(dataset, i) for i in range(dataset.ndim))
             variables[name] = (axes, read_array(dataset))
     return Group(case, variant, coordinates, variables, _read_attributes(source), estimator, notes)
+
+
+def _axis(dataset: h5py.Dataset, i: int) -> str:
+    """The name of axis i, as its scale was made; the name in the file would be searched in all groups before it."""
+    name = h5py.h5ds.get_scale_name(dataset.dims[i][0].id)
+    return str(name.decode() if isinstance(name, bytes) else name)
 
 
 def _write_array(target: h5py.Group, name: str, values: Any) -> h5py.Dataset:

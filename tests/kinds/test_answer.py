@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from helpers import INITIAL, compiled_only
 from states import finished
 
 import spi
-from spi.kinds.answer import deciding, outcome, study
+from spi.kinds.answer import deciding, decisions, outcome, study
 from spi.kinds.answer.levels import LEVELS
 from spi.kinds.answer.planner import BIAS_SHARE, Measured, allocation, bound, change, choose, contradicted, shares
 from spi.report import views
@@ -125,7 +126,7 @@ def test_a_bias_that_is_too_large_is_noticed_by_the_check(monkeypatch):
         calls.append(stage)
         found = whole(p, state, extra, stage)
         return found._replace(
-            base=0, finest=1, wanted=np.maximum(found.wanted, deciding.pilot_of(0, len(found.wanted)))
+            base=0, finest=1, wanted=np.maximum(found.wanted, decisions.pilot_of(0, len(found.wanted)))
         )
 
     monkeypatch.setattr(deciding, "_whole", blind)
@@ -181,6 +182,39 @@ def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
     assert views.figure(results).axes
 
 
+@compiled_only
+def test_steps_and_samples_may_be_fixed():
+    ask = {**ASKED, "sampling": True, "extrapolate": [0], "seed": 5}
+    found = spi.answer(MODEL, "y1^2", **ask, accuracy=1e-3, steps=["1/2", "1/4"], samples=4096)
+    assert (found.chosen.largest_step, found.chosen.smallest_step) == (0.5, 0.25)
+    assert found.chosen.samples <= 4096 and found.aim > 1e-3
+    free = spi.answer(MODEL, "y1^2", **ask, accuracy=4e-3)
+    assert abs(found.value[0] - free.value[0]) < 1.5 * (found.half[0] + free.half[0])
+    biased = spi.answer(MODEL, "sin(2*pi*y1)", **ask, accuracy=5e-3, steps=["1/2", "1/4"])
+    assert biased.warnings[-1].endswith("because of the bias of the smallest step")
+    assert biased.bias[0] > biased.sampling[0]
+
+
+@pytest.mark.parametrize("kind", ["weak", "statistics"])
+def test_an_accuracy_stands_in_the_place_of_how_it_is_reached(tmp_path, kind):
+    """Such an experiment is the answer, in every digit; where all is given it is none."""
+    answer, other = tmp_path / "answer.yaml", tmp_path / "other.yaml"
+    answer.write_text(SPEC, encoding="utf-8")
+    other.write_text(SPEC.replace("kind: answer", f"kind: {kind}"), encoding="utf-8")
+    assert (load(other).kind, load(other).hash) == ("answer", load(answer).hash)
+    given = "step: 1/8\nsteps: [1/8]\nreference_step: 1/16\nschemes: [splitting]\nsamples: 100\nestimators: [plain]\n"
+    keys = {
+        "weak": given.replace("step: 1/8\n", "", 1),
+        "statistics": "step: 1/8\nschemes: [splitting]\nsamples: 100\n",
+    }
+    full = other.read_text(encoding="utf-8").replace("accuracy: 5e-3\n", keys[kind])
+    other.write_text(full, encoding="utf-8")
+    assert load(other).kind == kind
+    if kind == "statistics":
+        with pytest.raises(SpecError, match="--set accuracy: cannot be asked for here, where step and samples are"):
+            load(other, overrides=["accuracy=1e-3"])
+
+
 @pytest.mark.slow
 @compiled_only
 def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
@@ -190,7 +224,7 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
     ask = {**ASKED, "accuracy": 4e-3, "sampling": True, "schemes": ["splitting_order2"], "seed": 4}
     paths = spi.answer(MODEL, functions, **ask)
     monkeypatch.setattr(deciding, "_POINTS", 0.0)
-    monkeypatch.setattr(deciding, "_ALONG", 2**12)
+    monkeypatch.setattr(deciding, "ALONG_PILOT", 2**12)
     points = spi.answer(MODEL, functions, **ask)
     assert points.chosen.points and not paths.chosen.points and "quasi-random points" in str(points)
     assert points.reached and points.chosen.samples < paths.chosen.samples / 2
@@ -203,7 +237,12 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
     [
         ("schemes: [midpoint]", "has 'midpoint', which needs bounded increments; leave it out"),
         ("schemes: [ap_splitting]", "ap_splitting"),
-        ("steps: [1]", "steps: is not a known key"),
+        ("steps: [1]", "steps: has 1 entry, too few to tell the bias from; must have 2 or more, as in "),
+        ("steps: [1/2, 1/3]", "steps: has 0.333333333333, which is not final_time / 1, 2, 4, ..., 32768; the nearest"),
+        ("steps: [2^-8, 2^-9]", "steps: has at most 2^-8; the largest must be at least 2^-6"),
+        ("samples: 100", "samples: is '100'; must be at least 1024"),
+        ("extrapolate: 2\nsteps: [1/2, 1/4]", "must have 4 or more"),
+        ("step: 1/8", "step: is not a known key; did you mean 'steps'"),
         ("accuracy: 0", "accuracy"),
         ("noise: {kind: levy, alpha: 1.5}", "noise: is given, but this kind of experiment is for Brownian"),
         ("accuracy: 1e-18", "accuracy: is 1e-18, below what float64 knows of such values"),
@@ -213,5 +252,5 @@ def test_mistakes_are_one_line(tmp_path, line, message):
     spec = tmp_path / "asked.yaml"
     text = SPEC.replace("accuracy: 5e-3\n", "") if line.startswith("accuracy") else SPEC
     spec.write_text(f"{text}{line}\n", encoding="utf-8")
-    with pytest.raises(SpecError, match=message.replace("(", r"\(")):
+    with pytest.raises(SpecError, match=re.escape(message)):
         load(spec)

@@ -14,6 +14,8 @@ from spi.api.results import Results
 from spi.report import swept, views
 from spi.report.sections import section
 from spi.running import run as runner
+from spi.statistics.claims import Quantity
+from spi.statistics.curves import Grid
 
 BODY = {"model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}, "schemes": ["splitting"]}
 STRONG = {
@@ -92,6 +94,50 @@ def test_expectations_beside_a_formula(tmp_path):
     formula = [0.8 * math.exp(-((s * 0.6) ** 2) / 2) for s in (0.5, 1.0, 2.0)]
     np.testing.assert_allclose(curve.of("expected"), formula, atol=1e-8)
     np.testing.assert_allclose(curve.of("value"), formula, atol=0.02)
+
+
+def test_a_map_over_two_parameters(tmp_path):
+    """The same body until several times: E y2 is 0.6 at T = 2 log(4/3) / (0.6 s)^2."""
+    model = {**BODY["model"], "inertia": [1, 1, 1], "sigma": ["s", 0, 0]}
+    keys = STRONG | {"kind": "weak", "model": model, "initial": [0.6, 0.8, 0], "functions": "y2-0.6", "title": "Map"}
+    keys |= {"estimators": ["kolmogorov"], "schemes": ["splitting"], "final_time": "T", "steps": "2^-3 .. 2^-4"}
+    keys |= {"sweep": {"s": [0.5, 1, 2], "T": [0.5, 1, 2, 4], "of": "expectation"}}
+    keys["expect"] = {"splitting": {"T up to 0.5": {"s up to 0.5": {"expectation": "0.176 +- 0.006"}}}}
+    keys.pop("samples")
+    path = of_keys(keys, tmp_path)
+    stored, printed = storage.read(path), io.StringIO()
+    (whole,) = swept.wholes("weak", views.readings(stored))
+    (curve,) = whole.curves
+    grid = curve.grid()
+    T, s = np.meshgrid(*grid.axes, indexing="ij")
+    assert (grid.words, s.shape) == (("T", "s"), (4, 3))
+    np.testing.assert_allclose(grid.of("expected"), 0.8 * np.exp(-((s * 0.6) ** 2) * T / 2) - 0.6, atol=1e-8)
+    np.testing.assert_allclose(grid.of("value"), grid.of("expected"), atol=0.04)
+    (value, where, _) = grid.zeros()[2]  # the words of a file are sorted
+    assert value == 2.0 and where == pytest.approx(math.sqrt(math.log(4 / 3) / 0.36), abs=0.1)
+    views.print_tables(stored, printed)
+    assert "zero at s" in printed.getvalue() and printed.getvalue().count("passed") == 1
+    assert {(row["s"], row["T"]) for row in views.rows(stored)} == {
+        *zip(s.ravel().tolist(), T.ravel().tolist(), strict=True)
+    }
+    assert Results(stored)["T=4_s=1"]["splitting"].dataset.T == 4
+    ax, bar = views.figure(stored).axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$T$", "$s$") and np.isfinite(bar.get_ylim()).all()
+    assert section(path, stored, "a").told[0][1].endswith("at T = 4, s = 2.")
+
+
+def test_where_a_quantity_is_zero():
+    """A line through points with errors: those that are not known to differ from zero count as well."""
+    x, y, half = np.array([1.0, 2.0, 3.0, 4.0]), np.array([3.0, 0.4, -0.5, -3.0]), np.array([1.0, 1.0, 1.0, 0.5])
+    points = {
+        (7.0, at): Quantity("a", None, value, value - h, value + h)
+        for at, value, h in zip(x.tolist(), y.tolist(), half.tolist(), strict=True)
+    }
+    ((value, where, error),) = Grid(("u", "v"), (np.array([7.0]), x), points).zeros()
+    fit, covariance = np.polyfit(x, y, 1, w=1 / half, cov="unscaled")
+    assert value == 7.0 and where == pytest.approx(-fit[1] / fit[0])
+    gradient = np.array([where, 1.0]) / fit[0]
+    assert error == pytest.approx(math.sqrt(gradient @ covariance @ gradient))
 
 
 @compiled_only

@@ -102,6 +102,19 @@ def test_layers_above_a_sweep(spec):
     assert [case.name for case in found.cases] == ["damping=0", "damping=1"]
 
 
+def test_two_parameters(spec):
+    """A case of each pair, equal to one that is written out; an override of one parameter leaves the other."""
+    both = "sweep: {sigma: [0.5, 2], d: [1, 3, 4], of: error}\ndamping: d/4"
+    found = spec(STRONG, SWEEP, both)
+    assert [case.name for case in found.cases][:4] == ["sigma=0.5_d=1", "sigma=0.5_d=3", "sigma=0.5_d=4", "sigma=2_d=1"]
+    assert found.cases[4].title == "sigma = 2, d = 3" and {case.owner for case in found.cases} == {"main"}
+    plain = spec(STRONG, SWEEP, "damping: 3/4", SIGMA, "sigma: [2, 2, 2]")
+    assert found.effective["cases"]["sigma=2_d=3"] == plain.effective["cases"]["main"]
+    assert found.cases[0].limiting == ("h", "sigma", "d")
+    fewer = spec(STRONG, SWEEP, both, overrides=["sweep.d=[2, 4]"])
+    assert [case.damping for case in fewer.cases] == [0.5, 1.0] * 2 and fewer.cases[0].sweep.of == ("error",)
+
+
 def test_cases_are_swept_each_by_itself(spec):
     cases = "cases:\n- {name: a, title: A}\n- {name: b, sweep: {damping: [0, 1]}}\n"
     found = spec(STRONG + cases)
@@ -125,13 +138,22 @@ def test_cases_are_swept_each_by_itself(spec):
         ([SWEEP, "sweep: {sigma: [1, 2], of: [oder]}"], r"3: sweep\.of: has 'oder'; did you mean 'order'\?"),
         ([SWEEP, "sweep: {sigma: [1, 2], of: 3}"], r"3: sweep\.of: has '3'; known: order, error, .*"),
         ([SWEEP, "sweep: {sigma: [1, 2], of: {a: b}}"], r"3: sweep\.of: is no list of quantities; write .*"),
-        ([SWEEP, "sweep: {of: error}"], r"3: sweep: has 0 parameters; must have one and its values, .*"),
+        ([SWEEP, "sweep: {of: error}"], r"3: sweep: has 0 parameters; must have one or two and their values, .*"),
         (
             [SWEEP, "sweep: {steps: [2^-3]}"],
             r"3: sweep: 'steps' cannot be swept; write steps: \[\.\.\.\] without .*",
         ),
         ([SIGMA, "sigma: [1, 0, 1]"], r"3: sweep: has 'sigma', whose entries differ; write the parameter in them, .*"),
         ([SWEEP, "sweep: {final_time: [1, 3/4]}"], r"3: sweep\.final_time: with final_time = 3/4: steps: has 0\.5, .*"),
+        ([SWEEP, "sweep: {sigma: [1, 2], damping: [0]}"], r"3: sweep\.damping: has one value; give several, .*"),
+        (
+            [SWEEP, "sweep: {sigma: [1, -1], damping: [0, 1]}"],
+            r"3: sweep\.sigma: with sigma = -1, damping = 0: model\.sigma: entry 1 is '-1'; .*",
+        ),
+        (
+            [SWEEP, "sweep: {sigma: [1, 2], damping: [0, 1], final_time: [1, 2]}"],
+            r"3: sweep: has 3 parameters; must have one or two and their values, .*",
+        ),
         ([SWEEP, "sweep: {samples: [1, 2]}"], r"3: sweep: the parameter 'samples' is not used; .*"),
         (["samples: 70", "smaples: 70"], r"10: smaples: is not a known key; did you mean 'samples'\?"),
         (["initial: [", "initial: [1, "], r"5: initial: has 4 entries; must have 3, the dimension of rigid_body"),

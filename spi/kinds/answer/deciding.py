@@ -1,101 +1,33 @@
-"""What an answer has decided, and what it decides next: pilot, a tenth of the work, the whole, checks."""
+"""What an answer decides next: pilot, a tenth of the work, the whole, checks."""
 
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from spi.kinds.plans import State
 from spi.kinds.weak.estimators.kolmogorov.study import solution
-from spi.numerics.rng import LANES
 from spi.statistics.estimators import ROUND
 
 from . import outcome
+from .decisions import BEGINNING, DONE, GLANCE_LEVELS, PILOTING, WHOLE, Decisions, glance, pilot_of
+from .keys import PILOT_LEVELS, PILOT_SAMPLES
 from .levels import ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
 from .planner import BIAS_SHARE, Choice, Measured, allocation, choose, contradicted
 
 if TYPE_CHECKING:
     from .study import AnswerPlan
 
-#: The stages: the pilot, a share of the work, the whole of it and what its checks ask for; and the end.
-PILOTING, BEGINNING, WHOLE, DONE = 0, 1, 2, 99
 MOST_STAGES = 14  #: after so many the answer is given as it is
 
-PILOT, PILOT_LEVELS = 2 * ROUND, 7  #: blocks of the pilot, of the levels from 0 up to that
+_PILOT_WORTH = 2.0  # pilots that what is predicted from these must take, or no more is asked for
 _SHARE = 0.1  # of the work before it is decided again
 _WORTH = 20.0  # so many times a pilot's work; where less is left, another pilot or choice does not pay
-_POINTS = 5.0  # predicted seconds of typical speed from which on quasi-random points are tried
+_POINTS = 2.0  # predicted seconds of typical speed from which on quasi-random points are tried
 _SCHEME = 20.0  # the same, once these are known, of the other schemes
-_ALONG = 2**15  # samples of a pilot along points
+ALONG_PILOT = 2**15  #: samples of a pilot along points
 _MARGIN = 0.98  # of the accuracy, aimed at when it was missed
 _ROOM = 0.3  # of the accuracy, the most that the bias may have in the end
-
-
-class Decisions(NamedTuple):
-    """What is known besides sums over paths, for F functions."""
-
-    seconds: float  #: wall clock, of what needs no paths
-    cpu_seconds: float
-    stage: int
-    wanted: np.ndarray  #: (path sets,) samples
-    piloted: int  #: of how many schemes there is a pilot
-    pointed: int  #: whether there is one along quasi-random points
-    points: int  #: whether the largest step follows such points
-    scheme: int  #: the number of the scheme that was chosen; -1 for the solution without sampling
-    levels: int  #: of extrapolation
-    base: int  #: the level that is sampled alone
-    finest: int
-    order: float  #: of the bias, where it is not that of theory; NaN else
-    aim: float  #: half the width of the interval that is aimed at
-    work: float  #: predicted, in seconds of typical speed
-    pilot_cpu_seconds: float
-    predicted_cpu_seconds: float
-    next_cpu_seconds: float  #: of an answer to a tenth of the accuracy
-    works: np.ndarray  #: (schemes, 4) predicted work by levels of extrapolation, NaN where it is not known
-    known: np.ndarray  #: (F,) expectations that were found without sampling
-    known_bound: np.ndarray  #: (F,)
-
-    @classmethod
-    def initial(cls, sets: int, functions: int, sampling: bool) -> "Decisions":
-        """The pilot of the first scheme is wanted, if anything is sampled."""
-        nothing, nan = np.full(functions, np.nan), float("nan")
-        wanted = pilot_of(0, sets) if sampling else np.zeros(sets, np.int64)
-        fields: dict[str, Any] = dict.fromkeys(("seconds", "cpu_seconds", "work", "pilot_cpu_seconds"), 0.0)
-        fields |= dict.fromkeys(("order", "aim", "predicted_cpu_seconds", "next_cpu_seconds"), nan)
-        fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points"), 0)
-        return cls(
-            **fields,
-            stage=PILOTING,
-            wanted=wanted,
-            piloted=1,
-            works=np.full((sets // SETS, 4), nan),
-            known=nothing,
-            known_bound=nothing,
-        )
-
-    @property
-    def set_of_base(self) -> int:
-        """Which of the path sets of the scheme the largest step alone has."""
-        return (ALONG if self.points else LEVELS) + self.base
-
-    @property
-    def choice(self) -> Choice:
-        """The levels that were chosen."""
-        return Choice(self.levels, self.base, self.finest, self.work, 0.0)
-
-    def with_choice(self, choice: Choice, order: float | None) -> "Decisions":
-        """With other levels."""
-        levels, base, finest, work, _ = choice
-        of_order = float("nan") if order is None else order
-        return self._replace(levels=levels, base=base, finest=finest, work=work, order=of_order)
-
-
-def pilot_of(scheme: int, sets: int) -> np.ndarray:
-    """(sets,) the samples of the pilot of a scheme: of differences, and of the largest step alone."""
-    wanted = np.zeros(sets, np.int64)
-    wanted[scheme * SETS + 1 : scheme * SETS + PILOT_LEVELS + 1] = PILOT * LANES
-    wanted[scheme * SETS + LEVELS] = PILOT * LANES
-    return wanted
 
 
 def decided(p: "AnswerPlan", state: State) -> Decisions | None:
@@ -128,7 +60,7 @@ def _solved(p: "AnswerPlan", extra: Decisions) -> Decisions:
     )
     if (found.limit_bound <= p.case.accuracy).all():
         return extra._replace(stage=DONE, scheme=-1)
-    return extra._replace(wanted=pilot_of(0, len(extra.wanted)))
+    return extra._replace(wanted=glance(len(extra.wanted)))
 
 
 def powers_of(p: "AnswerPlan", measured: Measured, scheme: int, accuracy: float, lowest: int) -> Any:
@@ -144,18 +76,24 @@ def _best(p: "AnswerPlan", state: State, scheme: int, accuracy: float) -> tuple[
     """The best choice of levels of a scheme, and the order that was found if it is not that of theory."""
     measured = p.measured(state, scheme)
     exponents, allowed, order = powers_of(p, measured, scheme, accuracy, 0)
-    return choose(measured, exponents, allowed, accuracy), order
+    return choose(measured, exponents, allowed, accuracy, p.case.step_levels), order
 
 
 def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     """A pilot along points, or of another scheme, where that pays, else the beginning of the work."""
     extra: Decisions = state.extra
+    cost = np.array([p.cost_of(i) for i in range(len(p.sets))])
+    if not extra.looked:
+        extra, pilot = extra._replace(looked=1), pilot_of(0, len(extra.wanted))
+        late = p.case.step_levels[0] >= GLANCE_LEVELS
+        if late or _best(p, state, 0, p.case.accuracy)[0].work > _PILOT_WORTH * float(cost @ pilot):
+            return extra._replace(wanted=np.maximum(extra.wanted, pilot))
     works = extra.works.copy()
     for levels in p.case.extrapolate:
         s = extra.piloted - 1
         measured = p.measured(state, s)
         if not levels or len(p.exponents(s)) > levels:
-            works[s, levels] = choose(measured, p.exponents(s), [levels], p.case.accuracy).work
+            works[s, levels] = choose(measured, p.exponents(s), [levels], p.case.accuracy, p.case.step_levels).work
     best = [_best(p, state, s, p.case.accuracy) for s in range(extra.piloted)]
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)
     extra = extra._replace(works=works)
@@ -168,7 +106,6 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
         return extra._replace(wanted=more, piloted=extra.piloted + 1)
     spent = _cpu_seconds(p, state).sum()
     extra = extra._replace(scheme=chosen, pilot_cpu_seconds=float(spent), aim=_affordable(p, state, chosen))
-    cost = np.array([p.cost_of(i) for i in range(len(p.sets))])
     if best[chosen][0].work < _WORTH * float(cost @ extra.wanted):
         return _whole(p, state, extra, WHOLE)
     return _whole(p, state, extra, BEGINNING)
@@ -179,18 +116,23 @@ def _pilot_along(p: "AnswerPlan", scheme: int, base: int) -> np.ndarray:
     wanted = np.zeros(len(p.sets), np.int64)
     last = min(base + 2, PILOT_LEVELS - 1, most_points(p.of_schemes[scheme].row, p.model))
     first = scheme * SETS + ALONG
-    wanted[first + min(max(base - 1, 0), last) : first + last + 1] = _ALONG
+    wanted[first + min(max(base - 1, 0), last) : first + last + 1] = ALONG_PILOT
     return wanted
 
 
 def _affordable(p: "AnswerPlan", state: State, scheme: int) -> float:
-    """The accuracy, or the best that the seconds of the case allow."""
+    """The accuracy, or the best that the seconds and samples of the case allow."""
     aim = p.case.accuracy
     for _ in range(4):
-        work = _best(p, state, scheme, aim)[0].work
-        if work <= p.case.seconds:
+        choice, order = _best(p, state, scheme, aim)
+        excess = choice.work / p.case.seconds
+        if p.case.samples:
+            exponents = p.exponents(scheme) if order is None else (order,)
+            samples = allocation(p.measured(state, scheme), exponents, choice, aim)
+            excess = max(excess, float(samples[LEVELS + choice.base]) / p.case.samples)
+        if excess <= 1.0:
             break
-        aim *= 1.02 * np.sqrt(work / p.case.seconds) if np.isfinite(work) else 2.0
+        aim *= 1.02 * np.sqrt(excess) if np.isfinite(excess) else 2.0
     return float(aim)
 
 
@@ -202,30 +144,34 @@ def _whole(p: "AnswerPlan", state: State, extra: Decisions, stage: int) -> Decis
     extra = extra.with_choice(choice, order)
     samples = allocation(measured, exponents, choice, extra.aim)
     extra = extra._replace(points=int(state.tally(extra.scheme * SETS + ALONG + choice.base).paths > 0))
-    next_digit = choose(measured, exponents, p.case.extrapolate if order is None else (0,), extra.aim / 10)
+    levels = p.case.extrapolate if order is None else (0,)
+    next_digit = choose(measured, exponents, levels, extra.aim / 10, p.case.step_levels)
     rate = _seconds_per_sample(p, state, extra.scheme)
     return extra._replace(
         stage=stage,
-        wanted=_raised(extra, samples * (_SHARE if stage == BEGINNING else 1.0)),
-        predicted_cpu_seconds=float(np.nan_to_num(rate @ _of_sets(extra, samples))) + extra.pilot_cpu_seconds,
+        wanted=_raised(extra, samples * (_SHARE if stage == BEGINNING else 1.0), p.case.samples),
+        predicted_cpu_seconds=float(np.nan_to_num(rate @ _of_sets(extra, samples, p.case.samples)))
+        + extra.pilot_cpu_seconds,
         next_cpu_seconds=float(rate[:ALONG] @ allocation(measured, exponents, next_digit, extra.aim / 10)),
     )
 
 
-def _of_sets(extra: Decisions, samples: np.ndarray) -> np.ndarray:
-    """(SETS,) samples in whole blocks; those of the largest step along points, where it follows them."""
+def _of_sets(extra: Decisions, samples: np.ndarray, most: int | None) -> np.ndarray:
+    """(SETS,) samples in whole blocks, of the largest step `most`; those along points, where it follows them."""
     found, base = np.zeros(SETS, np.int64), LEVELS + extra.base
     finite = np.nan_to_num(samples[:ALONG], nan=1.0, posinf=1.0)  # where paths diverge no number of them is enough
+    finite[base] = min(finite[base], most or np.inf)
     found[:ALONG] = whole_blocks(finite, ROUND)
     if extra.points:
-        found[LEVELS + base], found[base] = power_of_two(float(found[base])), 0
+        points = power_of_two(float(found[base]))
+        found[LEVELS + base], found[base] = points if points <= (most or points) else points // 2, 0
     return found
 
 
-def _raised(extra: Decisions, samples: np.ndarray) -> np.ndarray:
+def _raised(extra: Decisions, samples: np.ndarray, most: int | None) -> np.ndarray:
     """What is wanted, with at least so many samples of the path sets of the chosen scheme."""
     wanted, own = extra.wanted.copy(), slice(extra.scheme * SETS, (extra.scheme + 1) * SETS)
-    wanted[own] = np.maximum(wanted[own], _of_sets(extra, samples))
+    wanted[own] = np.maximum(wanted[own], _of_sets(extra, samples, most))
     return wanted
 
 
@@ -243,7 +189,7 @@ def _seconds_per_sample(p: "AnswerPlan", state: State, scheme: int) -> np.ndarra
     with np.errstate(invalid="ignore", divide="ignore"):
         rate = spent / paths
         ratio = np.nanmin(rate / typical)  # the other sets have more of what a batch takes whatever its size
-        return np.where(paths >= 8 * PILOT * LANES, rate, typical * ratio)
+        return np.where(paths >= 8 * PILOT_SAMPLES, rate, typical * ratio)
 
 
 def _checked(p: "AnswerPlan", state: State) -> Decisions:
@@ -256,17 +202,22 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
         return extra._replace(stage=DONE)
     measured = p.measured(state, extra.scheme)
     exponents, allowed, order = powers_of(p, measured, extra.scheme, extra.aim, extra.base)
-    choice = choose(measured, exponents, allowed, extra.aim, bases=(extra.base,))
+    choice = choose(measured, exponents, allowed, extra.aim, p.case.step_levels, (extra.base,))
     finer = not found.passed or bool((found.bias > _ROOM * extra.aim).any())
-    finest = max(choice.finest, min(extra.finest + finer, LEVELS - 2))
+    above = [level for level in p.case.step_levels if level > extra.finest]
+    if finer and not above and bool((found.half - found.bias <= (1.0 - _ROOM) * extra.aim).all()):
+        return extra._replace(stage=DONE)  # no step is left that is small enough
+    finest = max(choice.finest, above[0] if finer and above else extra.finest)
     if choice.levels == extra.levels or not finer:
         choice = choice._replace(levels=extra.levels if order is None else 0, finest=finest)
     bias = min(float(found.bias.max()), _ROOM * extra.aim) if not finer else BIAS_SHARE * extra.aim
     samples = allocation(measured, exponents, choice, _MARGIN * extra.aim, bias)
     more = extra.with_choice(choice._replace(work=extra.work), order)._replace(stage=extra.stage + 1)
-    wanted = _raised(extra, samples)
+    wanted = _raised(extra, samples, p.case.samples)
     if (wanted == extra.wanted).all():
-        wanted = _raised(extra, 1.25 * np.where(samples > 0, state_samples(state, extra), 0.0))
+        wanted = _raised(extra, 1.25 * np.where(samples > 0, state_samples(state, extra), 0.0), p.case.samples)
+    if (wanted == extra.wanted).all():
+        return extra._replace(stage=DONE)  # the case allows no more
     return more._replace(wanted=wanted)
 
 

@@ -1,19 +1,22 @@
 """The keys of an experiment of kind answer."""
 
-from typing import Any, ClassVar, Self
+import math
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import pydantic
+from annotated_types import Ge
 
 from spi.ensemble.inexact import flows_lacking
 from spi.ensemble.protocol import Positive, large
 from spi.expressions import as_numpy
 from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase
+from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_flows, check_once
 from spi.specs.conversion import Given
 from spi.specs.functions import FunctionKeys
-from spi.specs.keys import Functions, Levels, Schemes, condition, key_of, wrong
+from spi.specs.keys import Functions, Levels, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 #: What is tried where no schemes are named, the first that a model can have: exact flows, or schemes without any.
@@ -21,6 +24,9 @@ CANDIDATES = (("splitting_order2", "splitting_symmetric"), ("munthe_kaas_midpoin
 
 #: The finest step is final_time / 2^FINEST.
 FINEST = 16
+
+#: The pilot has so many samples of each of the levels 1 to PILOT_LEVELS.
+PILOT_SAMPLES, PILOT_LEVELS = 1024, 7
 
 #: No sum of float64 is known to better than this, relative to the largest values that it has.
 ROUNDING = 1e-13
@@ -36,6 +42,10 @@ class Case(FunctionKeys, BaseCase):
     )
     schemes: key_of(Schemes, "schemes to choose from; default: those of weak order 2, or what the model can have") = ()
     extrapolate: key_of(Levels, "levels of extrapolation to choose from, 0 to 3") = (0, 1, 2, 3)
+    steps: key_of(
+        Steps | None, "steps to choose from, two or more of final_time / 1, 2, 4, ...; default: all", "time"
+    ) = None
+    samples: key_of(Annotated[int, Ge(PILOT_SAMPLES)] | None, "at most so many paths of the largest step") = None
     sampling: key_of(pydantic.StrictBool, "sample, though the expectation may be known without it") = False
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
 
@@ -44,6 +54,13 @@ class Case(FunctionKeys, BaseCase):
     panels: ClassVar[tuple] = ()
     quantities: ClassVar = {"value": Sort(EQUAL), "interval": Sort(AT_MOST)}
     scoping: ClassVar = ("functions",)
+
+    @property
+    def step_levels(self) -> tuple[int, ...]:
+        """The levels l of the steps T / 2^l to choose from; one more is kept for the check."""
+        if self.steps is None:
+            return tuple(range(FINEST))
+        return tuple(sorted({round(math.log2(self.final_time / h)) for h in self.steps}))
 
     @property
     def last_time(self) -> float:
@@ -66,6 +83,27 @@ class Case(FunctionKeys, BaseCase):
     @condition("extrapolate")
     def _check_extrapolate(self) -> Self:
         check_once(self.extrapolate, "extrapolate")
+        return self
+
+    @condition("steps", "final_time", "extrapolate")
+    def _check_steps(self) -> Self:
+        end, levels = self.final_time, self.step_levels
+        for h in self.steps or ():
+            level = min(max(round(math.log2(end / h)), 0), FINEST - 1)
+            if abs(end / 2.0**level - h) > RATIO * h:
+                what = f"has {quantity(h)}, which is not final_time / 1, 2, 4, ..., {2 ** (FINEST - 1)}"
+                raise wrong(what, f"the nearest is {quantity(end / 2.0**level)}", "steps")
+        least = min(self.extrapolate) + 2
+        if levels[0] >= PILOT_LEVELS:
+            what = f"has at most {quantity(max(self.steps or ()))}"
+            raise wrong(what, f"the largest must be at least {quantity(end / 2 ** (PILOT_LEVELS - 1))}", "steps")
+        if levels[-1] - levels[0] + 1 < least:
+            what = f"has {entries_in(len(levels))}, too few to tell the bias from"
+            raise wrong(
+                what,
+                f"must have {least} or more, as in [{quantity(end / 8)}, {quantity(end / 2 ** (least + 2))}]",
+                "steps",
+            )
         return self
 
     @condition("accuracy", "functions", "initial", "model")

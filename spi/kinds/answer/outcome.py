@@ -155,7 +155,8 @@ def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached
     case, extra = p.case, state.extra
     if extra.aim > case.accuracy:
         what = f"accuracy {short(case.accuracy, 'g')} would take more than {case.seconds:g} s of typical speed"
-        yield f"{what}; {short(extra.aim)} is what these allow; raise seconds"
+        what += f" or {case.samples:,} samples" if case.samples else ""
+        yield f"{what}; {short(extra.aim)} is what these allow; raise {'them' if case.samples else 'seconds'}"
     if not math.isnan(extra.order):
         theory = p.exponents(extra.scheme)[0]
         what = f"the order found is {extra.order:.2f}, not {theory:g} as assumed"
@@ -167,6 +168,8 @@ def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached
     if not one.passed:
         yield "one step finer differs by more than the bias that is stated; the interval may be too narrow"
     if not reached and one.passed:
-        yield f"the interval is wider than {short(extra.aim)}"
+        bias = bool((one.bias > one.half / 2).any())
+        limit = "the bias of the smallest step" if bias and case.steps else "few samples" if case.samples else ""
+        yield f"the interval is wider than {short(extra.aim)}" + f", because of {limit}" * bool(limit)
     if lost := [name for name, value in zip(case.functions, one.value, strict=True) if not math.isfinite(value)]:
         yield f"not finite: {joined(lost)}; paths diverged"

@@ -135,19 +135,25 @@ def bound(measured: Measured, exponents: Sequence[float], levels: int, finest: i
 
 
 def choose(
-    measured: Measured, exponents: Sequence[float], allowed: Sequence[int], accuracy: float, bases: Sequence[int] = ()
+    measured: Measured,
+    exponents: Sequence[float],
+    allowed: Sequence[int],
+    accuracy: float,
+    steps: Sequence[int] = (),
+    bases: Sequence[int] = (),
 ) -> Choice:
     """The least work by which bias and sampling together stay below the accuracy.
 
-    Of all `allowed` numbers of levels of extrapolation, and of all largest steps, or those of `bases`.  If the bias is
-    too large even at the smallest step, the choice has that.
+    Of all `allowed` numbers of levels of extrapolation, of all levels, or those of `steps`, and of all largest steps,
+    or those of `bases`.  If the bias is too large even at the smallest step, the choice has that.
     """
-    most, found = len(measured.cost) - 2, []  # one level more is kept for the check
+    steps = steps or range(len(measured.cost) - 1)  # one level more is kept for the check
+    most, found = max(steps), []
     for levels in allowed:
         if levels and len(exponents) <= levels:
             continue
-        for base in bases or range(measured.known):
-            for finest in range(base + levels + 1, most + 1):
+        for base in bases or [step for step in steps if step < measured.known]:
+            for finest in [step for step in steps if step > base + levels]:
                 bias = float(bound(measured, exponents, levels, finest, base).bias.max())
                 if bias <= BIAS_SHARE * accuracy or finest == most:
                     one = Choice(levels, base, finest, 0.0, bias)

@@ -32,7 +32,8 @@ from spi.statistics.tallies import Chunk, PathSet, chunk_blocks, sum_of_fields
 from spi.storage.records import Part
 
 from . import deciding, outcome
-from .deciding import PILOT, PILOT_LEVELS, Decisions
+from .decisions import DONE, Decisions
+from .keys import PILOT_LEVELS, PILOT_SAMPLES
 from .levels import ALONG, DIFFERENCE, LEVELS, SETS, Paths, along_points, paths_of_set, seconds_of
 from .planner import Measured
 from .results import Answer
@@ -140,7 +141,7 @@ class AnswerPlan(Blockwise, PartPlan):
 
     def cost(self) -> Cost:
         """That of the pilot; seconds are not known before it."""
-        number = PILOT * LANES
+        number = PILOT_SAMPLES
         steps = number * sum(self.sets[level].steps for level in range(1, PILOT_LEVELS + 1))
         return Cost(steps, 0.0 if self.solvable else float("nan"), int(_BATCH_BYTES))
 
@@ -149,8 +150,8 @@ class AnswerPlan(Blockwise, PartPlan):
         found = super().deciding(number)
         if number is None:
             return found | {"schemes": self.case.schemes}
-        for key in ("accuracy", "seconds", "sampling", "extrapolate"):
-            found.pop(key)
+        for key in ("accuracy", "seconds", "sampling", "extrapolate", "steps"):
+            found.pop(key, None)
         return found | {"part": None, "scheme": self.case.schemes[number // SETS]}
 
     def initial_extra(self) -> Decisions:
@@ -233,7 +234,7 @@ class AnswerPlan(Blockwise, PartPlan):
 
     def so_far(self, state: State) -> State | None:
         """None: before all is there nothing is known of the bias."""
-        return None if state.missing() or state.extra.stage < deciding.DONE else state
+        return None if state.missing() or state.extra.stage < DONE else state
 
     def results(self, state: State) -> Answer:
         """The answer, from the final state."""

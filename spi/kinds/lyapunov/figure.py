@@ -56,6 +56,8 @@ def _panel(ax: Axes, readings: Sequence[Exponents], looks: style.Looks, k: int) 
     ax.set_xlabel("averaged until time $t$")
     ax.set_ylabel("$\\sum_k \\lambda_k$" if is_sum else f"$\\lambda_{{{k + 1}}}$")
     rules(ax)
+    if is_sum and (known := readings[0].total_known) is not None:
+        ax.axhline(known, color="#777777", linestyle=(0, (2, 2)), linewidth=1.0, zorder=1)
     for one in readings:
         marker, colour = looks[one.about.variant]
         value = one.total if is_sum else one.exponent[k]

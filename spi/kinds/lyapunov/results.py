@@ -59,6 +59,10 @@ class Exponents(Stored):
     exponent_stderr: Annotated[Array, array("number t", "standard error of the exponent", "1/time")]
     total: Annotated[Array, array("t", "sum of the exponents: mean divergence of the flow", "1/time")]
     total_stderr: Annotated[Array, array("t", "standard error of the sum", "1/time")]
+    total_known: Annotated[
+        float | None,
+        fact("what the sum is of the equation", "1/time"),
+    ] = None
     dimension_stderr: Annotated[
         float | None, fact("standard error of the Lyapunov dimension, where exponents suffice for it")
     ] = None

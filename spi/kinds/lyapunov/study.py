@@ -6,6 +6,7 @@ log R_ii over time are the exponents.  (G. Benettin, L. Galgani, A. Giorgilli, J
 Nothing but the steps of the scheme is needed; their random numbers are drawn anew for each of the m + 1 paths.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,8 +17,10 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.ensemble.moments import add_moments
+from spi.exact.divergence import mean_divergence
 from spi.kinds.means import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
@@ -161,6 +164,11 @@ class LyapunovPlan(MeansPlan):
                 values[:, at] = np.moveaxis(np.concatenate((means, means.sum(axis=0, keepdims=True))), 0, 1)
         return Rows(values, change, np.logical_not(np.isfinite(values[:, -1]).all(axis=1)))
 
+    @cached_property
+    def _kernel_records(self) -> tuple[Any, Any]:
+        """The scheme and the model; looked up once, because there are many short calls."""
+        return self.scheme, self.model
+
     def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
         """States (blocks, d, LANES) at a stop, from those at the one before; on numbers of its own.
 
@@ -172,7 +180,7 @@ class LyapunovPlan(MeansPlan):
             reference_steps=int(self.stops[stop - 1] - done), first_step=unit, start=(int(done) - unit) * h
         )
         states = np.array(y).reshape(len(y), 1, -1)
-        moved, _ = integrated(self.scheme, self.model, states, times, self.stream, first, len(y), end)
+        moved, _ = integrated(*self._kernel_records, states, times, self.stream, first, len(y), end)
         return moved.reshape(y.shape)
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
@@ -196,6 +204,15 @@ class LyapunovPlan(MeansPlan):
         known = self.case.pullback.model_copy(update={"points": points}) if points else None
         return state.of(replace(own, case=own.case.model_copy(update={"pullback": known})))
 
+    def _known_sum(self) -> float | None:
+        """The sum of the exponents of the equation; None where it is not known."""
+        case = self.case
+        if self.case.count < leaf_dimension(self.model, self.initial) or case.damping:
+            return None
+        if math.isinf(case.temperature):
+            return 0.0
+        return mean_divergence(undamped(case.model), case.temperature, self.initial)
+
     def results(self, state: State) -> Exponents:
         """The results of one scheme of a case, from its final state."""
         sums, groups = state.total(), group_counts(self.samples)
@@ -211,6 +228,7 @@ class LyapunovPlan(MeansPlan):
             exponent_stderr=stderr[:, :-1].T,
             total=mean[:, -1],
             total_stderr=stderr[:, -1],
+            total_known=self._known_sum(),
             dimension_stderr=float(jackknife_stderr(dimension, others, groups)) if is_known else None,
             change=float(np.exp(sums.change)),
             nonfinite=sums.nonfinite,

@@ -110,12 +110,16 @@ class Case(BaseCase):
     ) = None
     panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
+    accuracy: key_of(
+        Positive | None, "of means at the last time: scheme, steps and samples are then chosen", "value"
+    ) = pydantic.Field(default=None, exclude=True)
 
     quantities: ClassVar = {
         **dict.fromkeys(("mean", "variance", "quantile", "autocorrelation", "difference"), Sort(EQUAL)),
         "deviation": Sort(AT_MOST),
     }
     scoping: ClassVar = ("functions", "quantile_names")
+    unless_asked: ClassVar = ()
     shown_over: ClassVar = ("mean", "variance", "quantile")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference"}
 
@@ -217,6 +221,13 @@ class Case(BaseCase):
     def _check_since(self, name: str, since: float) -> None:
         self._check_name(name, "autocorrelation", name)
         self.place(since, "autocorrelation", name)
+
+    @condition("accuracy")
+    def _check_accuracy(self) -> Self:
+        if self.accuracy is not None:
+            right = "name it in the file, without step and samples, or use `spi answer`"
+            raise wrong("cannot be asked for here, where step and samples are given", right, "accuracy")
+        return self
 
     @condition("density", "functions", "model", "times", "every", "step")
     def _check_density(self) -> Self:

@@ -62,6 +62,7 @@ class Case(SampledCase):
         **dict.fromkeys(("error", "nonfinite", "agreement"), Sort(AT_MOST, per_step=True)),
     }
     scoping: ClassVar = ("estimators", "functions")
+    unless_asked: ClassVar = ("estimators",)
     shown_over: ClassVar = ("order", "error", "expectation")
 
     @condition("prefixes", "estimators")

@@ -6,14 +6,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, NullLocator
 
 from spi.drawing import style
+from spi.drawing.cells import cell_places, edges, ticks
 from spi.drawing.layout import Entry, Line
-from spi.drawing.sweeps import value_places
 
 from ..results import CASIMIR_LOST, FAILING, GROWTH, Stability
 
@@ -31,7 +29,6 @@ LOOKS = (
     ("#3a3a3a", "xxxx"),
 )
 HATCHES = "#999999", "#ffffff"  # on a pale colour, and on others
-_UNEVEN = 3.0  # largest gap over smallest, in logarithms
 _TICKS = 9
 
 
@@ -82,8 +79,8 @@ def _map(ax: Axes, reading: Stability | None) -> None:
     if is_log:
         ax.set_yscale("log")
     ax.set(xlim=(x.min(), x.max()), ylim=(y.min(), y.max()), xlabel="step size $h$")
-    _ticks(ax.xaxis, h, h, steps=True, room=5)
-    _ticks(ax.yaxis, places, values, steps=False, room=_TICKS)
+    ticks(ax.xaxis, h, h, steps=True, room=5)
+    ticks(ax.yaxis, places, values, steps=False, room=_TICKS)
     ax.tick_params(length=2.5)
     ax.set_ylabel(style.word(reading.word))
 
@@ -97,36 +94,5 @@ def _cells(ax: Axes, x: np.ndarray, y: np.ndarray, regimes: np.ndarray) -> None:
     ax.add_collection(LineCollection(borders, color="white", linewidth=0.5, zorder=2))
 
 
-def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """The same for cells, also by rank if the gaps differ so much that some cells could not be seen."""
-    places, is_log = value_places(values)
-    gaps = np.diff(np.sort(np.log(values))) if is_log else np.ones(1)
-    if len(gaps) > 1 and gaps.max() > _UNEVEN * gaps.min():
-        return np.argsort(np.argsort(values)).astype(float), False
-    return places, is_log
-
-
-def edges(places: np.ndarray, is_log: bool) -> np.ndarray:
-    """(low, high) of the cell around each place, half way to its neighbours; shape (places, 2)."""
-    x = np.log2(places) if is_log else np.asarray(places, float)
-    order = np.argsort(x)
-    x = x[order]
-    middle = (x[1:] + x[:-1]) / 2
-    outer = (x[1:] - x[:-1]) / 2 if len(x) > 1 else np.array([0.5])
-    bounds = np.concatenate([[x[0] - outer[0]], middle, [x[-1] + outer[-1]]])
-    found = np.empty((len(x), 2))
-    found[order] = np.column_stack([bounds[:-1], bounds[1:]])
-    return 2.0**found if is_log else found
-
-
 def _cell(x: np.ndarray, y: np.ndarray) -> list[tuple[float, float]]:
     return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1]), (x[0], y[0])]
-
-
-def _ticks(axis: Axis, places: np.ndarray, values: np.ndarray, steps: bool, room: int) -> None:
-    """Ticks at the places, named by the values, at most so many of them."""
-    order = np.argsort(places)[:: -1 if steps else 1][:: int(np.ceil(len(places) / room))]
-    names = [f"${style.number(v, steps=True) if steps else style.power(v)}$" for v in map(float, values[order])]
-    axis.set_major_locator(FixedLocator(places[order].tolist()))
-    axis.set_minor_locator(NullLocator())
-    axis.set_ticklabels(names)
