@@ -143,6 +143,7 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
 #: Each program of the folder with arguments for which it takes a minute or less.
 SHORT = {
     "digests.py": ["experiments/rigid_body_strong.yaml"],
+    "equilibrium.py": ["--samples", "20000"],
     "euler.py": [],  # and results, which the test computes
     "flops.py": ["lotka_volterra"],
     "integrator.py": ["640", "10"],
