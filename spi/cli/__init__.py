@@ -62,7 +62,7 @@ def check(
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..printing import print_cost, print_remarks, print_reports
-    from ..running.load import remarks
+    from ..running.remarks import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:

@@ -74,6 +74,7 @@ def run(
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
     from ..running import run as runner
     from ..running import shards
+    from ..running.remarks import warnings
     from .progress import ProgressLine
 
     if part is not None:
@@ -82,6 +83,9 @@ def run(
         end(INVALID, "--shard, --workers and --dask exclude one another; give one of them")
     mine, limits = _shard(shard), limits_of(max_time, checkpoint)
     prepare(threads)
+    for experiment in experiments:
+        for warning in warnings(experiment):
+            tell(f"{experiment.called}: {warning}")
     if mine is not None:
         for experiment in experiments:
             with ProgressLine(experiment.name) as line:

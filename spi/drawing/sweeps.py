@@ -63,7 +63,8 @@ def swept_axis(ax: Axes, word: str, values: np.ndarray) -> np.ndarray:
         ax.set_xlim(values.min() / 1.25, values.max() * 1.25)
         power_ticks(ax, values)
         return values
-    if positive.size and positive.max() <= WIDE * positive.min() and (values >= 0).all():
+    sizes = np.abs(values[values != 0])
+    if sizes.size and sizes.max() <= WIDE * sizes.min():
         return values
     places, is_log = value_places(values)
     if is_log:

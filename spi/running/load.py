@@ -3,11 +3,10 @@
 import contextlib
 import functools
 import inspect
-import itertools
 import json
 import platform
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -220,24 +219,6 @@ def plans(experiment: specs.Experiment) -> list[Plan]:
     """The plans of all parts of all cases, in the order in which they are run."""
     study = KINDS[experiment.kind].study
     return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
-
-
-def remarks(experiment: specs.Experiment) -> list[str]:
-    """What of an experiment will not be computed, or not as it was asked for, a line each."""
-    of_kind: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
-    several = len({case.owner for case in experiment.cases}) > 1
-    each = ((case, itertools.chain(of_kind(case), _of_areas(case), _of_driver(case))) for case in experiment.cases)
-    return list(dict.fromkeys(f"{case.owner}: " * several + line for case, lines in each for line in lines))
-
-
-def _of_areas(case: specs.BaseCase) -> Iterator[str]:
-    if case.areas != "exact":
-        yield "Lévy areas are Gaussian, with the right moments given the increments: results hold in law"
-
-
-def _of_driver(case: specs.BaseCase) -> Iterator[str]:
-    if case.driver:
-        yield f"the noises are driven by another process than Brownian motion: {case.driver}"
 
 
 def name_of(plan: Plan) -> str:

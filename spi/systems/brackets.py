@@ -59,7 +59,7 @@ class Bracket(NamedTuple):
     def is_cross_product(self) -> bool:
         """Whether B(y) v = y x v, whatever the parameters."""
         right = {(0, 1): {2: -1}, (0, 2): {1: 1}, (1, 2): {0: -1}}
-        return self.is_lie and not self.formulas and dict(self.constants) == right
+        return self.dimension == 3 and self.is_lie and not self.formulas and dict(self.constants) == right
 
     @property
     def is_kept(self) -> bool:

@@ -24,7 +24,7 @@ def lines(system: System, code: Callable[[Any], str]) -> list[str]:
         return []
     if bracket.is_cross_product:
         word, count, nothing, read = "axis_inertias", 3, "np.inf", _inertia
-    elif bracket.is_lie and dict(bracket.constants) == _E2:
+    elif bracket.dimension == 3 and bracket.is_lie and dict(bracket.constants) == _E2:
         word, count, nothing, read = "rotation_shear_rates", 2, "0.0", _rate
     else:
         return []

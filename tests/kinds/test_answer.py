@@ -3,10 +3,13 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers import INITIAL, compiled_only
+from kills import numbers
+from repeats import in_shards, interrupted, straight
 from states import finished
 
 import spi
@@ -87,6 +90,23 @@ def test_the_choice_has_the_least_work_of_those_that_are_exact_enough():
     finer = choose(known, exponents, (0,), 1e-5)
     coarser = choose(known, exponents, (0,), 1e-4)
     assert finer.finest > coarser.finest and 80 < finer.work / coarser.work < 150
+
+
+def test_points_come_in_powers_of_two():
+    """The differences share what these leave, so that the variance wanted is reached; those that are there are free."""
+    known, _ = measured([0.3, -0.2, 0.1], 2.0)
+    found = choose(known, (2.0, 3.0, 4.0, 5.0), (0,), 1e-4)
+    plain = allocation(known, (2.0,), found, 1e-4)
+    for there in (2**15, 2**40):
+        points = known._replace(along=np.full(LEVELS, there))
+        samples = allocation(points, (2.0,), found, 1e-4)
+        number = samples[LEVELS + found.base]
+        assert math.log2(number) % 1 == 0 and number >= there
+        s = shares(weights(()), found.base, found.finest, LEVELS)
+        used = (s != 0) & (samples[:LEVELS] > 0)
+        variance = 1.0 / number + (s**2 * known.variance[:, 0])[used] @ (1.0 / samples[:LEVELS][used])
+        assert found.bias + INTERVAL * math.sqrt(variance) == pytest.approx(1e-4, rel=0.02)
+    assert samples[found.base + 1] < plain[found.base + 1]  # where the points take nothing of the variance
 
 
 def test_an_order_that_is_not_that_of_theory_is_found():
@@ -183,6 +203,31 @@ def test_choices_are_the_same_each_time_and_can_be_resumed(tmp_path):
 
 
 @compiled_only
+def test_a_scheme_for_another_equation_is_caught_by_another_scheme(monkeypatch):
+    """Which one step finer of the same scheme cannot see: here the other one has noise that is a tenth weaker."""
+    ask = {
+        **ASKED,
+        "accuracy": 3e-3,
+        "sampling": True,
+        "reference_scheme": "splitting",
+        "schemes": ["splitting_order2"],
+    }
+    found = spi.answer(MODEL, "y1^2", **ask)
+    assert found.reached and found.compared.agrees and "and by splitting" in str(found) and not found.warnings
+    assert abs(found.compared.difference[0]) > 2 * abs(found.compared.left[0])  # the biases of both at that step
+    honest = study.AnswerPlan.reference.func
+
+    def weaker(plan):
+        model = plan.model._replace(sigma=tuple(0.9 * s for s in plan.model.sigma))
+        return replace(honest(plan), case=plan.case.model_copy(update={"model": model}))
+
+    monkeypatch.setattr(study.AnswerPlan, "reference", property(weaker))
+    wrong = spi.answer(MODEL, "y1^2", **ask)
+    assert not wrong.reached and not wrong.compared.agrees and wrong.value == found.value
+    assert wrong.warnings[-1].startswith("splitting_order2 and splitting have other limits, ")
+
+
+@compiled_only
 def test_steps_and_samples_may_be_fixed():
     ask = {**ASKED, "sampling": True, "extrapolate": [0], "seed": 5}
     found = spi.answer(MODEL, "y1^2", **ask, accuracy=1e-3, steps=["1/2", "1/4"], samples=4096)
@@ -193,6 +238,16 @@ def test_steps_and_samples_may_be_fixed():
     biased = spi.answer(MODEL, "sin(2*pi*y1)", **ask, accuracy=5e-3, steps=["1/2", "1/4"])
     assert biased.warnings[-1].endswith("because of the bias of the smallest step")
     assert biased.bias[0] > biased.sampling[0]
+
+
+@compiled_only
+def test_shards_and_interruptions_give_the_same_bits(tmp_path):
+    spec = tmp_path / "asked.yaml"
+    spec.write_text(f"{SPEC}sampling: true\n", encoding="utf-8")
+    experiment = load(spec)
+    ways = {"straight": straight, "interrupted": interrupted, "in shards": in_shards}
+    first, *others = (numbers(way(experiment, tmp_path / name)) for name, way in ways.items())
+    assert first and all(one == first for one in others)
 
 
 @pytest.mark.parametrize("kind", ["weak", "statistics"])
@@ -240,6 +295,8 @@ def test_points_take_the_place_of_paths_where_there_is_more_to_do(monkeypatch):
         ("steps: [1]", "steps: has 1 entry, too few to tell the bias from; must have 2 or more, as in "),
         ("steps: [1/2, 1/3]", "steps: has 0.333333333333, which is not final_time / 1, 2, 4, ..., 32768; the nearest"),
         ("steps: [2^-8, 2^-9]", "steps: has at most 2^-8; the largest must be at least 2^-6"),
+        ("reference_scheme: splitings", "reference_scheme: is 'splitings'"),
+        ("reference_scheme: midpoint", "reference_scheme: is 'midpoint', which needs bounded increments; leave it out"),
         ("samples: 100", "samples: is '100'; must be at least 1024"),
         ("extrapolate: 2\nsteps: [1/2, 1/4]", "must have 4 or more"),
         ("step: 1/8", "step: is not a known key; did you mean 'steps'"),

@@ -5,6 +5,7 @@ import pytest
 from helpers import compiled_only
 from states import chunks_of, finished, same_numbers
 
+from spi.ensemble.given import draw_paths
 from spi.kinds.lyapunov import study
 from spi.kinds.lyapunov.claims import quantities
 from spi.kinds.lyapunov.results import Exponents
@@ -123,3 +124,55 @@ def test_what_is_refused(case_of, override, complaint):
     with pytest.raises(SpecError) as refused:
         case_of(override)
     assert complaint in str(refused.value) and "\n" not in str(refused.value)
+
+
+def turned(y, k, angle):
+    """About axis k of three."""
+    p, w = (k + 1) % 3, (k + 2) % 3
+    z = list(y)
+    z[p], z[w] = np.cos(angle) * y[p] + np.sin(angle) * y[w], np.cos(angle) * y[w] - np.sin(angle) * y[p]
+    return np.array(z)
+
+
+def step_of_a_body(y, h, dW):
+    """The splitting of the rigid body, of complex states: first the noises."""
+    for k, moment in enumerate((1.0, 2.0, 3.0)):
+        y = turned(y, k, dW[k] / moment * y[k])
+    for k, moment in enumerate((2.0, 1.0, 2.0 / 3.0)):
+        y = turned(y, k, h / moment * y[k])
+    return y
+
+
+def step_of_a_laser(y, h, dW):
+    """The same for Maxwell-Bloch."""
+    for t in (dW, (h, h)):
+        y = turned(y, 0, t[0] * y[0])
+        y = np.array([y[0] + t[1] * y[1], y[1], y[2]])
+    return y
+
+
+LASER = "model={name: maxwell_bloch, sigma: [1, 1]}", "initial=[1, 2, 3]"
+
+
+@compiled_only
+@pytest.mark.parametrize(
+    ("step", "overrides"),
+    [(step_of_a_body, ()), pytest.param(step_of_a_laser, LASER, marks=pytest.mark.slow)],
+)
+def test_exponents_of_each_path_are_those_of_exact_derivatives(case_of, step, overrides):
+    """Derivatives of each step by imaginary increments of 1e-30, which lose no digits: no near path, no projection."""
+    plan = plan_of(case_of("final_time=4", "step=2^-3", "every=4", *overrides))
+    found = plan.rows(0, 0, 1, 64).values[0, -1]
+    y = np.repeat(np.array(plan.initial)[:, np.newaxis], 64, axis=1)
+    q = np.repeat(plan.basis[:, :, np.newaxis], 64, axis=2)
+    grown, noises = np.zeros((2, 64)), len(plan.model.sigma)
+    for stop in range(8):
+        dW = np.empty((4, 64, noises))
+        draw_paths(plan.stream, 2**-3, 128 * stop, 0, dW)
+        for one in np.moveaxis(dW, 2, 1):
+            q = np.array([step(y + 1e-30j * vector, 2**-3, one).imag / 1e-30 for vector in q])
+            y = step(y + 0j, 2**-3, one).real
+        unit, triangle = np.linalg.qr(q.transpose(2, 1, 0))
+        grown += np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2))).T
+        q = unit.transpose(2, 1, 0)
+    assert np.abs(found[:2] - grown / 4).max() < 1e-5 and np.abs(grown / 4).max() > 0.3

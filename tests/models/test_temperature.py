@@ -44,6 +44,7 @@ from spi.models.delegation import undamped
 from spi.models.thermal import Thermal, thermal
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.angles import ANY_ANGLES
+from spi.running.remarks import remarks, warnings
 from spi.running.run import plans
 from spi.schemes import SCHEMES, of_model, weak_exponents
 from spi.schemes.splitting import splitting
@@ -339,3 +340,13 @@ def test_negative_temperatures_are_for_compact_surfaces(load_text):
     )
     with pytest.raises(SpecError, match="temperature: is -1, and no sum of Casimir functions of maxwell_bloch bounds"):
         load_text(text)
+
+
+def test_a_law_that_is_not_the_only_one_is_told(load_text):
+    """By `spi check` and `spi run`, at a temperature."""
+    symmetric = ["model.hamiltonian=y1^2/4 + y2^2/4 + y3^2/2", "model.noises=[y3]", "model.sigma=[1]"]
+    (line,) = warnings(load_text(STRONG, *symmetric))
+    assert "1 of the 2 dimensions of its Casimir surface" in line and line.endswith("they keep y3")
+    assert remarks(load_text(STRONG, *symmetric)) == [line]
+    assert warnings(load_text(STRONG, *symmetric, "temperature=inf")) == []
+    assert warnings(load_text(STRONG)) == []

@@ -8,7 +8,7 @@ from weak_cases import SPEC, case_of
 from spi.drawing import style
 from spi.ensemble.areas import GAUSSIAN
 from spi.kinds.weak import study as weak
-from spi.running.load import remarks
+from spi.running.remarks import remarks
 from spi.running.run import load
 from spi.specs import SpecError
 from spi.storage.records import Description, Group, Part

@@ -7,7 +7,8 @@ import pytest
 
 import spi
 from spi.ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck
-from spi.running.load import load, remarks
+from spi.running.load import load
+from spi.running.remarks import remarks
 from spi.specs import SpecError
 
 SPEC = """\

@@ -6,7 +6,8 @@ import pytest
 from helpers import RIGID_BODY
 
 from spi.compiler.inlining import types_of
-from spi.running.load import plans, remarks
+from spi.running.load import plans
+from spi.running.remarks import remarks
 from spi.specs import SpecError
 
 STRONG = """\

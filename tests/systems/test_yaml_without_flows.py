@@ -193,9 +193,12 @@ def test_so_3_is_known_by_its_bracket():
     for text, is_so_3 in (
         ("{algebra: so(3), hamiltonian: y1}", True),
         ("{algebra: 'so(2,1)', hamiltonian: y1}", False),
+        ("{variables: [y1, y2, y3, l], bracket: {y1 y2: -y3, y2 y3: -y1, y3 y1: -y2}, hamiltonian: y1^2 + l^2}", False),
+        ("{variables: [y1, y2, y3, l], bracket: {y1 y2: -y3, y1 y3: y2}, hamiltonian: y1^2 + l^2}", False),
     ):
-        record = made(text).record
-        assert cross_product(record) == is_so_3 and lie_poisson(record)
+        found = made(text)
+        assert cross_product(found.record) == is_so_3 and lie_poisson(found.record)
+        assert "axis_inertias" not in found.text and "rotation_shear_rates" not in found.text
 
 
 @pytest.mark.parametrize(

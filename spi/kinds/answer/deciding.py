@@ -12,8 +12,8 @@ from spi.statistics.estimators import ROUND
 from . import outcome
 from .decisions import BEGINNING, DONE, GLANCE_LEVELS, PILOTING, WHOLE, Decisions, glance, pilot_of
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
-from .levels import ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
-from .planner import BIAS_SHARE, Choice, Measured, allocation, choose, contradicted
+from .levels import AGAINST, ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
+from .planner import BIAS_SHARE, CHECK_SHARE, Choice, Measured, allocation, choose, contradicted
 
 if TYPE_CHECKING:
     from .study import AnswerPlan
@@ -26,6 +26,7 @@ _WORTH = 20.0  # so many times a pilot's work; where less is left, another pilot
 _POINTS = 2.0  # predicted seconds of typical speed from which on quasi-random points are tried
 _SCHEME = 20.0  # the same, once these are known, of the other schemes
 ALONG_PILOT = 2**15  #: samples of a pilot along points
+_STRIDE = 4  # times as many points as there are, before it is decided again
 _MARGIN = 0.98  # of the accuracy, aimed at when it was missed
 _ROOM = 0.3  # of the accuracy, the most that the bias may have in the end
 
@@ -143,13 +144,19 @@ def _whole(p: "AnswerPlan", state: State, extra: Decisions, stage: int) -> Decis
     exponents, _, _ = powers_of(p, measured, extra.scheme, extra.aim, 0)
     extra = extra.with_choice(choice, order)
     samples = allocation(measured, exponents, choice, extra.aim)
-    extra = extra._replace(points=int(state.tally(extra.scheme * SETS + ALONG + choice.base).paths > 0))
+    extra = extra._replace(points=int(measured.along[choice.base] > 0))
+    base, most = LEVELS + choice.base, _STRIDE * float(measured.along[choice.base])
+    if extra.points and min(samples[base], p.case.samples or np.inf) > most:
+        stage = BEGINNING  # along points the variance falls faster than is known yet
+    begun = samples * (_SHARE if stage == BEGINNING else 1.0)
+    if extra.points:
+        begun[base] = min(samples[base], most)
     levels = p.case.extrapolate if order is None else (0,)
     next_digit = choose(measured, exponents, levels, extra.aim / 10, p.case.step_levels)
     rate = _seconds_per_sample(p, state, extra.scheme)
     return extra._replace(
         stage=stage,
-        wanted=_raised(extra, samples * (_SHARE if stage == BEGINNING else 1.0), p.case.samples),
+        wanted=_raised(extra, begun, p.case.samples),
         predicted_cpu_seconds=float(np.nan_to_num(rate @ _of_sets(extra, samples, p.case.samples)))
         + extra.pilot_cpu_seconds,
         next_cpu_seconds=float(rate[:ALONG] @ allocation(measured, exponents, next_digit, extra.aim / 10)),
@@ -199,7 +206,7 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     narrow = bool((found.half <= extra.aim).all())
     lost = not np.isfinite(found.half).all()
     if (narrow and found.passed) or lost or extra.stage >= MOST_STAGES:
-        return extra._replace(stage=DONE)
+        return extra._replace(stage=DONE) if lost else _compared(p, state)
     measured = p.measured(state, extra.scheme)
     exponents, allowed, order = powers_of(p, measured, extra.scheme, extra.aim, extra.base)
     choice = choose(measured, exponents, allowed, extra.aim, p.case.step_levels, (extra.base,))
@@ -219,6 +226,23 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     if (wanted == extra.wanted).all():
         return extra._replace(stage=DONE)  # the case allows no more
     return more._replace(wanted=wanted)
+
+
+def _compared(p: "AnswerPlan", state: State) -> Decisions:
+    """The end, or some samples of the difference from the reference scheme, by whose variance as many as are needed."""
+    extra: Decisions = state.extra
+    level = extra.compared or min(max(extra.finest, PILOT_LEVELS - 1), LEVELS - 2)
+    number = extra.scheme * SETS + AGAINST + level
+    if not p.reference or extra.wanted[number] > PILOT_SAMPLES:
+        return extra._replace(stage=DONE)
+    wanted = extra.wanted.copy()
+    wanted[number] = PILOT_SAMPLES
+    if extra.compared:
+        stderr = np.nan_to_num(outcome.compared(p, state).stderr.max())  # of as many paths as in a pilot
+        most = p.case.seconds / p.cost_of(number)
+        needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
+        wanted[number] = max(whole_blocks(min(needed, most), ROUND), 2 * PILOT_SAMPLES)
+    return extra._replace(wanted=wanted, compared=level)
 
 
 def state_samples(state: State, extra: Decisions) -> np.ndarray:

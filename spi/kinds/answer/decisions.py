@@ -33,6 +33,7 @@ class Decisions(NamedTuple):
     levels: int  #: of extrapolation
     base: int  #: the level that is sampled alone
     finest: int
+    compared: int  #: level at whose step the reference scheme is compared, 0 before that
     order: float  #: of the bias, where it is not that of theory; NaN else
     aim: float  #: half the width of the interval that is aimed at
     work: float  #: predicted, in seconds of typical speed
@@ -50,7 +51,7 @@ class Decisions(NamedTuple):
         wanted = glance(sets) if sampling else np.zeros(sets, np.int64)
         fields: dict[str, Any] = dict.fromkeys(("seconds", "cpu_seconds", "work", "pilot_cpu_seconds"), 0.0)
         fields |= dict.fromkeys(("order", "aim", "predicted_cpu_seconds", "next_cpu_seconds"), nan)
-        fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points", "looked"), 0)
+        fields |= dict.fromkeys(("levels", "base", "finest", "scheme", "pointed", "points", "looked", "compared"), 0)
         return cls(
             **fields,
             stage=PILOTING,

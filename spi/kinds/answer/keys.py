@@ -16,7 +16,7 @@ from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_flows, check_once
 from spi.specs.conversion import Given
 from spi.specs.functions import FunctionKeys
-from spi.specs.keys import Functions, Levels, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
+from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 #: What is tried where no schemes are named, the first that a model can have: exact flows, or schemes without any.
@@ -46,6 +46,9 @@ class Case(FunctionKeys, BaseCase):
         Steps | None, "steps to choose from, two or more of final_time / 1, 2, 4, ...; default: all", "time"
     ) = None
     samples: key_of(Annotated[int, Ge(PILOT_SAMPLES)] | None, "at most so many paths of the largest step") = None
+    reference_scheme: key_of(
+        SchemeName | None, "another scheme that checks the bias on the same noise, as roessler_rs2 or midpoint rules do"
+    ) = None
     sampling: key_of(pydantic.StrictBool, "sample, though the expectation may be known without it") = False
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
 
@@ -78,7 +81,7 @@ class Case(FunctionKeys, BaseCase):
         if self.schemes:
             return super()._check_names()
         found = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
-        return self.model_copy(update={"schemes": found, "compositions": {}})
+        return BaseCase._check_names(self.model_copy(update={"schemes": found}))
 
     @condition("extrapolate")
     def _check_extrapolate(self) -> Self:
@@ -117,15 +120,16 @@ class Case(FunctionKeys, BaseCase):
             raise wrong(what, f"must be at least {1.5 * least:.1g}", "accuracy")
         return self
 
-    @condition("final_time", "schemes", "model")
+    @condition("final_time", "schemes", "reference_scheme", "model")
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
         check_once(self.schemes, "schemes")
-        for name in self.schemes:
+        for name in self.schemes_used:
+            key, has = ("schemes", "has") if name in self.schemes else ("reference_scheme", "is")
             if self.row(name).needs_truncation:
-                raise wrong(f"has '{name}', which needs bounded increments", "leave it out", "schemes")
+                raise wrong(f"{has} '{name}', which needs bounded increments", "leave it out", key)
             if self.row(name).multiscale:
-                raise wrong(f"has '{name}' for the multiscale system", "use schemes without eps", "schemes")
+                raise wrong(f"{has} '{name}' for the multiscale system", "use schemes without eps", key)
         check_flows(self)
         return self
 

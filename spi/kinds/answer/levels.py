@@ -19,7 +19,8 @@ from .keys import FINEST
 
 LEVELS = FINEST + 1  #: levels 0, ..., FINEST
 ALONG = 2 * LEVELS  #: behind differences and values, the path sets of values along quasi-random points
-SETS = 3 * LEVELS  #: path sets of a scheme
+AGAINST = 3 * LEVELS  #: behind these, those of differences from the reference scheme on the same noise
+SETS = 4 * LEVELS  #: path sets of a scheme
 
 #: What a path costs besides its steps, its beginning and phi at its end, and the sums over a quantity of a function;
 #: measured, of typical speed.
@@ -32,7 +33,8 @@ class Paths(NamedTuple):
     """The paths of one sample of a path set.
 
     The rows of `weights` make its quantities of phi on the paths: DIFFERENCE, at the fine step minus at the coarse one,
-    and VALUE, at the fine step on one path; of a level alone the value only.
+    and VALUE, at the fine step on one path; of a level alone the value only.  From a reference scheme DIFFERENCE is
+    that at the fine step, VALUE how much less it is than at the coarse one.
     """
 
     grid: Grid
@@ -50,11 +52,15 @@ def paths_of_set(case: Any, row: Any, number: int) -> Paths:
     if not alone and has_antithetic_path(record):
         shape = {"doublings": (0, 0, 1, 1), "reversals": (AS_TOSSED, PAIRS_REVERSED, AS_TOSSED, COINS_TURNED)}
         weights = [[0.5, 0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]]
+    elif own >= AGAINST:
+        shape = {"doublings": (0, 1)}
+        weights = [[1.0, 0.0, -1.0, 0.0], [1.0, -1.0, -1.0, 1.0]]
     elif not alone:
         shape = {"doublings": (0, 1)}
         weights = [[1.0, -1.0], [1.0, 0.0]]
     steps, h = 2**level, case.final_time / 2.0**level
-    terms = fourier_terms(case.model, [record], h, areas=case.areas)
+    records = [record, case.row(case.reference_scheme).record] if own >= AGAINST and case.reference_scheme else [record]
+    terms = fourier_terms(case.model, records, h, areas=case.areas)
     times = grid(h, steps, by_reference=(0,) * len(shape["doublings"]), area_terms=terms, **shape)
     stream = RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number))
     return Paths(times, stream, np.array(weights), int((steps >> times.doublings).sum()))

@@ -10,12 +10,13 @@ from spi.expressions import canonical
 from spi.kinds.plans import State
 from spi.printing.sentences import joined
 from spi.printing.text import short
+from spi.schemes import weak_exponents
 from spi.statistics.richardson import weights
 from spi.storage.records import HEAVY_TAILS, INTERVAL
 
-from .levels import LEVELS, SETS, along_points
+from .levels import AGAINST, LEVELS, SETS, along_points
 from .planner import bound, changed, order_of, shares
-from .results import Answer, Chosen, Levels
+from .results import Answer, Chosen, Compared, Levels
 
 if TYPE_CHECKING:
     from .study import AnswerPlan
@@ -70,6 +71,28 @@ def standard_error(p: "AnswerPlan", state: State) -> float:
 
 
 @np.errstate(all="ignore")
+def compared(p: "AnswerPlan", state: State) -> Compared:
+    """The difference from the reference scheme at a step h, and what is left of it as h tends to 0.
+
+    With D(h) = a h^r + ..., r the lower order of the two, that is D(h) - (D(2h) - D(h)) / (2^r - 1).
+    """
+    extra, scheme = state.extra, p.reference
+    number = extra.scheme * SETS + AGAINST + extra.compared
+    totals = state.so_far(number)
+    of_reference = weak_exponents(scheme.row, p.model, 1) if scheme else None
+    r = min((p.exponents(extra.scheme) or (1.0,))[0], (of_reference or (1.0,))[0])
+    (off, fallen), (off2, fallen2) = (totals.sums[k].sum(axis=-1) / totals.paths for k in (0, 1))
+    left = off + fallen / (2.0**r - 1.0)
+    spread = np.sqrt(np.maximum(off2 - off**2, 0.0)), np.sqrt(np.maximum(fallen2 - fallen**2, 0.0)) / (2.0**r - 1.0)
+    stderr = (spread[0] + spread[1]) / math.sqrt(totals.paths)
+    allowed = 0.5 * np.abs(fallen) / (2.0**r - 1.0) + found(p, state).bias + _SURE * stderr
+    name, h = p.case.reference_scheme or "", p.case.final_time / 2.0**extra.compared
+    return Compared(
+        reference=name, step=h, difference=off, left=left, stderr=stderr, agrees=bool((np.abs(left) <= allowed).all())
+    )
+
+
+@np.errstate(all="ignore")
 def consistency(p: "AnswerPlan", state: State) -> float:
     """Giles' check |a - b| / (3 (sd a + sd b)): the mean at a step on paths of its own, and beside those of half of it.
 
@@ -110,9 +133,16 @@ def answer(p: "AnswerPlan", state: State) -> Answer:
     one = found(p, state)
     reached = bool(one.passed and (one.half <= extra.aim).all())
     chosen = _chosen(p, state, one)
+    other = compared(p, state) if extra.compared else None
     warnings = tuple(_warnings(p, state, one, chosen, reached))
+    if other and not other.agrees:
+        off = f"{short(np.abs(other.left).max())} +- {short(INTERVAL * other.stderr.max())}"
+        what = f"{chosen.scheme} and {other.reference} have other limits, {off} apart on the same noise"
+        warnings, reached = (*warnings, f"{what}: one of them is not a scheme for this equation"), False
     named: dict[str, Any] = {"value": one.value, "half": one.half, "bias": one.bias, "stderr": one.stderr}
-    return Answer(**named, reached=reached, why=_why(p, state), warnings=warnings, chosen=chosen, **told)
+    return Answer(
+        **named, reached=reached, why=_why(p, state), warnings=warnings, chosen=chosen, compared=other, **told
+    )
 
 
 def _chosen(p: "AnswerPlan", state: State, one: Found) -> Chosen:

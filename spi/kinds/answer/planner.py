@@ -42,10 +42,17 @@ class Measured(NamedTuple):
     cost: np.ndarray  #: of a sample of Y_l
     value_cost: np.ndarray
     known: int  #: up to which level there are samples
+    along: np.ndarray  #: (K + 1,) paths of P_l along quasi-random points, 0 where it does not follow them
 
     @classmethod
     def of(
-        cls, moments: np.ndarray, samples: np.ndarray, values: np.ndarray, cost: np.ndarray, value_cost: np.ndarray
+        cls,
+        moments: np.ndarray,
+        samples: np.ndarray,
+        values: np.ndarray,
+        cost: np.ndarray,
+        value_cost: np.ndarray,
+        along: Sequence[int] = (),
     ) -> "Measured":
         """From moments (4, K + 1, F) of Y_l, how many samples of each there are, and the variances of P_l.
 
@@ -66,7 +73,7 @@ class Measured(NamedTuple):
             values = np.where(np.isfinite(values), values, np.inf)
             values[known + 1 :] = values[known]
             stderr = np.sqrt(variance / samples[:, np.newaxis])
-        return cls(m1, stderr, variance, tails, values, cost, value_cost, known)
+        return cls(m1, stderr, variance, tails, values, cost, value_cost, known, np.asarray(along or [0] * len(cost)))
 
     @property
     def widest(self) -> tuple[np.ndarray, np.ndarray]:
@@ -190,12 +197,42 @@ def allocation(
         samples = np.nan_to_num(
             np.sqrt(variance * cost).sum() * np.sqrt(variance / cost) / target**2, nan=np.inf, posinf=np.inf
         )
+    if measured.along[choice.base]:
+        samples = _in_powers_of_two(
+            samples, variance, cost, target**2, count + choice.base, measured.along[choice.base]
+        )
     check = choice.finest + 1
     samples[check] = w[0] ** 2 * of_differences[check] / (CHECK_SHARE * accuracy) ** 2
     tails = np.append(np.minimum(TAILS * measured.kurtosis.max(axis=1), MOST_TAILS), np.zeros(count))
     used = np.append(s != 0.0, np.zeros(count, bool))
     used[[check, count + choice.base]] = True
     return np.where(used, np.maximum(np.maximum(samples, tails), 1.0), 0.0)
+
+
+def _in_powers_of_two(
+    samples: np.ndarray, variance: np.ndarray, cost: np.ndarray, target: float, base: int, there: int
+) -> np.ndarray:
+    """The allocation where the `base` has a power of two of points, of which so many are `there`.
+
+    What these leave of the variance wanted is shared by the differences, whose work decides between powers.
+    """
+    others = np.where(np.arange(len(cost)) == base, 0.0, np.sqrt(variance * cost))
+    found = []
+    for power in range(60) if np.isfinite(samples[base]) else ():
+        points = max(2.0**power, float(there))
+        left = target - variance[base] / points
+        if 2.0**power >= samples[base] / 2 and left > 0.0:
+            work = cost[base] * (points - there) + others.sum() ** 2 / left
+            found.append((work, points, others.sum() / left))
+        if 2.0**power > 4 * samples[base] and found:
+            break
+    if not found:
+        return samples
+    _, points, share = min(found)
+    with np.errstate(invalid="ignore"):
+        each = share * np.sqrt(variance / cost)
+    each[base] = points
+    return each
 
 
 def contradicted(measured: Measured, exponents: Sequence[float], lowest: int, accuracy: float) -> float | None:

@@ -36,6 +36,17 @@ class Chosen(Described):
     levels: Annotated[Levels, nested(prefix="level_")]
 
 
+class Compared(Described):
+    """The check of the bias by another scheme, on the same noise."""
+
+    reference: Annotated[str, fact("scheme that checks the bias", name="reference_scheme")]
+    step: Annotated[float, fact("step of that check", "time", name="compared_step")]
+    difference: Annotated[Array, array("function", "mean difference from the scheme that checks", "value")]
+    left: Annotated[Array, array("function", "what is left of it as the step tends to 0", "value")]
+    stderr: Annotated[Array, array("function", "standard error of what is left", "value", name="left_stderr")]
+    agrees: Annotated[bool, fact("whether nothing is left but for errors")]
+
+
 class Answer(Stored):
     """Expectations E phi(y(T)) with what is left of errors, and how they were found."""
 
@@ -57,6 +68,7 @@ class Answer(Stored):
     predicted_seconds: Annotated[float, fact("processor time that was predicted", "s", column=True)]
     next_digit_seconds: Annotated[float, fact("processor time of an answer to a tenth of the accuracy", "s")]
     chosen: Chosen | None = None
+    compared: Compared | None = None
 
     def __str__(self) -> str:
         from .table import lines  # which imports this module

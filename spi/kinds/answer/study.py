@@ -34,7 +34,7 @@ from spi.storage.records import Part
 from . import deciding, outcome
 from .decisions import DONE, Decisions
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
-from .levels import ALONG, DIFFERENCE, LEVELS, SETS, Paths, along_points, paths_of_set, seconds_of
+from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, Paths, along_points, paths_of_set, seconds_of
 from .planner import Measured
 from .results import Answer
 
@@ -119,6 +119,12 @@ class AnswerPlan(Blockwise, PartPlan):
             paths_of_set(self.case, one.row, s * SETS + i) for s, one in enumerate(self.of_schemes) for i in range(SETS)
         )
 
+    @cached_property
+    def reference(self) -> "AnswerPlan | None":
+        """The plan as that of the scheme that checks the bias."""
+        name = self.case.reference_scheme
+        return replace(self, part=Part(name)) if name else None
+
     def exponents(self, scheme: int) -> tuple[float, ...]:
         """The powers of h in the weak error of a scheme; () where theory knows none."""
         return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
@@ -131,13 +137,19 @@ class AnswerPlan(Blockwise, PartPlan):
     def noise(self, number: int) -> Any:
         """The random numbers of a path set, or its points."""
         one, scheme = self.sets[number], self.of_schemes[number // SETS]
-        if number % SETS < ALONG:
+        if number % SETS < ALONG or number % SETS >= AGAINST:
             return one.stream
         return points_of(self.case.seed, int(one.stream.stream), scheme.scheme, self.model, one.grid)
 
     def cost_of(self, number: int) -> float:
         """Seconds of typical speed of a sample of a path set."""
-        return seconds_of(self.case, self.of_schemes[number // SETS].row, self.sets[number])
+        schemes = self.schemes_of(number)
+        return sum(seconds_of(self.case, one.row, self.sets[number]) for one in schemes)
+
+    def schemes_of(self, number: int) -> tuple["AnswerPlan", ...]:
+        """The plans of the schemes that a path set has paths of."""
+        own = (self.of_schemes[number // SETS],)
+        return (*own, self.reference) if self.reference and number % SETS >= AGAINST else own
 
     def cost(self) -> Cost:
         """That of the pilot; seconds are not known before it."""
@@ -152,6 +164,8 @@ class AnswerPlan(Blockwise, PartPlan):
             return found | {"schemes": self.case.schemes}
         for key in ("accuracy", "seconds", "sampling", "extrapolate", "steps"):
             found.pop(key, None)
+        if number % SETS < AGAINST:
+            found.pop("reference_scheme", None)
         return found | {"part": None, "scheme": self.case.schemes[number // SETS]}
 
     def initial_extra(self) -> Decisions:
@@ -176,11 +190,11 @@ class AnswerPlan(Blockwise, PartPlan):
 
     def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of one path set, once the kernel of its scheme is there, see :class:`Plan`."""
-        scheme = self.of_schemes[chunks[0].path_set // SETS]
         number = chunks[0].path_set
-        for call in scheme.calls_of_a_step(self.sets[number].grid, self.noise(number)):
-            if not is_loaded(call.kernel, call.arguments):
-                call.kernel(*call.arguments)
+        for scheme in self.schemes_of(number):
+            for call in scheme.calls_of_a_step(self.sets[number].grid, self.noise(number)):
+                if not is_loaded(call.kernel, call.arguments):
+                    call.kernel(*call.arguments)
         yield from super().advance(chunks, known)
 
     def most_blocks(self, number: int) -> int:
@@ -190,9 +204,9 @@ class AnswerPlan(Blockwise, PartPlan):
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
         """The values of the test functions at the end of some blocks."""
-        one, scheme = self.sets[number], self.of_schemes[number // SETS]
-        values, _ = values_of_blocks(scheme, one.grid, self.noise(number), first, blocks, end)
-        return Rows(values, one.weights)
+        one, noise = self.sets[number], self.noise(number)
+        each = [values_of_blocks(s, one.grid, noise, first, blocks, end)[0] for s in self.schemes_of(number)]
+        return Rows(np.concatenate(each, axis=1), one.weights)
 
     def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
         """The totals with the rows `at`, of which the first is that of block `first`."""
@@ -221,10 +235,13 @@ class AnswerPlan(Blockwise, PartPlan):
             of_values = np.array([p[:, -1] for p in powers])
             variances = of_values[:, 1] - of_values[:, 0] ** 2
         of_values = np.where(np.isnan(variances[LEVELS:ALONG]), variances[:LEVELS], variances[LEVELS:ALONG])
-        along = np.array([along_points(one.sums, one.paths) for one in totals[ALONG:]])
+        followed = [one.paths for one in totals[ALONG:AGAINST]]
+        along = np.array([along_points(one.sums, one.paths) for one in totals[ALONG:AGAINST]])
         values = np.where(np.isnan(along), of_values, along)
         cost = np.array([self.cost_of(scheme * SETS + i) for i in range(ALONG)])
-        return Measured.of(np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:])
+        return Measured.of(
+            np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:], followed
+        )
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error."""

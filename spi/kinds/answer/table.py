@@ -51,7 +51,8 @@ def how(one: Answer) -> str:
     times = {0: "", 1: " extrapolated once"}.get(chosen.extrapolated, f" extrapolated {chosen.extrapolated} times")
     steps = f"steps {power_of_two(chosen.largest_step)} to {power_of_two(chosen.smallest_step)}"
     paths = "quasi-random points" if chosen.points else "paths"
-    check = f"checked at {power_of_two(chosen.smallest_step / 2)}" if chosen.passed else "the check failed"
+    by = f" and by {one.compared.reference}" if one.compared and one.compared.agrees else ""
+    check = f"checked at {power_of_two(chosen.smallest_step / 2)}{by}" if chosen.passed else "the check failed"
     return f"{chosen.scheme}{times}, multilevel, {steps}, {chosen.samples:,} {paths} of the largest; {check}"
 
 

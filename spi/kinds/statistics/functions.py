@@ -30,7 +30,7 @@ FUNCTIONALS = {
     "start": "the value at t = 0, whose covariance with others tells how they remember it",
 }
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
-_INVARIANT = re.compile(r"H|C(\d*)")
+_INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
 
 
 class PathFunction(NamedTuple):
@@ -86,16 +86,38 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunctio
             raise NumberError("not a condition such as y1 > 0.5")
         greater, less = (sides[1], sides[3]) if sides[2] == ">" else (sides[3], sides[1])
         text = f"{greater.strip()} - ({less.strip()})"
-    if text not in names and (found := _INVARIANT.fullmatch(text)):
-        return PathFunction(functional, text, _invariant(model, found))
-    tree = parse_expression(text, dimension(model), names)
+    invariants = {found[0]: found for found in _INVARIANT.finditer(text) if found[0] not in names}
+    if text in invariants:
+        return PathFunction(functional, text, _invariant(model, invariants[text]))
+    d = dimension(model)
+    tree = parse_expression(text, d, (*names, *[""] * (d - len(names)), *invariants) if invariants else names)
     values = partial(_component, tree.k) if isinstance(tree, Component) else as_numpy(tree)
-    return PathFunction(functional, condition if functional == "passage" else canonical(tree), values)
+    if invariants:
+        values = _with_invariants(as_numpy(tree), [_invariant(model, found) for found in invariants.values()])
+    called = dict(enumerate([*names, *[""] * (d - len(names)), *invariants], 1))
+    told = re.sub(r"\by(\d+)\b", lambda y: called[int(y[1])] or y[0], canonical(tree))
+    return PathFunction(functional, condition if functional == "passage" else told, values)
+
+
+def _with_invariants(function: Callable[[Array], Array], invariants: list[Callable[[Array], Array]]) -> Any:
+    """A function of states with values of invariants behind their components, as one of states."""
+    return lambda states: function(np.concatenate([states, [one(states) for one in invariants]]))
 
 
 def _component(k: int, states: Array) -> Array:
     """A view."""
     return np.asarray(states)[k]
+
+
+def _take_arrays(model: Any) -> bool:
+    """Whether H and the Casimir functions are had of arrays: elementary functions of models take numbers only."""
+    y = tuple(np.full((dimension(model), 2), 0.5))
+    try:
+        with np.errstate(all="ignore"):
+            hamiltonian(model, y), casimirs(model, y)
+    except Exception:  # of the compiler, or of Python without it
+        return False
+    return True
 
 
 def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
@@ -109,13 +131,15 @@ def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
         known = ", ".join(["H", *(f"C{c + 1}" for c in range(count))])
         raise NumberError(f"known are {known}")
 
+    takes_arrays = not large(model) and _take_arrays(model)
+
     def values(states: Array) -> Array:
         if number is None and states.ndim == 4:
             by_block = np.ascontiguousarray(np.moveaxis(states, 0, 2))
             energy = np.empty((*by_block.shape[:2], LANES))
             energies(model, by_block.reshape(*by_block.shape[:2], -1), energy)
             return energy
-        if large(model):
+        if large(model) or not takes_arrays:
             rows = np.ascontiguousarray(states.reshape(len(states), -1).T)
             energy, others = invariants_of(model, rows, np.zeros(len(rows)))
             return (energy if number is None else others[:, number - 1]).reshape(states.shape[1:])

@@ -4,14 +4,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import dimension, structure
+from spi.ensemble.random_states import RandomState
+from spi.ensemble.special import frozen
+from spi.models.delegation import undamped
 
+from .functions import path_function
 from .quantiles import Bins
 from .results import DensityMap
 
 SPHERE = "sphere"
 _POINTS = 5  # at which B(y) y is looked at
 _MARGIN = 0.125  # of the range of the first paths on each side
+_WITHIN = 8  # points on a side of a cell, in whose middles a density is known
 
 
 def on_sphere(model: Any) -> bool:
@@ -57,7 +63,23 @@ class Cells(NamedTuple):
             outside = (first < 0) | (first >= self.number[0]) | (second < 0) | (second >= self.number[1])
         return np.where(outside, -1.0, first * self.number[1] + second + 0.5)[:, :, np.newaxis]
 
-    def densities(self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray) -> DensityMap:
+    def gibbs(self, model: Any, initial: Any, temperature: float) -> np.ndarray | None:
+        """The density of exp(-H/T) in the cells of the sphere through `initial`; None if that is not known."""
+        of_law = initial.law.surface if isinstance(initial, RandomState) else initial
+        if self.pair or not np.isfinite(temperature) or of_law is None or answers(frozen, undamped(model)):
+            return None
+        fine = [(np.arange(_WITHIN * n) + 0.5) / (_WITHIN * n) for n in self.number]
+        z, longitude = np.meshgrid(2 * fine[0] - 1, np.pi * (2 * fine[1] - 1), indexing="ij")
+        across = np.sqrt(1 - z**2)
+        y = np.linalg.norm(initial) * np.array([across * np.cos(longitude), across * np.sin(longitude), z])
+        exponent = -path_function(model, (), "H").values(y) / temperature
+        weight = np.exp(exponent - exponent.max())
+        rows, columns = self.number
+        return weight.reshape(rows, _WITHIN, columns, _WITHIN).mean(axis=(1, 3)) / (4 * np.pi * weight.mean())
+
+    def densities(
+        self, counts: np.ndarray, t: np.ndarray, names: tuple[str, ...], origins: np.ndarray, law: Any
+    ) -> DensityMap:
         """What follows from counts (times, 1, 2 + cells); functions have been counted less their `origins` (2,)."""
         n = counts[0, 0].sum()
         share = counts[:, 0, 1:-1].reshape(-1, *self.number) / n
@@ -70,6 +92,7 @@ class Cells(NamedTuple):
             density=share / area,
             stderr=np.sqrt(share * (1 - share) / n) / area,
             outside=(counts[:, 0, 0] + counts[:, 0, -1]) / n,
+            law=law,
         )
 
 

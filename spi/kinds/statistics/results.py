@@ -57,6 +57,7 @@ class DensityMap(Described):
     density: Annotated[Array, array("map_t row column", "share of the paths in the cell, by its area")]
     stderr: Annotated[Array, array("map_t row column", "standard error of the density")]
     outside: Annotated[Array, array("map_t", "share of the paths outside of all cells")]
+    law: Annotated[Array | None, array("row column", "the Gibbs law in the cells of a sphere, as a density")] = None
 
     @property
     def is_sphere(self) -> bool:

@@ -246,4 +246,5 @@ class StatisticsPlan(MeansPlan):
         sides, origins = SPHERE_SIDES, np.zeros(2)
         if pair := self.cells.pair:
             sides, origins = (names[pair[0]], names[pair[1]]), self.columns.origins[list(pair), 0]
-        return self.cells.densities(counts, self.case.t[self.map_times], sides, origins)
+        law = self.cells.gibbs(self.model, self.initial, self.case.temperature)
+        return self.cells.densities(counts, self.case.t[self.map_times], sides, origins, law)

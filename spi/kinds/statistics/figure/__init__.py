@@ -16,7 +16,7 @@ from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, rules
 
 from ..results import Statistics
-from .maps import map_panel
+from .maps import law_panel, map_panel
 
 SIZE = (3.4, 2.7)  # inches of a panel
 MAP = (3.6, 2.3)  # inches of a map
@@ -77,12 +77,14 @@ def _maps(readings: Sequence[Statistics]) -> list[layout.Panel]:
     found = [(one, one.density_map) for one in readings if one.density_map and "maps" in one.panels]
     if not found:
         return []
-    highest = np.max([one.density.max(axis=(1, 2)) for _, one in found], axis=0)
-    return [
+    highest, law = np.max([one.density.max(axis=(1, 2)) for _, one in found], axis=0), found[0][1].law
+    panels = [
         partial(map_panel, reading=reading, m=m, highest=float(highest[m]) or 1.0)
         for reading, one in found
         for m in range(len(one.t))
     ]
+    known = [] if law is None else [partial(law_panel, reading=found[0][0], highest=float(highest[-1]) or 1.0)]
+    return [*panels, *known]
 
 
 def _known(values: np.ndarray | None, f: int) -> bool:

@@ -1,5 +1,6 @@
 """Panels of densities: of the sphere in Mollweide's projection, which keeps areas, and of two functions."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,16 @@ def map_panel(ax: Axes, reading: Statistics, m: int, highest: float) -> None:
     ax.set_title(
         f"{style.label(reading.about)}, $t={style.number(float(found.t[m]))}$", pad=14 if found.is_sphere else None
     )
+
+
+def law_panel(ax: Axes, reading: Statistics, highest: float) -> None:
+    """The Gibbs law beside the last of the maps, in its colours."""
+    found = reading.density_map
+    if found is not None and found.law is not None:
+        last = len(found.t) - 1
+        density = np.broadcast_to(found.law, found.density.shape)
+        map_panel(ax, replace(reading, density_map=replace(found, density=density)), last, highest)
+        ax.set_title("Gibbs law, exp($-H/T$)", pad=14)
 
 
 def _sphere(ax: Axes, found: DensityMap, m: int, names: list[str], look: dict[str, Any]) -> QuadMesh:

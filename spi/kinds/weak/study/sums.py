@@ -1,18 +1,18 @@
 """Values of the test functions at the end of paths, which all estimators that sample share."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from spi.ensemble.loop import Grid, integrated
-from spi.ensemble.streams import RandomStream
 from spi.expressions import as_numpy
 from spi.kinds.plans import PartPlan
 from spi.numerics.rng import LANES
 
 
 def values_of_blocks(
-    p: PartPlan, grid: Grid, stream: RandomStream, first_block: int, blocks: int, samples: int
+    p: PartPlan, grid: Grid, stream: Any, first_block: int, blocks: int, samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
     states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)

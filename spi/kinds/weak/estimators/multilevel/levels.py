@@ -6,6 +6,7 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, grid
+from spi.ensemble.points import Points, points_of
 from spi.ensemble.streams import RandomStream
 from spi.numerics.rng import LEVELS
 
@@ -22,7 +23,7 @@ class Level(NamedTuple):
     """
 
     grid: Grid
-    stream: RandomStream
+    stream: RandomStream | Points  #: points where the largest step alone follows them
     weights: np.ndarray
     steps: int  #: of all paths of a sample
 
@@ -35,7 +36,11 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
     """
     count = round(np.log2(max(case.steps) / case.reference_step))
     differences = [_level(case, scheme, j, limit, *_two_steps(antithetic, limit)) for j in range(count)]
-    return *differences, _level(case, scheme, count, limit, *_one_step(antithetic, limit))
+    last = _level(case, scheme, count, limit, *_one_step(antithetic, limit))
+    if case.coarse == "quasi":
+        points = points_of(case.seed, int(last.stream.stream), scheme, case.model, last.grid, case.construction)
+        last = last._replace(stream=points)
+    return *differences, last
 
 
 def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:

@@ -19,11 +19,12 @@ R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from spi.ensemble.points import Points
 from spi.ensemble.protocol import dimension, noise_indices
 from spi.kinds.blocks import Blockwise
 from spi.kinds.plans import Cost, Done, KernelCall, State
@@ -31,7 +32,7 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
-from spi.statistics.powers import standard_deviation, with_powers
+from spi.statistics.powers import with_powers
 from spi.statistics.tallies import PathSet, chunk_blocks
 from spi.storage.records import Part
 
@@ -40,7 +41,8 @@ from ...study.plans import WeakPlan, sampled_errors
 from ...study.sums import values_of_blocks
 from .combination import Combination
 from .decisions import PILOT, SHARES, Decisions, Errors, control_of
-from .levels import VALUE, Level, levels_of
+from .expectations import base_gain, expectations
+from .levels import Level, levels_of
 from .sums import EQUAL, LevelSums, Totals
 
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
@@ -59,7 +61,7 @@ class Rows(NamedTuple):
 class MultilevelPlan(Blockwise, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes", "construction"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("prefixes", "construction", "coarse"))
 
     levels: tuple[Level, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
@@ -71,6 +73,16 @@ class MultilevelPlan(Blockwise, WeakPlan):
         control = control_of(case, record)
         levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
         return cls(case=case, part=part, levels=levels, control=control)
+
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Also how the largest step is sampled, where that is by points: of the other levels it decides nothing."""
+        along = {"coarse": self.case.construction} if self.scrambled and number in (None, self.base) else {}
+        return super().deciding(number) | along
+
+    @property
+    def scrambled(self) -> bool:
+        """Whether the largest step alone is sampled by scrambled points."""
+        return isinstance(self.levels[self.base].stream, Points)
 
     @property
     def seconds_per_block(self) -> np.ndarray:
@@ -110,7 +122,9 @@ class MultilevelPlan(Blockwise, WeakPlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
-        return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
+        last = self.levels[self.base]
+        along_points = self.calls_of_a_step(last.grid, last.stream)[:1] if self.scrambled else []
+        return [*self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream), *along_points]
 
     def most_blocks(self, number: int) -> int:
         """How many blocks of a level a batch may have, because of memory."""
@@ -211,7 +225,10 @@ class MultilevelPlan(Blockwise, WeakPlan):
             work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / target**2 if target else np.inf)
             samples = work / root * per_root
             samples[self.base] = work * _BASE_SHARE / cost[self.base]
-        return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
+        rounds = np.ceil(samples / (ROUND * LANES)).astype(np.int64)
+        if self.scrambled:  # which is fair for powers of two
+            rounds[self.base] = 1 << max(int(rounds[self.base]).bit_length() - 1, 0)
+        return rounds * ROUND
 
     def errors(self, levels: LevelSums) -> Errors:
         """The errors that the differences of the levels make."""
@@ -244,7 +261,7 @@ class MultilevelPlan(Blockwise, WeakPlan):
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
         errors, extra, own = self.errors(levels), state.extra, self.own_among(lambda one: len(one.h))
         fields, sampled = sampled_errors(self.h, *errors)
-        expectation, of_expectation = self._expectations(levels)
+        expectation, of_expectation = expectations(self, levels)
         cpu_seconds = float(levels.cpu_seconds.sum())
         work: Any = {"samples": int(levels.samples.sum()), "ns_per_step": 1e9 * float(cpu_seconds / steps)}
         return self.weak_errors(
@@ -252,7 +269,10 @@ class MultilevelPlan(Blockwise, WeakPlan):
             **fields,
             expectation=expectation,
             sampled=Sampled(**sampled, **of_expectation, **work),
-            levels=levels.table(self._coarse, has_antithetic_path(self.scheme), extra.control_bound),
+            levels=replace(
+                levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
+                base_gain=base_gain(self, levels),
+            ),
             history=History(
                 allocations=np.arange(1, len(SHARES) + 1),
                 error=extra.history_error[..., own],
@@ -264,29 +284,6 @@ class MultilevelPlan(Blockwise, WeakPlan):
         )
 
     @property
-    def _coarse(self) -> np.ndarray:
+    def coarse(self) -> np.ndarray:
         """(levels - 1,) the coarse steps of the differences."""
         return self.case.reference_step * 2.0 ** np.arange(1, self.base + 1)
-
-    def _expectations(self, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]:
-        """E phi at all steps: at the largest one from the last level, at the others by the differences between levels.
-
-        Beside it the fields of Sampled that state its uncertainty.
-        """
-        h, coarse, moments = np.array(self.case.steps), self._coarse, levels.moments()
-        last, variances = moments.stderr[-1] ** 2, moments.stderr[:-1] ** 2
-        fine, square = levels.means_of_powers()[VALUE][:2, -1]
-        differences = self.combination.errors(moments.mean[:-1])
-        largest = differences[:, :1]
-        if self.part.extrapolate:
-            to_reference, to_steps = self.combination.shares_above()
-            largest = (to_reference * moments.mean[:-1].T).sum(axis=1, keepdims=True)
-            spread = np.sqrt(last + (to_steps[..., np.newaxis] ** 2 * variances).sum(axis=1)).T
-        else:
-            above = [(coarse > step) & (coarse <= h[0]) for step in h]  # levels between the largest step and this one
-            spread = np.array([np.sqrt(last + variances[used].sum(axis=0)) for used in above]).T
-        return moments.mean[-1][:, np.newaxis] - largest + differences, {
-            "expectation_stderr": spread,
-            "reference": moments.mean[-1] - largest[:, 0],
-            "sd": standard_deviation(fine, square),
-        }

@@ -1,5 +1,6 @@
 """What randomised quasi-Monte Carlo adds to a spec."""
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 from spi.ensemble.points import CONSTRUCTIONS, dimensions_of
@@ -26,14 +27,17 @@ def check(case: Any) -> None:
     if case.samples < LEAST_PATHS or case.samples & (case.samples - 1):
         right = f"must be a power of two for the estimator 'quasi', {LEAST_PATHS} or more"
         raise wrong(f"is {case.samples}", right, "samples")
-    steps = round(case.final_time / case.reference_step)
-    for scheme in case.schemes:
-        record, reference = case.row(scheme).record, case.reference_record(None)
-        dimensions = dimensions_of(record, reference, case.model, steps)[1]
+    steps, right = round(case.final_time / case.reference_step), "use a reference_step that makes it"
+    check_dimensions(case, case.schemes, case.reference_record(None), steps, "estimators", f"{right} {{}}, or plain")
+
+
+def check_dimensions(case: Any, schemes: Sequence[str], reference: Any, steps: int, key: str, right: str) -> None:
+    """Points must not have too many dimensions for paths of so many steps; `right` has room for how many they may."""
+    for scheme in schemes:
+        dimensions = dimensions_of(case.row(scheme).record, reference, case.model, steps)[1]
         if dimensions > MOST_DIMENSIONS:
             what = f"has 'quasi', whose points would have {dimensions} dimensions for '{scheme}'"
-            right = f"use a reference_step that makes it {MOST_DIMENSIONS} or fewer, or plain"
-            raise wrong(what, right, "estimators")
+            raise wrong(what, right.format(f"{MOST_DIMENSIONS} or fewer"), key)
 
 
 def can_do(case: Any, scheme: str) -> bool:

@@ -31,7 +31,7 @@ def plan(case: Any, part: Part) -> "QuasiPlan":
 class QuasiPlan(PlainPlan):
     """Weak errors of one scheme by scrambled points."""
 
-    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "accuracy", "prefixes"))
+    of_others: ClassVar[frozenset[str]] = frozenset(("standard_error", "seconds", "coarse", "accuracy", "prefixes"))
 
     @property
     def prefixes(self) -> tuple[int, ...]:

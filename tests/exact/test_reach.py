@@ -1,0 +1,40 @@
+"""Where noises take a state on its Casimir surface, and what they and the drift leave as it is."""
+
+import pytest
+from helpers import INITIAL, RIGID_BODY
+from yaml_cases import made
+
+from spi.ensemble.protocol import dimension
+from spi.exact.reach import reach
+
+POINT = (0.6, 0.48, 0.64)
+SPHERE = "{{algebra: so(3), hamiltonian: '{}', noises: [{}]}}"
+SYMMETRIC = "y1^2/4 + y2^2/4 + y3^2/2"
+RING = (
+    "{algebra: so(3)^n, sizes: {n: 2}, variables: ['x(i), y(i), z(i) for i = 1..n'],"
+    " hamiltonian: 'x(1)*x(2) + y(1)*y(2) + z(1)*z(2)', noises: [z(1), z(2)]}"
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "point", "found"),
+    [
+        (SPHERE.format(SYMMETRIC, "y3"), POINT, (1, 2, ("y3",))),
+        (SPHERE.format(SYMMETRIC, "y1"), POINT, (2, 2, ())),
+        (SPHERE.format("y1^2/4 + y2^2/2 + y3^2", "y3"), POINT, (2, 2, ())),
+        (SPHERE.format("(y1 + 2*y2)^2", "y1 + 2*y2"), POINT, (1, 2, ("y1 + 2*y2",))),
+        (SPHERE.format("y1^2/4 + y2^2/2 + y3^2", "y1^2/4 + y2^2/2 + y3^2"), POINT, (1, 2, ("y1^2 - 2*y3^2",))),
+        (RING, (*POINT, 0.0, 0.8, 0.6), (3, 4, ("y3 + y6",))),
+    ],
+)
+def test_what_noises_leave_as_it_is(text, point, found):
+    """The fourth is conserved H but for a multiple of |y|^2; of the last only the sum over the spins is kept."""
+    model = made(text).record
+    assert reach(model, point, [f"y{i + 1}" for i in range(dimension(model))]) == found
+
+
+def test_noises_that_are_off_move_nothing():
+    names = ["y1", "y2", "y3"]
+    assert reach(RIGID_BODY, INITIAL, names).rank == 2
+    symmetric = RIGID_BODY._replace(inertia=(2.0, 2.0, 1.0), sigma=(0.0, None, 1.0))
+    assert reach(symmetric, INITIAL, names) == (1, 2, ("y3",))
