@@ -1,9 +1,10 @@
-"""Two schemes from the literature: stochastic Heun, and Milstein for noises that commute."""
+"""Schemes from the literature: stochastic Heun, also moved back to |y|, and Milstein for noises that commute."""
 
+import math
 from typing import NamedTuple
 
 from spi.compiler.dispatch import number, unrolled
-from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field, noise_field_derivative, step_field
+from spi.ensemble.fields import add_noise_fields, add_scaled, dot, drift_field, noise_field_derivative, step_field
 from spi.ensemble.lanes import load_lane, store_lane
 from spi.ensemble.protocol import noise_indices, strengths
 from spi.numerics.rng import LANES
@@ -38,3 +39,16 @@ class Milstein(NamedTuple):
             # sum_l sigma_l dW_l f_l, which is what the noises add to y
             noise = add_scaled(add_noise_fields(model, state, dW, lane, state), -1.0, state)
             store_lane(y, lane, add_products(model, moved, dW, lane, state, noise))
+
+
+class NormalisedHeun(NamedTuple):
+    """|y| z / |z| with the z of Heun"""
+
+    def advance(scheme, model, h, dW, coins, y, work, report):
+        for lane in range(LANES):
+            state = load_lane(model, y, lane)
+            first = step_field(model, h, dW, lane, state)
+            second = step_field(model, h, dW, lane, add_scaled(state, 1.0, first))
+            moved = add_scaled(add_scaled(state, 0.5, first), 0.5, second)
+            stretch = math.sqrt(dot(state, state) / dot(moved, moved))
+            store_lane(y, lane, add_scaled(moved, stretch - 1.0, moved))
