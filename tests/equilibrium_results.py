@@ -4,15 +4,22 @@ import numpy as np
 from made_up import group_of
 from stability_results import LABELS
 
-from spi.kinds.equilibrium.results import Equilibrium, Law
-from spi.storage.records import Results
+from spi.kinds.equilibrium.results import Averages, Equilibrium, Law
+from spi.storage.records import Order, Results
 
 VARIABLES = ("y1", "y2", "y3", "H")
 MOMENTS = ("y1", "y1^2", "y2", "y2^2", "y3", "y3^2", "y3^4", "H", "H^2")
 
 
 def equilibrium_group(
-    scheme, case="free", casimirs=1, panels=("growth", "law", "distance", "moments"), law=True, last=26, **more
+    scheme,
+    case="free",
+    casimirs=1,
+    panels=("growth", "law", "distance", "moments"),
+    law=True,
+    last=26,
+    averages=None,
+    **more,
 ):
     """Rounding walks of the splitting, errors of the midpoint rule's solver that add up, Euler-Maruyama that grows."""
     rng = np.random.default_rng(1)
@@ -46,6 +53,7 @@ def equilibrium_group(
         "steps_each": int(n[-1]),
         "snapshots": 4096,
         "panels": panels,
+        "averages": averages,
     }
     # the final time depends on the step size, so that this kind has none
     told = {"scheme_label": LABELS[scheme], "case_title": f"case {case}, $5", "final_time": None} | more
@@ -73,6 +81,45 @@ def _law(scheme, h, lost, rng):
         distance=distance,
         distance_stderr=np.full(distance.shape, 6e-4),
     )
+
+
+def averages_group(scheme, case="held", **more):
+    """Means of H and of y3^2 at T = 1/4: a bias of order 2 and one that is not resolved."""
+    h, lag = 2.0 ** -np.array([2, 4, 6]), 0.25 * np.arange(8.0)
+    each, cells = np.ones((3, 2)), np.linspace(1.0, 0.2, 10) * np.ones((3, 2, 10))
+    bias = np.stack([0.1 * h**2, 1e-5 * np.ones(3)], axis=1)
+    rho = np.exp(-lag) * np.ones((3, 2, 8))
+    averages = Averages(
+        functions=("H", "square"),
+        texts=("H", "y3^2"),
+        temperature=0.25,
+        spacing=0.25,
+        kept=1600,
+        average=0.5 + bias,
+        average_half=2e-5 * each,
+        **{name: 1e-5 * each for name in ("stderr_paths", "stderr_tau", "stderr_batches")},
+        tau=0.9 * each,
+        tau_stderr=0.02 * each,
+        window=4.5 * each,
+        halves=0.7 * each,
+        variance=0.1 * each,
+        variance_stderr=1e-3 * each,
+        reference=np.array([0.5, 0.5]),
+        reference_stderr=np.zeros(2),
+        reference_variance=np.array([0.1, 0.1]),
+        order=(Order(2.0, 1.9, 2.1, 3), Order(np.nan, np.nan, np.nan, 1)),
+        constant=np.array([0.1, np.nan]),
+        lag=lag,
+        correlation=rho,
+        correlation_stderr=0.01 * rho,
+        cell_low=0 * each,
+        cell_width=0.1 * each,
+        density=cells,
+        density_stderr=0.01 * cells,
+        density_exact=cells,
+    )
+    panels = ("growth", "means", "histogram", "autocorrelation", "heat")
+    return equilibrium_group(scheme, case, panels=panels, law=False, averages=averages, **more)
 
 
 def equilibrium(*groups):

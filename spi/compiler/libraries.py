@@ -5,11 +5,17 @@ is ever used of it is its copy in the functions that call it.  For the functions
 kernel, that took most of the time of compiling.
 """
 
+import contextlib
 import dis
+import gc
 
+from numba.core import event
 from numba.core.compiler import Compiler
 
 from .rounding import RoundedLibrary, parts_of
+
+#: Thresholds of the garbage collector while Numba compiles: what it makes mostly stays, and is looked at in vain.
+COLLECTIONS = (50_000, 20, 20)
 
 
 class InlinedLibrary(RoundedLibrary):
@@ -56,7 +62,25 @@ class InliningCompiler(Compiler):
 
     def compile_extra(self, function):
         self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function)
-        return super().compile_extra(function)
+        with unhindered():
+            return super().compile_extra(function)
+
+
+@contextlib.contextmanager
+def unhindered():
+    """Within it the garbage collector is patient, and Numba's timers of LLVM stand still.
+
+    There is a timer for each function that is being compiled, and each is told of every call of LLVM.
+    """
+    thresholds, listeners = gc.get_threshold(), event._registered["numba:llvm_lock"]
+    timers = [listener for listener in listeners if isinstance(listener, event.TimingListener)]
+    listeners[:] = [listener for listener in listeners if listener not in timers]
+    gc.set_threshold(*COLLECTIONS)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
+        listeners += timers
 
 
 class LinkedLibrary(InlinedLibrary):
@@ -78,7 +102,7 @@ class KernelCompiler(Compiler):
         codegen = self.state.targetctx.codegen()
         self.state.library = RoundedLibrary(codegen, function.__qualname__)
         self.state.library.enable_object_caching()
-        with parts_of(codegen, LinkedLibrary):
+        with parts_of(codegen, LinkedLibrary), unhindered():
             result = super().compile_extra(function)
         # an error that an inlined function raises looks for the environment of that function
         for environment in result._find_referenced_environments():

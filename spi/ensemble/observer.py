@@ -56,7 +56,7 @@ def state_recorder(times, rows, every, lane=0):
     nothing = last_states_only(times)
     steps = nothing.levels[:, 2]
     stored = steps[-1] // every
-    places = 1 + np.arange(len(steps)) * (stored + 1)
+    places = 1 + np.arange(len(steps)) * (stored + 1) - times.first_step // every  # steps are counted from t = 0 on
     levels = np.stack([places, every * (steps // steps[-1]), steps], axis=1)
     return nothing._replace(rows=rows, holds=STATES, lane=lane, levels=levels)
 

@@ -47,6 +47,7 @@ NUMBERED = {
     "casimir": "number of the Casimir function",
     "component": "number of the component",
     "bin": "number of the bin",
+    "cell": "number of the cell",
     "row": "number of the row of cells",
     "column": "number of the column of cells",
     "left_out": "number of the group of paths that is left out",

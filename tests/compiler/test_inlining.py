@@ -1,11 +1,14 @@
 """What of the functions of the program becomes machine code, and what is only copied into others."""
 
+import gc
+
 import numba
 import numpy as np
 import pytest
+from numba.core import event
 
 from spi.compiler.dispatch import device, kernel
-from spi.compiler.libraries import InlinedLibrary, LinkedLibrary, has_loop
+from spi.compiler.libraries import COLLECTIONS, InlinedLibrary, LinkedLibrary, has_loop, unhindered
 
 compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="about compiled code")
 
@@ -81,6 +84,21 @@ def test_only_kernels_become_machine_code(monkeypatch):
     assert last[LinkedLibrary]  # the wrappers of the parallel loop
     # "nrt" is Numba's own, made once in a process
     assert set(last["machine code"]) - {"nrt"} == {"one_row", "all_rows"}
+
+
+@compiled_only
+def test_the_garbage_collector_and_timers_are_disturbed_only_while_something_compiles():
+    before, seconds = gc.get_threshold(), []
+    with event.install_timer("numba:llvm_lock", seconds.append):
+        with pytest.raises(ZeroDivisionError), unhindered(), unhindered():
+            assert gc.get_threshold() == COLLECTIONS
+            event.start_event("numba:llvm_lock")
+            event.end_event("numba:llvm_lock")
+            raise ZeroDivisionError
+        assert gc.get_threshold() == before and not seconds
+        event.start_event("numba:llvm_lock")
+        event.end_event("numba:llvm_lock")
+    assert len(seconds) == 1
 
 
 @pytest.mark.parametrize("x", [[1.0, 2.0], [3.0, -1.0]])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 from llvmlite import ir
-from numba.core import caching, codegen, compiler, datamodel, imputils
+from numba.core import caching, codegen, compiler, datamodel, event, imputils
 from numba.core.registry import cpu_target
 
 from spi.compiler import private
@@ -45,6 +45,7 @@ def add_one(x):
         ("compile_extra", lambda: compiler.Compiler, LIBRARIES),
         ("_find_referenced_environments", lambda: compiler.CompileResult, LIBRARIES),
         ("_library_class set_env", lambda: cpu_target.target_context.codegen(), LIBRARIES),
+        ("_registered TimingListener", lambda: event, LIBRARIES),
         ("add_ir_module", lambda: codegen.JITCodeLibrary, ROUNDING),
         ("_get_host_cpu_features", lambda: cpu_target.target_context.codegen(), ROUNDING),
         ("_name operands flags opname", lambda: ir.Instruction(BLOCK, ir.DoubleType(), "fneg", []), ROUNDING),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damage import call
-from equilibrium_results import equilibrium, equilibrium_group
+from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from figure_checks import alike_without_colours, collisions, lightness
 from matplotlib import colormaps
 from stability_results import stability, stability_group
@@ -56,6 +56,7 @@ RESULTS = {
     "weak, several eps": lambda: weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1, 0.01))),
     "work_precision": work_results,
     "equilibrium": lambda: equilibrium(equilibrium_group("splitting"), equilibrium_group("midpoint")),
+    "equilibrium, means": lambda: equilibrium(averages_group("splitting"), averages_group("midpoint")),
 }
 
 

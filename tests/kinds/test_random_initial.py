@@ -96,6 +96,7 @@ def test_levels_have_states_of_their_own(plan_of):
     assert plain.sampled.error_stderr[0, 0] < 0.5 * plain.sampled.sd[0] / math.sqrt(20000)
 
 
+@pytest.mark.slow
 @compiled_only
 def test_a_linear_system_against_its_mean(tmp_path):
     """A body with y_3 = 1 turns by W(t): E y_1 and E y_1^2 follow from mean and covariance of the first states."""

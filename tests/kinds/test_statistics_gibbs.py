@@ -6,7 +6,7 @@ from helpers import INITIAL, RIGID_BODY
 from yaml_cases import made
 
 from spi.expressions.arithmetic import NumberError
-from spi.kinds.statistics.functions import path_function
+from spi.kinds.functions import path_function
 from spi.kinds.statistics.maps import Cells
 
 

@@ -151,11 +151,12 @@ SHORT = {
     "kernels.py": ["lotka_volterra"],
     "normals_offline.py": ["--draws", "100000"],
     "peers.py": [],
+    "points.py": ["--seeds", "2", "--points", "64", "--sigma", "1"],
     "questions.py": ["--count", "1", "--accuracies", "1e-2"],
     "scaling.py": ["1000"],
     "spin_ring.py": ["splitting", "--spins", "4"],
     "systems.py": [],
-    "total_error.py": ["--errors", "1e-2", "--longest", "0.1"],
+    "total_error.py": ["--errors", "1e-2", "--longest", "0.1", "--points", "262144"],
     "weak_differences.py": ["experiments/weak_agreement.yaml", "splitting", "--set", "seconds=0.2"],
     "zeitlin.py": ["5"],
 }

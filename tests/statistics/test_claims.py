@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from equilibrium_results import equilibrium, equilibrium_group
+from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from helpers import printed
 from rich.console import Console
 from stability_results import predators, stability, stability_group
@@ -332,7 +332,7 @@ WHOLE = {
     ),
     "work_precision": work_results(),
     "stability": stability(stability_group("midpoint", law=True), predators("splitting")),
-    "equilibrium": equilibrium(equilibrium_group("splitting"), equilibrium_group("midpoint")),
+    "equilibrium": equilibrium(*map(equilibrium_group, ("splitting", "midpoint")), averages_group("splitting")),
     "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
     "answer": Results({"kind": "answer", "title": "Answer"}, (ANSWER.group(),)),
     "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),

@@ -4,15 +4,17 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from spi.statistics.claims import WIDEST, Quantity, each_step, lost_is_infinite
+from spi.statistics.claims import WIDEST, Quantity, each_step, lost_is_infinite, order, quantity
+from spi.storage.records import INTERVAL, Description
 
-from .results import Equilibrium, Law
+from .results import Averages, Equilibrium, Law
 
 
 def quantities(readings: Iterable[Equilibrium]) -> Iterator[Quantity]:
     """For each step size how errors of the Casimirs grow, their bias per step, the worst, and how many paths diverged.
 
-    Where the stationary law is known, the distance from it in each variable and the largest |z| of the means as well.
+    Where the stationary law is known, the distance from it in each variable and the largest |z| of the means as well;
+    of functions their means, and how far these are from what is known.
     """
     for one in readings:
         for c in range(one.casimir_count):
@@ -22,6 +24,8 @@ def quantities(readings: Iterable[Equilibrium]) -> Iterator[Quantity]:
             yield from each_step("casimir_worst", one.about, one.h, worst)
         if one.law:
             yield from _law(one, one.law)
+        if one.averages:
+            yield from _averages(one, one.averages)
         yield from each_step("nonfinite", one.about, one.h, one.nonfinite)
 
 
@@ -35,3 +39,32 @@ def _law(one: Equilibrium, law: Law) -> Iterator[Quantity]:
     for distance, stderr in zip(law.distance.T, law.distance_stderr.T, strict=True):
         yield from each_step("law_distance", one.about, one.h, distance, stderr)
     yield from each_step("mean_z", one.about, one.h, np.abs(law.z).max(axis=1))
+
+
+def _averages(one: Equilibrium, found: Averages) -> Iterator[Quantity]:
+    for f, name in enumerate(found.functions):
+        at, (response, factor) = (one.about, one.h, name), found.response(f)
+        yield from of_function("average", *at, found.average[:, f], found.average_half[:, f], found.reference[f])
+        yield from of_function("tau", *at, found.tau[:, f], INTERVAL * found.tau_stderr[:, f])
+        yield from of_function("halves", *at, np.abs(found.halves[:, f]))
+        if np.isfinite(found.reference[f]):
+            yield from of_function("deviation", *at, np.abs(found.deviation[:, f]))
+        if np.isfinite(factor):
+            values, half = factor * found.variance[:, f], INTERVAL * abs(factor) * found.variance_stderr[:, f]
+            yield from of_function(response.replace(" ", "_"), *at, values, half, factor * found.reference_variance[f])
+        yield order(one.about, found.order[f], function=name)
+
+
+def of_function(
+    name: str,
+    about: Description,
+    h: np.ndarray,
+    function: str,
+    values: np.ndarray,
+    halves: np.ndarray | float = 0.0,
+    expected: float = np.nan,
+) -> Iterator[Quantity]:
+    """A quantity of a function at each step size in `h` (S,), with half the widths of intervals; none of NaN."""
+    for step, value, half in zip(h.tolist(), values.tolist(), np.broadcast_to(halves, len(h)).tolist(), strict=True):
+        if not np.isnan(value):
+            yield quantity(name, about, value, half, function, step, expected)

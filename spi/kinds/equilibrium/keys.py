@@ -2,55 +2,198 @@
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
 import pydantic
 from annotated_types import Ge, Le, MinLen
+from pydantic import BeforeValidator, Field
 
-from spi.numerics.rng import STEPS_PER_TOSS
+from spi.ensemble.protocol import NonNegative, Positive, dimension
+from spi.expressions.arithmetic import NumberError
+from spi.kinds.functions import PathFunction, path_function
+from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import check_once, check_schemes
+from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
 from spi.specs.conversion import Given
-from spi.specs.keys import Samples, Schemes, Steps, condition, key_of, wrong
+from spi.specs.keys import NAME, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
+from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
-#: What the figure can show.
-PANELS = ("growth", "law", "distance", "moments")
+from .references import EXACT, FINEST, check
+from .results import BATCHES
 
-Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+#: What the figure can show: of Casimir functions and the uniform law, and of functions.
+OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
+PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
+
+Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]
+_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
+Functions = Annotated[_ByName, BeforeValidator(lambda value: {"phi": value} if isinstance(value, str) else value)]
+Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
+
+_MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
+_LEAST_KEPT = 4 * BATCHES
+_BURNT = 0.2  # of the time
+_MOST_BYTES = 2**29  # of states that are recorded at a time
 
 
 class Case(BaseCase):
-    """Casimirs over very many steps, and the law of the states after a long time."""
+    """Equilibrium: Casimirs over very many steps, the law of the states after a long time, and means over time."""
 
     steps: key_of(Steps, "step sizes, a list or a range such as 2^-1 .. 2^-5", "time")
-    step_count: key_of(StepCount, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}")
+    step_count: key_of(
+        StepCount | None, f"number of steps of every path, a multiple of {STEPS_PER_TOSS}; or final_time"
+    ) = None
+    final_time: key_of(Positive | None, "in place of step_count: time until which every step size runs", "time") = None
     schemes: key_of(Schemes, "a list of schemes")
     samples: key_of(Samples, "number of Brownian paths")
-    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("growth",)
+    functions: key_of(
+        Functions,
+        "with final_time: by name an expression in the state such as y1^2, H or a Casimir function C1, C2, ...; "
+        "default: H",
+    ) = Field(default_factory=dict)
+    burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
+    spacing: key_of(
+        Positive | None,
+        "time between two values of functions, a multiple of every step size; default: the largest step size, "
+        f"or so many times that that a path has at most {_MOST_SNAPSHOTS}",
+        "time",
+    ) = None
+    bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of the histograms of functions") = 40
+    reference: key_of(
+        Reference,
+        f"known means of functions: {EXACT} (the Gibbs law by quadrature), {FINEST} (the mean at the smallest step "
+        "size), or by name one of these or a formula such as 1/3",
+    ) = Field(default_factory=dict)
+    accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
+    panels: key_of(
+        Panels,
+        f"what the figure shows, some of {', '.join(PANELS)}; default: growth, of functions means, histogram and "
+        "autocorrelation",
+    ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
     quantities: ClassVar = {
         **dict.fromkeys(("growth", "bias"), Sort(EQUAL, per_step=True)),
         **dict.fromkeys(("casimir_worst", "law_distance", "mean_z", "nonfinite"), Sort(AT_MOST, per_step=True)),
+        **dict.fromkeys(("average", "tau", "heat_capacity", "susceptibility"), Sort(EQUAL, per_step=True)),
+        **dict.fromkeys(("deviation", "halves"), Sort(AT_MOST, per_step=True)),
+        "order": Sort(EQUAL),
     }
-    shown_over: ClassVar = ("casimir_worst", "growth", "law_distance")
+    scoping: ClassVar = ("functions",)
+    shown_over: ClassVar = ("casimir_worst", "growth", "law_distance", "average")
+    neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"reference", "accuracy"}
 
     @property
     def last_time(self) -> float:
         """Of the largest step size."""
-        return max(self.steps) * self.step_count
+        return self.final_time or max(self.steps) * (self.step_count or 0)
 
-    @condition("steps", "step_count", "schemes")
+    @property
+    def counts(self) -> list[int]:
+        """How many steps there are of each step size."""
+        return [self.step_count or round((self.final_time or 0) / h) for h in self.steps]
+
+    @property
+    def path_functions(self) -> tuple[PathFunction, ...]:
+        """The functions, in the order of their names."""
+        return tuple(path_function(self.model, self.variables, text) for text in self.functions.values())
+
+    @property
+    def between(self) -> float:
+        """The time between two values of functions."""
+        if self.spacing:
+            return self.spacing
+        most = self.last_time / (_MOST_SNAPSHOTS * max(self.steps))
+        return max(self.steps) * 2.0 ** max(0, np.ceil(np.log2(most)))
+
+    @property
+    def burnt(self) -> float:
+        """The time that does not count."""
+        return _BURNT * self.last_time if self.burn_in is None else self.burn_in
+
+    @condition("steps", "step_count", "final_time", "schemes")
     def _check_steps(self) -> Self:
-        if self.step_count % STEPS_PER_TOSS:
+        if (self.step_count is None) == (self.final_time is None):
+            if self.step_count is not None:
+                raise wrong("is given beside step_count", "leave out one of them", "final_time")
+            raise wrong("missing key 'step_count'", "add step_count: number of steps, or final_time", "step_count")
+        if self.step_count and self.step_count % STEPS_PER_TOSS:
             lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
             nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
             raise wrong(f"is {self.step_count}", nearest, "step_count")
         check_once(self.steps, "steps")
+        for h in self.steps if self.final_time else ():
+            check_multiple(self.final_time, h, "steps", "has")
+            check_count(self.final_time, h, "steps")
+            if self.final_time / h < STEPS_PER_TOSS:
+                what = f"is {quantity(self.final_time)}, fewer than {STEPS_PER_TOSS} steps of {quantity(h)}"
+                raise wrong(what, f"must be at least {quantity(STEPS_PER_TOSS * h)}", "final_time")
         check_schemes(self, self.schemes, self.steps, "steps")
         if any(self.row(name).multiscale for name in self.schemes):
             raise wrong("has a multiscale scheme", "use schemes without eps", "schemes")
         return self.model_copy(update={"steps": tuple(sorted(self.steps, reverse=True))})
+
+    @condition("functions", "final_time", "model")
+    def _check_functions(self) -> Self:
+        """The case with functions, unless no final time is given."""
+        if not self.final_time:
+            given = {"functions": self.functions, "burn_in": self.burn_in, "spacing": self.spacing}
+            for key in [key for key, value in given.items() if value]:
+                raise wrong("is for means over time", "give final_time in place of step_count", key)
+            return self
+        functions = self.functions or {"H": "H"}
+        every(self._check_function, functions.items())
+        return self.model_copy(update={"functions": functions})
+
+    def _check_function(self, name: str, text: str) -> None:
+        try:
+            path_function(self.model, self.variables, text)
+        except NumberError as error:
+            known = ", ".join(self.variables) or f"y1 .. y{dimension(self.model)}"
+            right = f"must be an expression in {known}, H or C1"
+            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+
+    @condition("functions", "burn_in", "spacing", "steps", "final_time", "model")
+    def _check_kept(self) -> Self:
+        if not self.functions:
+            return self
+        key = "spacing" if self.spacing else "steps"
+        for h in self.steps:
+            if abs(round(self.between / h) * h - self.between) > ROUNDING * self.between:
+                what = f"{'is' if self.spacing else 'give the spacing'} {quantity(self.between)}, no multiple of"
+                raise wrong(f"{what} {quantity(h)}", "give a spacing that is one of every step size", key)
+        left = int((self.last_time - self.burnt) / self.between * (1 + ROUNDING))
+        if left < _LEAST_KEPT:
+            what = f"leaves {max(left, 0)} values with a spacing of {quantity(self.between)} after burn_in"
+            right = f"must leave {_LEAST_KEPT}: final_time {quantity(self.burnt + _LEAST_KEPT * self.between)} or more"
+            raise wrong(what, right, "final_time")
+        states = 1 + STEPS_PER_TOSS * max(self.steps) / self.between
+        if 8 * LANES * BATCHES * dimension(self.model) * states > _MOST_BYTES:
+            right = f"must be larger, such as {quantity(STEPS_PER_TOSS * max(self.steps))}"
+            raise wrong("records more states at a time than fit", right, "spacing")
+        return self
+
+    @condition("reference", "functions", "steps", "initial", "model", "temperature")
+    def _check_reference(self) -> Self:
+        """The case with what is known of each function by its name."""
+        if self.reference and not self.functions:
+            raise wrong("is for means over time", "give final_time in place of step_count", "reference")
+        of_all = self.reference.get("")
+        reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
+        every(check, ((self, name, known) for name, known in reference.items()))
+        return self.model_copy(update={"reference": reference})
+
+    @condition("panels", "functions")
+    def _check_panels(self) -> Self:
+        """The case with what its figure shows."""
+        if not self.panels:
+            return self.model_copy(update={"panels": OF_FUNCTIONS[:3] if self.functions else PANELS[:1]})
+        for name in set(self.panels) - {"growth", "acceptance"}:
+            if (name in OF_FUNCTIONS) != bool(self.functions):
+                what = f"has '{name}', which is shown {'without' if self.functions else 'of'} functions"
+                raise wrong(what, f"leave it out, or {'leave out' if self.functions else 'give'} functions", "panels")
+        return self
 
 
 def of_another(given: Given) -> dict[str, Any]:

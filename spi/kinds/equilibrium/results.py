@@ -6,7 +6,17 @@ from typing import Annotated
 import numpy as np
 
 from spi.kinds.solver import Acceptance, Solver
+from spi.storage.records import Order
 from spi.storage.stored import Array, Described, Stored, array, axis, fact
+
+#: Into so many batches the kept time of a path is divided.
+BATCHES = 16
+#: From so many paths on a standard error is that of independent paths, with fewer that of correlated values.
+LEAST_PATHS = 8
+#: So many integrated autocorrelation times a path must have at least.
+LONG_ENOUGH = 50
+#: Two standard errors may differ by this factor, beyond their own uncertainty.
+APART = 1.5
 
 
 class Law(Described):
@@ -36,6 +46,89 @@ class Law(Described):
             return (self.mean - self.mean_exact) / self.mean_stderr
 
 
+class Averages(Described):
+    """Means of functions over the later part of the time and over all paths, with what is needed to judge them."""
+
+    functions: Annotated[tuple[str, ...], axis("function", name="function")]
+    texts: Annotated[tuple[str, ...], fact("what the functions are")]
+    temperature: Annotated[float, fact("temperature of the case, inf without one", "energy", name="held_at")]
+    spacing: Annotated[float, fact("time between two values along a path", "time")]
+    kept: Annotated[int, fact("values of each path and function that count")]
+    average: Annotated[Array, array("h function", "mean over time and paths")]
+    average_half: Annotated[Array, array("h function", "half of the 95 % interval of the mean")]
+    stderr_paths: Annotated[Array, array("h function", "standard error of the mean, from independent paths")]
+    stderr_tau: Annotated[Array, array("h function", "standard error of the mean, from autocorrelations")]
+    stderr_batches: Annotated[Array, array("h function", "standard error of the mean, from means over batches of time")]
+    tau: Annotated[
+        Array, array("h function", "integrated autocorrelation time", "time", "1/2 spacing + sum of rho(s) spacing")
+    ]
+    tau_stderr: Annotated[Array, array("h function", "standard error of this time", "time")]
+    window: Annotated[Array, array("h function", "lag at which that sum ends, 5 tau; NaN where none is known", "time")]
+    halves: Annotated[
+        Array,
+        array("h function", "mean of the second half of the time less that of the first, in standard errors"),
+    ]
+    variance: Annotated[Array, array("h function", "variance over time and paths")]
+    variance_stderr: Annotated[Array, array("h function", "standard error of the variance")]
+    reference: Annotated[Array, array("function", "known mean, or mean at the smallest step size; NaN without one")]
+    reference_stderr: Annotated[Array, array("function", "standard or numerical error of the reference")]
+    reference_variance: Annotated[Array, array("function", "exact variance; NaN where not known")]
+    order: Annotated[tuple[Order, ...], array("function", "order in the step size of the bias of the mean")]
+    constant: Annotated[Array, array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")]
+    lag: Annotated[Array, axis("time between two values", "time")]
+    correlation: Annotated[Array, array("h function lag", "autocorrelation", formula="Cov(f(y_t), f(y_(t+s))) / Var f")]
+    correlation_stderr: Annotated[Array, array("h function lag", "standard error of the autocorrelation")]
+    cell_low: Annotated[Array, array("h function", "lower end of the first cell of the histogram")]
+    cell_width: Annotated[Array, array("h function", "width of a cell")]
+    density: Annotated[Array, array("h function cell", "share of the values in the cell, by its width")]
+    density_stderr: Annotated[Array, array("h function cell", "standard error of the density")]
+    density_exact: Annotated[Array, array("h function cell", "the same of the exact law; NaN where not known")]
+
+    @property
+    def stderr(self) -> np.ndarray:
+        """(S, F) the standard error that intervals are made of."""
+        return np.where(np.isfinite(self.stderr_paths), self.stderr_paths, self.stderr_tau)
+
+    @property
+    def bias(self) -> np.ndarray:
+        """(S, F) means less the reference."""
+        return self.average - self.reference
+
+    @property
+    def bias_stderr(self) -> np.ndarray:
+        """(S, F) with the error of the reference, which at a step size that is its own is 0."""
+        return np.where(self.bias == 0, 0.0, np.hypot(self.stderr, self.reference_stderr))
+
+    @property
+    def deviation(self) -> np.ndarray:
+        """(S, F) the same in standard errors."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.bias / self.bias_stderr
+
+    @property
+    def long_enough(self) -> np.ndarray:
+        """(S, F) whether a path is at least LONG_ENOUGH times its autocorrelation time, and that is known."""
+        return (self.tau * LONG_ENOUGH <= self.kept * self.spacing) & np.isfinite(self.window)
+
+    def response(self, f: int) -> tuple[str, float]:
+        """What a variance becomes, "heat capacity" or "susceptibility", and the factor; NaN without a temperature."""
+        name = "heat capacity" if self.texts[f] == "H" else "susceptibility"
+        power = 2 if self.texts[f] == "H" else 1
+        return name, 1 / self.temperature**power if np.isfinite(self.temperature) else np.nan
+
+    def disagreement(self, samples: int) -> np.ndarray:
+        """(S, F) the largest quotient of two of the standard errors, less what their own uncertainty explains."""
+        count = samples * self.kept
+        with np.errstate(divide="ignore", invalid="ignore"):
+            of_tau = self.tau_stderr / (2 * self.tau)
+            of_paths = np.full_like(of_tau, 1 / np.sqrt(2 * max(samples - 1, 1)))
+            of_batches = np.full_like(of_tau, 1 / np.sqrt(2 * max(min(count, samples * BATCHES) - 1, 1)))
+            each = np.log([self.stderr_paths, self.stderr_tau, self.stderr_batches])
+            spread = np.array([of_paths, of_tau, of_batches])
+            found = [abs(each[i] - each[j]) - 2 * np.hypot(spread[i], spread[j]) for i, j in ((0, 1), (0, 2), (1, 2))]
+            return np.exp(np.fmax.reduce(found))
+
+
 class Equilibrium(Stored):
     """Paths of one scheme over very many steps at several step sizes, from large to small.
 
@@ -62,9 +155,11 @@ class Equilibrium(Stored):
         None
     )
     law: Law | None = None  # where the stationary law is known
+    averages: Averages | None = None  # where functions are given
     samples: Annotated[int, fact("number of paths", column=True)]
-    steps_each: Annotated[int, fact("number of steps of each path")]
+    steps_each: Annotated[int, fact("number of steps of each path, of functions at the largest step size")]
     snapshots: Annotated[int, fact("snapshots of each path that count for the law")]
+    accuracy: Annotated[float | None, fact("bias and standard error that are wanted")] = None
     panels: Annotated[tuple[str, ...], fact("what the figure of the case shows")]
 
     @property
@@ -82,6 +177,11 @@ class Equilibrium(Stored):
 def with_laws(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Law]]:
     """The results of which the law is known, each with its law."""
     return ((reading, reading.law) for reading in readings if reading.law)
+
+
+def with_averages(readings: Iterable[Equilibrium]) -> Iterator[tuple[Equilibrium, Averages]]:
+    """The results with means of functions, each with these."""
+    return ((reading, reading.averages) for reading in readings if reading.averages)
 
 
 Record = Equilibrium

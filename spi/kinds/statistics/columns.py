@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import thread_count
+from spi.kinds.functions import PathFunction, origin_of
 from spi.numerics.rng import LANES
 
 from .estimates import COARSER
-from .functions import PathFunction, origin_of
 
 Map = Callable[..., Iterator[Any]]  #: as the function ``map``
 

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.expressions.arithmetic import NumberError
+from spi.kinds.functions import FUNCTIONALS, PathFunction, path_function
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_every, check_once, check_step, times_on_grid
 from spi.specs.conversion import Given
@@ -19,7 +20,6 @@ from spi.specs.keys import NAME, Keys, Samples, Schemes, condition, key_of, quan
 from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
-from .functions import FUNCTIONALS, PathFunction, path_function
 from .maps import SPHERE, on_sphere
 from .references import EXACT, STATIONARY, check, curve
 from .results import PANELS

@@ -8,9 +8,9 @@ from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import dimension, structure
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.special import frozen
+from spi.kinds.functions import path_function
 from spi.models.delegation import undamped
 
-from .functions import path_function
 from .quantiles import Bins
 from .results import DensityMap
 

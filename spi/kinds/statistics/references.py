@@ -13,10 +13,9 @@ from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations
 from spi.exact.sphere_law import obstacle, stationary_means
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
+from spi.kinds.functions import path_function
 from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
-
-from .functions import path_function
 
 EXACT, STATIONARY = "exact", "stationary"
 _RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"

@@ -10,6 +10,7 @@ from spi.drawing import layout, style
 from spi.drawing.axes import legend_line
 
 from ..results import Equilibrium
+from . import averages
 from .growth import growth_panel, marks, steps_shown
 from .laws import chosen, distance_limits, distance_panel, law_limits, law_panel, moments_panel, scheme_entries
 
@@ -18,14 +19,14 @@ SMALL = (2.6, 2.5)  # the same of a panel of one variable
 LEAST_LARGE, LEAST_SMALL = 3.2, 1.6  # inches of their widths in a paper
 
 #: What a panel can show, in the words of a spec.
-WORDS = ("growth", "law", "distance", "moments")
+WORDS = ("growth", "law", "distance", "moments", "means", "histogram", "autocorrelation", "heat", "acceptance")
 
 
 def draw(title: str, cases: Sequence[Sequence[Equilibrium]]) -> Figure:
     """The figure of a study of kind equilibrium.
 
     For each case a line with ``growth``, a panel per Casimir, and ``moments``, and under it lines of ``law`` and of
-    ``distance``, a panel per variable.
+    ``distance``, a panel per variable, and of what is known of functions, a panel for each.
     """
     looks = style.looks(cases)
     shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
@@ -41,7 +42,8 @@ def draw(title: str, cases: Sequence[Sequence[Equilibrium]]) -> Figure:
 
 def _facts(reading: Equilibrium) -> dict[str, str]:
     steps = style.number(reading.steps_each, steps=True)
-    return {**style.facts(reading), "paths": f"{style.count(reading.samples)} paths of ${steps}$ steps"}
+    each = "" if reading.averages else f" of ${steps}$ steps"
+    return {**style.facts(reading), "paths": f"{style.count(reading.samples)} paths{each}"}
 
 
 def _lines(readings: Sequence[Equilibrium], looks: style.Looks) -> list[layout.Line]:
@@ -66,4 +68,4 @@ def _lines(readings: Sequence[Equilibrium], looks: style.Looks) -> list[layout.L
             panels = [partial(panel, name=name, **told) for name in names]
             entries = [scheme_entries(readings, looks, word)]
             lines.append(layout.Line(panels, SMALL, legend=entries, least=LEAST_SMALL, shared=True))
-    return lines
+    return lines + averages.lines(readings, looks)

@@ -24,6 +24,12 @@ class Paths(NamedTuple):
     snapshots: int  #: how many count for the law
     moments: np.ndarray  #: (moments, paths), sums over snapshots
     counts: np.ndarray  #: (variables, bins, paths)
+    stretch: np.ndarray  #: (F, blocks, LANES, 2 L) the last values of functions, until all steps are done
+    batches: np.ndarray  #: (F, blocks, LANES, BATCHES) sums of values over the batches of time, until then
+    values: np.ndarray  #: (COLUMNS, F, GROUPS) sums over paths
+    lagged: np.ndarray  #: (F, L, GROUPS) sums of products of values at each lag
+    ends: np.ndarray  #: (F, L, GROUPS) sums of both values of all pairs at that lag
+    cells: np.ndarray  #: (F, bins + 2, GROUPS) int64: values below all bins or NaN, in each, and above all
 
     def plus(self, later: "Paths") -> "Paths":
         """These paths and some later ones, all steps done."""
@@ -35,6 +41,7 @@ class Paths(NamedTuple):
             seconds=self.seconds + later.seconds,
             report=add_reports(self.report[np.newaxis], later.report[np.newaxis, np.newaxis])[0],
             nonfinite=self.nonfinite + later.nonfinite,
+            **{name: getattr(self, name) + getattr(later, name) for name in ADDED},
             **joined,
         )
 
@@ -46,3 +53,12 @@ class Paths(NamedTuple):
 
 
 OF_PATHS = ("casimir", "moments", "counts")  #: the fields in which the paths stand along the last axis
+ADDED = ("values", "lagged", "ends", "cells")  #: those that are sums over paths
+
+#: What is recorded of no functions.
+NOTHING: dict[str, Any] = {
+    "stretch": np.zeros((0, 0, 0, 0)),
+    "batches": np.zeros((0, 0, 0, 0)),
+    **{name: np.zeros((0, 0, 0)) for name in ("values", "lagged", "ends")},
+    "cells": np.zeros((0, 0, 0), np.int64),
+}

@@ -1,4 +1,4 @@
-"""Tables of long times: how errors of the Casimirs grow, and how far the law of long paths is from the exact one."""
+"""Tables of long times: errors of the Casimirs, how far the law is from the exact one, and means of functions."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,7 +12,8 @@ from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
 from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
 
-from .results import Equilibrium, Law, with_laws
+from ..results import Equilibrium, Law, with_averages, with_laws
+from . import averages
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,7 +30,7 @@ def rows(readings: Iterable[Equilibrium]) -> Iterator[dict[str, Any]]:
 
     Of several Casimirs each has its columns, ``casimir_rms_1`` and so on.  Fractions in bins are left out.
     """
-    spread = ("casimir", "moment", "variable")
+    spread = ("casimir", "moment", "variable", "function")
     for reading in readings:
         of_steps = next(rows_of(reading, ["h"], spread=spread)).keys() - {"case", "scheme", "h", "samples"}
         for row in rows_of(reading, ["h", "n"], spread=spread):
@@ -44,7 +45,10 @@ def show(console: "Console", heading: str, readings: Sequence[Equilibrium]) -> N
     if law := readings[0].law:
         print_whole(console, _laws(readings, law.variables))
         console.print()
-    for line in _remarks(readings):
+    if readings[0].averages:
+        print_whole(console, averages.table(readings))
+        console.print()
+    for line in (*_remarks(readings), *averages.remarks(readings)):
         console.print(line, markup=False, soft_wrap=True)
     console.print()
 
@@ -119,7 +123,10 @@ def told(readings: Sequence[Equilibrium]) -> str:
             means.append(f"{np.abs(reading.law.z).max():.1f} with {whose(reading.about)}")
     after = f"after {_count(readings[0].steps_each)} steps the root mean square error of the Casimir functions is"
     law = "the means of the stationary law are off by at most so many standard errors:"
-    return sentence([f"{after} {joined(errors)}" if errors else "", f"{law} {joined(means)}" if means else ""])
+    found = [f"{averages.told(one, known)} with {whose(one.about)}" for one, known in with_averages(readings)]
+    return sentence(
+        [f"{after} {joined(errors)}" if errors else "", f"{law} {joined(means)}" if means else "", joined(found)]
+    )
 
 
 def _grown(reading: Equilibrium) -> str:
@@ -139,7 +146,8 @@ def chance(count: int) -> float:
 def _remarks(readings: Sequence[Equilibrium]) -> Iterator[str]:
     first = readings[0]
     snapshots = f", {first.snapshots} snapshots of each path" if first.snapshots else ""
-    yield f"{first.samples} paths of {_count(first.steps_each)} steps each{snapshots}"
+    which = f" at h = {first.h[0]:g}" if first.averages else ""
+    yield f"{first.samples} paths of {_count(first.steps_each)} steps each{which}{snapshots}"
     yield f"{sum(reading.wall_seconds for reading in readings):.3g} s on {first.threads} threads"
     for reading in readings:
         for i, h in enumerate(reading.h.tolist() if reading.acceptance else ()):

@@ -1,0 +1,91 @@
+"""What is known of means at equilibrium: numbers, the Gibbs law by quadrature, or the smallest step size."""
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from spi.exact import gibbs
+from spi.expressions.arithmetic import NumberError, parse
+from spi.kinds.functions import path_function
+from spi.specs.keys import shown, wrong
+
+EXACT, FINEST = "exact", "finest"
+
+
+class Known(NamedTuple):
+    """What is known of F functions, NaN where nothing is."""
+
+    value: np.ndarray  #: (F,)
+    error: np.ndarray  #: (F,) numerical
+    variance: np.ndarray  #: (F,)
+    at_finest: np.ndarray  #: (F,) whether the mean at the smallest step size stands for it
+    shares: np.ndarray  #: (S, F, bins) probabilities of bins
+
+
+def number_in(text: str) -> float:
+    """The real number that a formula without variables stands for; NumberError if it is none."""
+    number = parse(text)
+    if isinstance(number, complex):
+        raise NumberError("complex")
+    return float(number)
+
+
+def check(case: Any, name: str, known: str) -> None:
+    """Raise the error about what is said to be known of the function `name`, if it cannot be."""
+    if name not in case.functions:
+        raise wrong("is not the name of a function", f"known: {', '.join(case.functions)}", "reference", name)
+    if known == FINEST:
+        if len(case.steps) < 2:
+            raise wrong(f"is '{FINEST}', and there is one step size", "give more steps", "reference", name)
+    elif known == EXACT:
+        try:
+            gibbs.law_of(case.model, case.initial, case.temperature)
+        except ValueError as error:
+            right = f"use a formula such as 1/3, or {FINEST}"
+            raise wrong(f"is '{EXACT}', but {error}", right, "reference", name) from None
+    else:
+        try:
+            number_in(known)
+        except NumberError as error:
+            right = f"must be a formula without variables, {EXACT} or {FINEST}"
+            raise wrong(f"is {shown(known)} ({error})", right, "reference", name) from None
+
+
+def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
+    """What is known of the functions of a case, with the probabilities of bins between edges (F, bins + 1) each."""
+    value, error, variance = np.full((3, len(case.functions)), np.nan)
+    shares = np.full((len(edges), len(case.functions), edges[0].shape[1] - 1), np.nan)
+    given = [case.reference.get(name, "") for name in case.functions]
+    law = case.model, case.initial, case.temperature, case.variables
+    for f, (known, text) in enumerate(zip(given, case.functions.values(), strict=True)):
+        if known == EXACT:
+            value[f], error[f], variance[f] = _moments(*law, text)
+            for i, one in enumerate(edges):
+                shares[i, f] = _shares(*law, text, tuple(one[f].tolist()))
+        elif known not in ("", FINEST):
+            value[f], error[f] = number_in(known), 0.0
+    return Known(value, error, variance, np.array([known == FINEST for known in given]), shares)
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def _moments(
+    model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str
+) -> tuple[float, float, float]:
+    """Mean, its numerical error and variance of a function; kept, as all schemes have the same.
+
+    Typed, because models of two classes may be equal tuples.
+    """
+    law, values = gibbs.law_of(model, initial, temperature), path_function(model, names, text).values
+    mean, error = law.expectation(values)
+    return mean, error, law.expectation(lambda y: (values(y) - mean) ** 2)[0]
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def _shares(
+    model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str, edges: tuple[float, ...]
+) -> np.ndarray:
+    """The probabilities of a function in bins."""
+    law = gibbs.law_of(model, initial, temperature)
+    return np.asarray(law.probabilities(path_function(model, names, text).values, np.array(edges)))

@@ -1,0 +1,221 @@
+"""Means over time at equilibrium: what is recorded, errors, warnings, orders, and keys."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import equilibrium_cases
+import numpy as np
+import pytest
+from equilibrium_cases import RIGID, initial_rows, study
+from helpers import compiled_only, printed
+from states import check_going_on, chunks_of, finished, same_numbers
+
+from spi.ensemble.loop import grid, integrated
+from spi.ensemble.observer import state_recorder
+from spi.ensemble.protocol import hamiltonian
+from spi.ensemble.streams import brownian
+from spi.kinds import KINDS
+from spi.kinds.equilibrium import study as equilibrium
+from spi.kinds.equilibrium.planner import step_for
+from spi.kinds.equilibrium.references import Known
+from spi.kinds.equilibrium.results import Equilibrium
+from spi.kinds.equilibrium.study.averages import _order
+from spi.kinds.equilibrium.study.recording import Series
+from spi.numerics.rng import LANES
+from spi.report import views
+from spi.schemes import scheme_entry
+from spi.specs import SpecError
+from spi.storage.records import Order, Part, Results
+
+# fixtures
+load_text, case_of = equilibrium_cases.load_text, equilibrium_cases.case_of
+
+ALL = ("growth", "means", "histogram", "autocorrelation", "heat", "acceptance")
+LONG = RIGID.replace("step_count: 640", "final_time: 96").replace("[1/8, 1/4]", "[1/4, 1/8]")
+LONG += "functions: {height: y3, H: H}\nburn_in: 8\nspacing: 3/4\nbins: 8\n"
+
+
+def averages(plan):
+    return plan.results(finished(plan)).averages
+
+
+@compiled_only
+def test_averages_are_those_of_the_recorded_series(load_text):
+    """Of a run in one go whose states are all known, and of formulas written out."""
+    case = load_text(LONG, "samples=70", "steps=[1/4]").cases[0]
+    plan = equilibrium.plan(case, Part("splitting"))
+    found, series = averages(plan), Series.of(case, 0)
+    assert (series.stride, series.total, series.kept, series.lags) == (3, 128, 112, 16)
+    assert found.kept == 112 and found.spacing == 0.75 and found.lag[:2].tolist() == [0, 0.75]
+    scheme, times = scheme_entry("splitting").record, grid(1 / 4, 384)
+    rows = np.empty((2, 129, 3 * LANES))
+    start = initial_rows(scheme, case.model, case.initial, 2)[:, np.newaxis]
+    noise = brownian(3)
+    integrated(scheme, case.model, start, times, noise, 0, 2, 70, state_recorder(times, rows, 3))
+    y = rows[:, 1:].reshape(2, 128, 3, LANES).transpose(2, 1, 0, 3).reshape(3, 128, -1)[:, 16:, :70]
+    for f, x in enumerate((y[2], hamiltonian(case.model, tuple(y)))):
+        mean, of_paths = x.mean(), x.mean(axis=0)
+        assert found.average[0, f] == pytest.approx(mean, abs=1e-13)
+        assert found.stderr_paths[0, f] == pytest.approx(of_paths.std(ddof=1) / np.sqrt(70), rel=1e-9)
+        drift = x[56:].mean(axis=0) - x[:56].mean(axis=0)
+        assert found.halves[0, f] == pytest.approx(drift.mean() / (drift.std(ddof=1) / np.sqrt(70)), rel=1e-8)
+        batches = x.reshape(16, 7, 70).mean(axis=1)
+        assert found.stderr_batches[0, f] == pytest.approx(batches.std(ddof=1) / np.sqrt(16 * 70), rel=1e-8)
+        d = x - mean
+        covariance = np.array([(d[lag:] * d[: 112 - lag]).mean() for lag in range(16)])
+        lacking = found.variance[0, f] - covariance[0]  # the variance of the mean
+        assert 0 < lacking < 3 * found.stderr_tau[0, f] ** 2
+        np.testing.assert_allclose(found.correlation[0, f] * found.variance[0, f], covariance + lacking, atol=1e-13)
+        edges = found.cell_low[0, f] + found.cell_width[0, f] * np.arange(9)
+        wanted, _ = np.histogram(x, edges)
+        np.testing.assert_allclose(found.density[0, f], wanted / x.size / found.cell_width[0, f], rtol=1e-12)
+        assert wanted.sum() == x.size
+        tau = found.tau[0, f] / 0.75
+        assert found.stderr_tau[0, f] == pytest.approx(np.sqrt(2 * tau * found.variance[0, f] / x.size))
+
+
+@compiled_only
+def test_the_same_bits_from_every_snapshot_and_in_chunks(load_text):
+    plan = equilibrium.plan(load_text(LONG).cases[0], Part("splitting"))
+    check_going_on(plan, every=2)
+    with chunks_of(1):
+        divided = equilibrium.plan(load_text(LONG, "samples=130").cases[0], Part("splitting"))
+        assert same_numbers(finished(divided), finished(divided))
+        found = averages(divided)
+    whole = averages(equilibrium.plan(load_text(LONG, "samples=130").cases[0], Part("splitting")))
+    for name in ("average", "stderr_paths", "tau", "correlation_stderr", "density_stderr"):
+        np.testing.assert_allclose(getattr(found, name), getattr(whole, name), rtol=1e-9, atol=1e-12)
+
+
+@compiled_only
+@pytest.mark.parametrize("samples", [12, 1])
+def test_intervals_hold_the_exact_value(load_text, samples):
+    """Of the uniform law; benchmarks/coverage.py does the same with 1000 runs and other laws."""
+    runs, time = 60, 512 if samples > 1 else 2048
+    case = load_text(LONG, f"samples={samples}", "steps=[1]", f"final_time={time}", "spacing=1", "burn_in=32").cases[0]
+    cases = [case.model_copy(update={"seed": seed}) for seed in range(1, runs + 1)]
+    found = [averages(equilibrium.plan(one, Part("splitting"))) for one in cases]
+    off = np.array([one.average[0] for one in found]) - [0.0, (0.5 + 1.0 + 1.5) / 6]
+    half = np.array([one.average_half[0] for one in found])
+    for f in range(2):
+        held = (np.abs(off[:, f]) <= half[:, f]).sum()
+        assert held >= 0.95 * runs - 4.5 * np.sqrt(runs * 0.95 * 0.05)
+        assert (np.abs(off[:, f]) <= 0.3 * half[:, f]).sum() < 0.7 * runs  # negative control
+    z = off.mean(axis=0) / (off.std(axis=0, ddof=1) / np.sqrt(runs))
+    assert np.abs(z).max() < 4.5
+
+
+def found_with(average, without, error):
+    errors = dict.fromkeys(("stderr_paths", "stderr_tau"), np.array([error]))
+    return SimpleNamespace(average=np.array([average]), without=without[:, np.newaxis], **errors)
+
+
+@pytest.mark.parametrize("finest", [False, True])
+def test_the_order_of_a_bias(finest):
+    h, error, generator = 2.0 ** -np.arange(5), 2e-6, np.random.default_rng(4)
+    noise = 8 * error * generator.standard_normal((64, 5))
+    noise -= noise.mean(axis=0)
+    mean = 0.3 - 0.02 * h**2 + 8 * noise.mean(axis=0)
+    each = [found_with(mean[i], mean[i] - noise[:, i] / 63, error) for i in range(5)]
+    value = np.array([mean[-1] if finest else 0.3])
+    known = Known(value, np.zeros(1), np.full(1, np.nan), np.array([finest]), np.zeros((5, 1, 1)))
+    order, constant = _order(SimpleNamespace(steps=tuple(h), samples=512), known, each, 0)
+    assert order.low < 2.0 < order.high and order.order == pytest.approx(2.0, abs=0.1)
+    assert constant == pytest.approx(-0.02, rel=0.05)
+    few = SimpleNamespace(steps=tuple(h[:2]), samples=512)
+    assert np.isnan(_order(few, known, each[:2], 0)[0].order)
+
+
+@compiled_only
+def test_results_survive_a_file_and_step_sizes_that_are_done(load_text):
+    plan = equilibrium.plan(load_text(LONG).cases[0], Part("splitting"))
+    state = finished(plan)
+    reading = plan.results(state)
+    again = Equilibrium.of(reading.group())
+    assert again.averages.functions == ("height", "H") and again.averages.temperature == np.inf
+    np.testing.assert_array_equal(again.averages.correlation, reading.averages.correlation)
+    assert len(again.averages.order) == 2 and np.isnan(again.averages.order[0].order)
+    part = plan.so_far(state)
+    assert part is not None and reading.steps_each == 384
+
+
+@compiled_only
+def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
+    """Eight paths that are too short and begin at one state, a wrong reference, and one that is the finest step."""
+    keys = ("samples=8", "reference={height: 1/2, H: finest}", "burn_in=0", "accuracy=1e-3", "panels=[growth, means]")
+    case = load_text(LONG, *keys).cases[0]
+    plan = equilibrium.plan(case, Part("splitting"))
+    reading = plan.results(finished(plan))
+    results = Results({"kind": "equilibrium", "title": "Means"}, (reading.group(),))
+    text = printed(results)
+    assert "means over time" in text and "bias (95 %)" in text and "heat capacity" not in text
+    assert "autocorrelation times, fewer than 50; run longer" in text
+    assert "paths of time" in text and "for an accuracy of 1.0e-3" in text
+    fig = views.figure(results)
+    assert [ax.get_ylabel() for ax in fig.axes][-2:] == ["|mean $-$ reference|"] * 2
+    told = {one.name: one for one in KINDS["equilibrium"].claims.quantities([reading])}
+    assert {"average", "tau", "halves", "deviation"} <= set(told) and "heat_capacity" not in told
+    deviations = [one for one in KINDS["equilibrium"].claims.quantities([reading]) if one.name == "deviation"]
+    assert [one.h for one in deviations if one.function == "height"] == [0.25, 0.125]
+    assert max(one.value for one in deviations if one.function == "height") > 4.5
+    every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))
+    assert len(every.axes) == 1 + 2 * 3 and len(views.rows(results)) == 2 * len(reading.n)
+
+
+def test_the_step_for_a_bias():
+    unknown = Order(np.nan, np.nan, np.nan, 0)
+    told = {"constant": np.array([-0.02, np.nan]), "order": (Order(2.0, 1.9, 2.1, 5), unknown)}
+    errors = {"bias": np.array([[0.1, 0.1], [0.1, 1e-4], [0.1, 1e-5]]), "bias_stderr": np.full((3, 2), 1e-4)}
+    what = SimpleNamespace(h=np.array([1.0, 0.5, 0.25])), SimpleNamespace(**told, **errors)
+    assert step_for(*what, 0, 2e-4)[0] == pytest.approx(0.1)
+    assert step_for(*what, 1, 1e-3) == (0.5, "no bias is seen there")
+    assert step_for(*what, 1, 1e-5) == (0.25, "the smallest here, its bias is not known")
+
+
+@compiled_only
+def test_without_functions_nothing_is_recorded(case_of):
+    _, group = study(case_of(), "splitting")
+    assert "average" not in group.arrays
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["step_count=640"], "final_time: is given beside step_count; leave out one of them"),
+        (["final_time=1", "spacing=1/4"], "final_time: is 1, fewer than 128 steps of .*; must be at least 2.5"),
+        (["final_time=100.1"], "steps: has .*, of which final_time 100.1 is not a multiple; the nearest multiples"),
+        (["functions={a: y7}"], r"functions.a: is 'y7' .*; must be an expression in y1 .. y3, H or C1"),
+        (["functions={a: {maximum: y1}}"], "functions.a: is a mapping"),
+        (["spacing=0.3"], "spacing: is 0.3, no multiple of .*; give a spacing that is one of every step size"),
+        (["burn_in=90"], "final_time: leaves 8 values with a spacing of .* after burn_in; must leave 64: final_time"),
+        (["reference={b: exact}"], "reference.b: is not the name of a function; known: height, H"),
+        (["reference=three"], "reference: is 'three' .*; must be a formula without variables, exact or finest"),
+        (["reference=finest", "steps=[1/4]"], "reference: is 'finest', and there is one step size"),
+        (["panels=[law]"], "panels: has 'law', which is shown without functions; leave it out, or leave out functions"),
+        (["final_time=96", "bins=2"], "bins: is '2'; must be at least 4"),
+    ],
+)
+def test_each_mistake_gets_one_line(load_text, overrides, message):
+    with pytest.raises(SpecError, match=message) as refused:
+        load_text(LONG, *overrides)
+    assert "\n" not in str(refused.value)
+
+
+def test_keys_of_functions_are_refused_without_a_final_time(load_text):
+    for override, key in (
+        ("functions={a: H}", "functions"),
+        ("burn_in=1", "burn_in"),
+        ("reference=exact", "reference"),
+    ):
+        with pytest.raises(SpecError, match=f"{key}: is for means over time; give final_time in place of step_count"):
+            load_text(RIGID, override)
+    with pytest.raises(SpecError, match="panels: has 'means', which is shown of functions; leave it out, or give"):
+        load_text(RIGID, "panels=[means]")
+
+
+def test_what_is_not_given(load_text):
+    case = load_text(LONG.replace("functions: {height: y3, H: H}\nburn_in: 8\nspacing: 3/4\n", "")).cases[0]
+    assert case.functions == {"H": "H"} and case.between == 0.25 and case.burnt == pytest.approx(19.2)
+    assert case.panels == ("means", "histogram", "autocorrelation")
+    long = load_text(LONG.replace("spacing: 3/4\n", ""), "final_time=2^14").cases[0]
+    assert long.between == 4 and Series.of(long, 0).stride == 16 and Series.of(long, 1).stride == 32
