@@ -21,16 +21,22 @@ COLLECTIONS = (50_000, 20, 20)
 class InlinedLibrary(RoundedLibrary):
     """The code of one function, to be linked into its callers and never run by itself."""
 
-    def __init__(self, codegen, function):
+    def __init__(self, codegen, function, *, once):
         super().__init__(codegen, function.__qualname__)
-        self._has_loop = has_loop(function)
+        self._has_loop, self._once = has_loop(function), once
 
     def _optimize_final_module(self):
         """As Numba's, but only if the function has a loop, which must become vector instructions before it is inlined.
 
-        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.
+        What has none is optimised as part of its callers; to do both takes a fifth of the time of compiling.  With
+        `once` it is the first of Numba's two rounds, since the callers have both of them.
         """
-        if self._has_loop:
+        if self._has_loop and self._once:
+            codegen = self._codegen
+            vectors = {"loop_vectorize": codegen._loopvect, "slp_vectorize": False}
+            passes, builder = codegen._module_pass_manager(opt=codegen._opt_level, cost="cheap", **vectors)
+            passes.run(self._final_module, builder)
+        elif self._has_loop:
             super()._optimize_final_module()
 
     def _finalize_final_module(self):
@@ -61,7 +67,8 @@ class InliningCompiler(Compiler):
     """Compiles a function into an :class:`InlinedLibrary`."""
 
     def compile_extra(self, function):
-        self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function)
+        once = self.state.flags.forceinline  # else it is called, and nobody optimises it as part of a caller
+        self.state.library = InlinedLibrary(self.state.targetctx.codegen(), function, once=once)
         with unhindered():
             return super().compile_extra(function)
 

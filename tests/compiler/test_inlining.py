@@ -87,6 +87,30 @@ def test_only_kernels_become_machine_code(monkeypatch):
 
 
 @compiled_only
+def test_loops_are_optimised_once_if_they_are_inlined_and_else_as_those_of_kernels(monkeypatch):
+    codegen, rounds = numba.core.registry.cpu_target.target_context.codegen(), []
+    passes = codegen._module_pass_manager
+    monkeypatch.setattr(codegen, "_module_pass_manager", lambda **how: rounds.append(how.get("cost")) or passes(**how))
+
+    def total(x):
+        result = 0.0
+        for i in range(x.size):
+            result += x[i]
+        return result
+
+    for is_inlined, expected in ((True, ["cheap"]), (False, ["cheap", None])):
+        inner = device(inline=is_inlined)(total)
+
+        @kernel
+        def twice(x):
+            return 2.0 * inner(x)  # noqa: B023 - it is compiled at once
+
+        rounds.clear()
+        assert twice(np.ones(3)) == 6.0
+        assert rounds == [*expected, "cheap", None]
+
+
+@compiled_only
 def test_the_garbage_collector_and_timers_are_disturbed_only_while_something_compiles():
     before, seconds = gc.get_threshold(), []
     with event.install_timer("numba:llvm_lock", seconds.append):

@@ -45,6 +45,7 @@ def add_one(x):
         ("compile_extra", lambda: compiler.Compiler, LIBRARIES),
         ("_find_referenced_environments", lambda: compiler.CompileResult, LIBRARIES),
         ("_library_class set_env", lambda: cpu_target.target_context.codegen(), LIBRARIES),
+        ("_module_pass_manager _loopvect _opt_level", lambda: cpu_target.target_context.codegen(), LIBRARIES),
         ("_registered TimingListener", lambda: event, LIBRARIES),
         ("add_ir_module", lambda: codegen.JITCodeLibrary, ROUNDING),
         ("_get_host_cpu_features", lambda: cpu_target.target_context.codegen(), ROUNDING),
