@@ -7,7 +7,7 @@ import difflib
 import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial, reduce
 from operator import or_
 from types import UnionType
@@ -41,9 +41,8 @@ def shown(value: Any) -> str:
     return {None: "empty", True: "true", False: "false"}[value]
 
 
-def suggestion(word: Any, known: Iterable[str]) -> str:
+def suggestion(word: Any, known: Collection[str]) -> str:
     """What to write instead of an unknown word."""
-    known = tuple(known)
     if isinstance(word, str) and (renamed := RENAMED_KINDS.get(word)) in known:
         return f"it is called '{renamed}' now, and nothing else changes"
     near = difflib.get_close_matches(word, known, 1) if isinstance(word, str) else []
@@ -71,7 +70,7 @@ def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _faults_of_keys(data: Mapping[str, Any], known: Iterable[str], needed: Mapping[str, Any]) -> list[InitErrorDetails]:
+def _faults_of_keys(data: dict[str, Any], known: dict[str, Any], needed: dict[str, Any]) -> list[InitErrorDetails]:
     """What is wrong with the keys of a mapping: those not `known`, and missing ones that none of those means."""
     unknown = [key for key in data if key not in known]
     meant = {near for key in unknown for near in difflib.get_close_matches(key, known, 1)}
