@@ -160,6 +160,9 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     assert max(one.value for one in deviations if one.function == "height") > 4.5
     every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))
     assert len(every.axes) == 1 + 2 * 3 and len(views.rows(results)) == 2 * len(reading.n)
+    gone = replace(reading, panels=("histogram",), nonfinite=np.ones_like(reading.nonfinite))
+    empty = views.figure(results._replace(groups=(gone.group(),)))
+    assert not any(ax.patches for ax in empty.axes) and any(ax.patches for ax in every.axes)
 
 
 def test_the_step_for_a_bias():

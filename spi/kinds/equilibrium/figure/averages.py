@@ -59,7 +59,8 @@ def entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> l
         marker, colour = looks[reading.about.variant]
         text = style.label(reading.about)
         if word in ("histogram", "autocorrelation"):
-            text += f", $h={style.number(float(reading.h[_shown(reading, word)]), steps=True)}$"
+            i = _shown(reading, word)
+            text += ", diverged" if i is None else f", $h={style.number(float(reading.h[i]), steps=True)}$"
         found.append((Line2D([], [], color=colour, marker=marker, markerfacecolor="none"), text))
     averages = next(one for _, one in with_averages(readings))
     known = {"means": averages.reference, "histogram": averages.density_exact, "heat": averages.reference_variance}
@@ -70,10 +71,10 @@ def entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> l
     return found
 
 
-def _shown(reading: Equilibrium, word: str) -> int:
+def _shown(reading: Equilibrium, word: str) -> int | None:
     """Of which step size a histogram or an autocorrelation is shown: the largest, or smallest, that keeps all paths."""
     finite = np.flatnonzero(reading.nonfinite == 0)
-    return int(finite[0 if word == "histogram" else -1]) if len(finite) else 0
+    return int(finite[0 if word == "histogram" else -1]) if len(finite) else None
 
 
 def _of_biases(readings: Sequence[Equilibrium]) -> bool:
@@ -130,8 +131,11 @@ def _look(reading: Equilibrium, looks: style.Looks) -> dict[str, Any]:
 
 def _histogram(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks) -> None:
     """Densities at the largest step size that keeps all paths, without empty cells at both ends, and the exact one."""
-    for k, (reading, found) in enumerate(with_averages(readings)):
+    known = False
+    for reading, found in with_averages(readings):
         i, colour = _shown(reading, "histogram"), looks[reading.about.variant][1]
+        if i is None:
+            continue
         density, width, exact = found.density[i, f], found.cell_width[i, f], found.density_exact[i, f]
         used = np.flatnonzero((density > 0) | (exact > 0))
         low, high = (used[0], used[-1] + 1) if len(used) else (0, len(density))
@@ -140,7 +144,8 @@ def _histogram(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.L
         half = INTERVAL * np.nan_to_num(found.density_stderr[i, f, low:high])
         middle = (edges[1:] + edges[:-1]) / 2
         ax.errorbar(middle, density[low:high], half, color=colour, linestyle="none", elinewidth=0.6)
-        if not k and np.isfinite(exact).any():
+        if not known and np.isfinite(exact).any():
+            known = True
             ax.stairs(exact[low:high], edges, **_KNOWN)
     ax.set_ylim(bottom=0)
     name = next(found for _, found in with_averages(readings)).functions[f]
@@ -153,6 +158,8 @@ def _autocorrelation(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: s
     last = 1.0
     for reading, found in with_averages(readings):
         i, look = _shown(reading, "autocorrelation"), _look(reading, looks)
+        if i is None:
+            continue
         value, half = found.correlation[i, f], INTERVAL * np.nan_to_num(found.correlation_stderr[i, f])
         above = np.flatnonzero(np.abs(value) > np.maximum(_ENDS, half))
         end = min(len(value), 2 + 3 * (above[-1] + 1) // 2 if len(above) else 2)
