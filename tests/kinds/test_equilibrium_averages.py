@@ -17,12 +17,14 @@ from spi.ensemble.streams import brownian
 from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
 from spi.kinds.equilibrium.planner import step_for
-from spi.kinds.equilibrium.references import Known
+from spi.kinds.equilibrium.references import Known, known_laws
 from spi.kinds.equilibrium.results import Equilibrium
 from spi.kinds.equilibrium.study.averages import _order
 from spi.kinds.equilibrium.study.recording import Series
 from spi.numerics.rng import LANES
 from spi.report import views
+from spi.running import shipped
+from spi.running.run import load
 from spi.schemes import scheme_entry
 from spi.specs import SpecError
 from spi.storage.records import Order, Part, Results
@@ -202,6 +204,17 @@ def test_each_mistake_gets_one_line(load_text, overrides, message):
     with pytest.raises(SpecError, match=message) as refused:
         load_text(LONG, *overrides)
     assert "\n" not in str(refused.value)
+
+
+def test_of_many_spheres_what_is_not_known_is_left_out_or_refused(tmp_path):
+    """The energy of a ring of four spins has mean and variance, but no histogram; a product of three has no mean."""
+    path = shipped.folder() / "spin_ring_equilibrium.yaml"
+    case = load(path, "quick").cases[0]
+    found = known_laws(case, [np.linspace(-4, 4, 6) * np.ones((3, 1))])
+    assert np.isfinite([found.value, found.error, found.variance]).all() and np.isnan(found.shares).all()
+    assert -4 < found.value[0] < -2 and found.variance[0] > 0.5
+    with pytest.raises(SpecError, match="reference: is 'exact', but means on many spheres are known of polynomials"):
+        load(path, "quick", ["functions.across=x(1)*x(2)*x(3)"])
 
 
 def test_keys_of_functions_are_refused_without_a_final_time(load_text):

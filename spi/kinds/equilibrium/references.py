@@ -41,7 +41,7 @@ def check(case: Any, name: str, known: str) -> None:
             raise wrong(f"is '{FINEST}', and there is one step size", "give more steps", "reference", name)
     elif known == EXACT:
         try:
-            gibbs.law_of(case.model, case.initial, case.temperature)
+            _mean(case.model, case.initial, case.temperature, case.variables, case.functions[name])
         except ValueError as error:
             right = f"use a formula such as 1/3, or {FINEST}"
             raise wrong(f"is '{EXACT}', but {error}", right, "reference", name) from None
@@ -61,7 +61,8 @@ def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
     law = case.model, case.initial, case.temperature, case.variables
     for f, (known, text) in enumerate(zip(given, case.functions.values(), strict=True)):
         if known == EXACT:
-            value[f], error[f], variance[f] = _moments(*law, text)
+            value[f], error[f] = _mean(*law, text)
+            variance[f] = _variance(*law, text)
             for i, one in enumerate(edges):
                 shares[i, f] = _shares(*law, text, tuple(one[f].tolist()))
         elif known not in ("", FINEST):
@@ -70,22 +71,34 @@ def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
 
 
 @functools.lru_cache(maxsize=64, typed=True)
-def _moments(
-    model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str
-) -> tuple[float, float, float]:
-    """Mean, its numerical error and variance of a function; kept, as all schemes have the same.
+def _mean(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> tuple[float, float]:
+    """Mean of a function and its numerical error; ValueError, with the reason in a phrase, where it is not known.
 
-    Typed, because models of two classes may be equal tuples.
+    Kept, as all schemes have the same; typed, because models of two classes may be equal tuples.
     """
+    values = path_function(model, names, text).values
+    found: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
+    return found
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def _variance(model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str) -> float:
+    """Variance of a function whose mean is known; NaN where it is not known, as of sums over many spheres."""
     law, values = gibbs.law_of(model, initial, temperature), path_function(model, names, text).values
-    mean, error = law.expectation(values)
-    return mean, error, law.expectation(lambda y: (values(y) - mean) ** 2)[0]
+    mean, _ = _mean(model, initial, temperature, names, text)
+    try:
+        return float(law.expectation(lambda y: (values(y) - mean) ** 2)[0])
+    except ValueError:
+        return np.nan
 
 
 @functools.lru_cache(maxsize=64, typed=True)
 def _shares(
     model: Any, initial: Any, temperature: float, names: tuple[str, ...], text: str, edges: tuple[float, ...]
 ) -> np.ndarray:
-    """The probabilities of a function in bins."""
+    """The probabilities of a function in bins; NaN where they are not known, as on more than two spheres."""
     law = gibbs.law_of(model, initial, temperature)
-    return np.asarray(law.probabilities(path_function(model, names, text).values, np.array(edges)))
+    try:
+        return np.asarray(law.probabilities(path_function(model, names, text).values, np.array(edges)))
+    except ValueError:
+        return np.full(len(edges) - 1, np.nan)
