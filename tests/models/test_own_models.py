@@ -374,10 +374,9 @@ def test_what_fails_with_other_parameters_only_is_one_line_as_well(oscillator):
     oscillator(source=source + f"# {os.urandom(4).hex()}\n")
     assert command("check", "s.yaml")[0] == 0
     code, out, err = command("run", "s.yaml", "--out", "out", "--set", "model.sigma=[0]")
-    assert (code, out) == (1, "")
-    *_, last = err.splitlines()
-    assert last.startswith("spi: Oscillator in my_model.py, line 38, cannot be compiled: ")
-    assert "Traceback" not in err and list(Path("out").glob("*.h5")) == []
+    assert (code, out) == (2, "") and err.count("\n") == 1
+    assert err.startswith("spi: s.yaml:2: model.python: Oscillator in my_model.py: drift_gradient, line 38, raises")
+    assert not Path("out").exists()
 
 
 def test_a_file_may_import_its_class_from_an_installed_package(oscillator, tmp_path, monkeypatch):

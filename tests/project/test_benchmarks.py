@@ -17,7 +17,7 @@ from helpers import take_step
 from scipy.integrate import solve_ivp
 
 from spi.ensemble.protocol import large, noises
-from spi.ensemble.scheme_protocol import needs_areas, substeps
+from spi.ensemble.scheme_protocol import judges, needs_areas, substeps
 from spi.models import MODELS
 from spi.models.zeitlin import Zeitlin
 from spi.numerics.rng import LANES
@@ -61,7 +61,7 @@ def test_twin_by_hand_makes_the_same_step(name, scheme):
 
 def in_one_row(scheme):
     """Whether a step needs its increments and nothing else."""
-    return substeps(scheme) == 1 and not needs_areas(scheme)
+    return substeps(scheme) == 1 and not needs_areas(scheme) and not judges(scheme)
 
 
 @pytest.mark.share(5)
@@ -142,10 +142,12 @@ def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
 
 #: Each program of the folder with arguments for which it takes a minute or less.
 SHORT = {
+    "coverage.py": ["--runs", "4", "uniform"],
     "digests.py": ["experiments/rigid_body_strong.yaml"],
     "equilibrium.py": ["--samples", "20000"],
     "euler.py": [],  # and results, which the test computes
     "flops.py": ["lotka_volterra"],
+    "fluid_equilibrium.py": [],  # and results
     "integrator.py": ["640", "10"],
     "joint.py": [],
     "kernels.py": ["lotka_volterra"],
@@ -154,6 +156,7 @@ SHORT = {
     "points.py": ["--seeds", "2", "--points", "64", "--sigma", "1"],
     "questions.py": ["--count", "1", "--accuracies", "1e-2"],
     "scaling.py": ["1000"],
+    "spin_chain.py": [],
     "spin_ring.py": ["splitting", "--spins", "4"],
     "systems.py": [],
     "total_error.py": ["--errors", "1e-2", "--longest", "0.1", "--points", "262144"],
@@ -168,8 +171,9 @@ def test_every_benchmark_runs(file, tmp_path):
     assert file in SHORT, "give the arguments with which it takes a minute"
     if file == "peers.py":
         pytest.importorskip("diffrax")
-    results = [runner.run(runner.load("vortex_merger", "quick"), tmp_path), "32"] if file == "euler.py" else []
-    command = [sys.executable, FOLDER / file, *SHORT[file], *results]
+    needed = {"euler.py": ("vortex_merger", "32"), "fluid_equilibrium.py": ("zeitlin_temperature",)}
+    results = [runner.run(runner.load(name, "quick"), tmp_path) for name in needed.get(file, ())[:1]]
+    command = [sys.executable, FOLDER / file, *SHORT[file], *results, *needed.get(file, ())[1:]]
     answer = subprocess.run(
         command, cwd=FOLDER.parent, capture_output=True, text=True, check=False, timeout=1800, stdin=subprocess.DEVNULL
     )
