@@ -11,7 +11,7 @@ import numpy as np
 from spi.compiler.dispatch import answers
 from spi.ensemble.invariants import invariants_of
 from spi.ensemble.moments import energies
-from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, large
+from spi.ensemble.protocol import casimirs, conserved, dimension, hamiltonian, in_kernels, large
 from spi.ensemble.special import frozen
 from spi.expressions import as_numpy, canonical, parse_expression
 from spi.expressions.arithmetic import NumberError
@@ -132,6 +132,7 @@ def _invariant(model: Any, found: re.Match[str]) -> Callable[[Array], Array]:
         raise NumberError(f"known are {known}")
 
     takes_arrays = not large(model) and _take_arrays(model)
+    model = in_kernels(model)
 
     def values(states: Array) -> Array:
         if number is None and states.ndim == 4:

@@ -12,6 +12,9 @@ from strong_cases import draw
 from zeitlin_cases import take
 
 from spi import storage
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.protocol import hamiltonian, in_kernels
+from spi.kinds.functions import path_function
 from spi.models.zeitlin import Noise, Zeitlin
 from spi.numerics.rng import LANES, STEPS_PER_DRAW
 from spi.running import run as runner
@@ -155,6 +158,15 @@ def test_a_strong_study(spec, tmp_path):
     np.testing.assert_allclose(group.arrays["error_final"], errors, rtol=1e-12)
     assert np.all(group.arrays["casimir_drift"] < 1e-13) and not group.arrays["nonfinite"].any()
     assert np.all(np.diff(errors) < 0) and errors[-1] > 1e-4
+
+
+def test_the_energy_is_a_function_of_states(spec):
+    """In expressions; kernels take another record than specs have."""
+    case, y = spec(TEXT).cases[0], np.array([fluids.random_state(5), np.arange(24) / 24]).T
+    found = path_function(case.model, tuple(f"y{k + 1}" for k in range(24)), "2*H").values(y)
+    with uncompiled():
+        expected = [2 * hamiltonian(in_kernels(case.model), state) for state in np.ascontiguousarray(y.T)]
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
 
 
 @pytest.mark.slow
