@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, error_axes, limits, rules, with_order
+from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules, with_order
 
 from ..results import Equilibrium, with_averages
 
@@ -121,7 +121,7 @@ def _means(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks
         if np.isfinite(order.order):
             ax.plot(reading.h, abs(found.constant[f]) * reading.h**order.order, color=look["color"], linewidth=0.6)
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize="small", frameon=False)
+        legend_under(ax)
 
 
 def _look(reading: Equilibrium, looks: style.Looks) -> dict[str, Any]:
@@ -197,4 +197,4 @@ def acceptance_panel(ax: Axes, readings: Sequence[Equilibrium], looks: style.Loo
             ax.plot(reading.h, rates.noise_accepted, label="noise flows", **look)
             ax.plot(reading.h, rates.drift_accepted, label="steps of the drift", **look | {"linestyle": "--"})
     ax.set_ylim(top=1.01)
-    ax.legend(fontsize="small", frameon=False)
+    legend_under(ax)
