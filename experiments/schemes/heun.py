@@ -3,11 +3,19 @@
 import math
 from typing import NamedTuple
 
-from spi.compiler.dispatch import number, unrolled
+from spi.compiler.dispatch import device, number, unrolled
 from spi.ensemble.fields import add_noise_fields, add_scaled, dot, drift_field, noise_field_derivative, step_field
 from spi.ensemble.lanes import load_lane, store_lane
 from spi.ensemble.protocol import noise_indices, strengths
 from spi.numerics.rng import LANES
+
+
+@device
+def heun(model, h, dW, lane, y):
+    """y + (F(y) + F(y + F(y))) / 2."""
+    first = step_field(model, h, dW, lane, y)
+    second = step_field(model, h, dW, lane, add_scaled(y, 1.0, first))
+    return add_scaled(add_scaled(y, 0.5, first), 0.5, second)
 
 
 class Heun(NamedTuple):
@@ -15,10 +23,7 @@ class Heun(NamedTuple):
 
     def advance(scheme, model, h, dW, coins, y, work, report):
         for lane in range(LANES):
-            state = load_lane(model, y, lane)
-            first = step_field(model, h, dW, lane, state)
-            second = step_field(model, h, dW, lane, add_scaled(state, 1.0, first))
-            store_lane(y, lane, add_scaled(add_scaled(state, 0.5, first), 0.5, second))
+            store_lane(y, lane, heun(model, h, dW, lane, load_lane(model, y, lane)))
 
 
 @unrolled(noise_indices)
@@ -47,8 +52,6 @@ class NormalisedHeun(NamedTuple):
     def advance(scheme, model, h, dW, coins, y, work, report):
         for lane in range(LANES):
             state = load_lane(model, y, lane)
-            first = step_field(model, h, dW, lane, state)
-            second = step_field(model, h, dW, lane, add_scaled(state, 1.0, first))
-            moved = add_scaled(add_scaled(state, 0.5, first), 0.5, second)
+            moved = heun(model, h, dW, lane, state)
             stretch = math.sqrt(dot(state, state) / dot(moved, moved))
             store_lane(y, lane, add_scaled(moved, stretch - 1.0, moved))

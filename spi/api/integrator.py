@@ -169,10 +169,9 @@ class Integrator:
         if isinstance(stream, Driver):
             from_step, from_path = first
             dW = stream.increments(self.step_size, from_step, shape[0], from_path, shape[1], self.noises, self.substeps)
-            coins = given.coins
-            return Noise(
-                dW, given.areas, stream.coins(from_step, shape[0], from_path, shape[1]) if len(coins) else coins
-            )
+            tossed = len(given.coins) > 0
+            coins = stream.coins(from_step, shape[0], from_path, shape[1]) if tossed else given.coins
+            return Noise(dW, given.areas, coins)
         draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
         return Noise(*given[:3])
 

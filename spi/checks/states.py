@@ -10,7 +10,9 @@ from ..ensemble.protocol import (
     noises,
     populations,
     structure,
+    structure_derivative,
 )
+from ..numerics.arrays import runge_kutta
 
 _MOVED = 0.4  # by such a part of its size a state is moved on its surface, or by a half, a quarter, ... of that
 _HALVINGS = 6
@@ -75,14 +77,15 @@ def _along(y, model, gradient, part):
     def field(z):
         return np.array(structure(model, tuple(z.tolist()), tuple(gradient.tolist())))
 
-    speed = np.linalg.norm(field(y))
-    h = part * np.linalg.norm(y) / speed / _STEPS if speed else 0.0
-    for _ in range(_STEPS):
-        a = field(y)
-        b = field(y + 0.5 * h * a)
-        c = field(y + 0.5 * h * b)
-        y = y + h / 6 * (a + 2 * b + 2 * c + field(y + h * c))
-    return y
+    slopes = [
+        structure_derivative(model, tuple(y.tolist()), tuple(e), tuple(gradient.tolist())) for e in np.eye(len(y))
+    ]
+    size = np.linalg.norm(y)
+    speed = max(
+        np.linalg.norm(field(y)), np.linalg.norm(slopes) * size / _STEPS
+    )  # near a rest point the steps stay stable
+    h = part * size / speed / _STEPS if speed else 0.0
+    return runge_kutta(field, y, h, _STEPS)
 
 
 def _is_finite(model, y):

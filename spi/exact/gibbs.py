@@ -6,6 +6,7 @@ quadrature that of Gauss and Hermite around its mean.  Of more than two spheres 
 """
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..ensemble.special import frozen
 from .chains import Chain
 from .leaves import leaf
 from .rules import along, hermite, on_sphere
+from .surfaces import at_states
 
 LEVELS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  #: rings on a sphere
 MOST = 5_000_000  #: points of a level
@@ -53,14 +55,7 @@ def _energy(model):
             raise ValueError("H depends on time")
     model = frozen(model, 0.0, 0.0)
 
-    def energy(states):
-        with uncompiled(), np.errstate(all="ignore"):
-            try:
-                return np.broadcast_to(hamiltonian(model, tuple(states)), states.shape[1])
-            except ValueError:  # a formula with a choice, which is made for one state
-                return np.array([hamiltonian(model, tuple(state)) for state in states.T.tolist()])
-
-    return energy
+    return partial(at_states, partial(hamiltonian, model))
 
 
 class Quadrature:

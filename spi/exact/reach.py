@@ -6,6 +6,7 @@ Friction along the noises changes nothing in this.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import combinations_with_replacement
 from typing import NamedTuple
 
@@ -13,6 +14,8 @@ import numpy as np
 
 from ..compiler.inlining import uncompiled
 from ..ensemble.protocol import dimension, drift_gradient, noise_gradient, noise_indices, strengths, structure
+from ..numerics.arrays import runge_kutta
+from .surfaces import at_states, structure_matrix
 
 _STEPS = 32  #: of a flow by Runge and Kutta
 _NUDGE, _FLAT, _CLOSE = 1e-5, 1e-4, 1e-6
@@ -30,7 +33,7 @@ def reach(model, initial, names: Sequence[str]):
     """The :class:`Reach` from a state, with invariants in the names of the components."""
     start = np.array(initial, float)
     with uncompiled(), np.errstate(all="ignore"):
-        surface = int(np.linalg.matrix_rank(_bracket(model, start), tol=_CLOSE * np.abs(start).max()))
+        surface = int(np.linalg.matrix_rank(structure_matrix(model, start), tol=_CLOSE * np.abs(start).max()))
         rng = np.random.default_rng(3)
         rank = _rank(model, start, surface, rng)
         if rank >= surface:
@@ -44,14 +47,13 @@ def _acting(model):
 
 def _gradients(model, y):
     """(m + 1, d, n): grad H and all grad Ĥ_k at states (d, n)."""
-    state = tuple(y)
-    found = [drift_gradient(model, state), *(noise_gradient(model, k, state) for k in _acting(model))]
-    return np.array([[np.broadcast_to(v, y.shape[1]) for v in one] for one in found], float)
+    methods = [partial(drift_gradient, model), *(partial(noise_gradient, model, k) for k in _acting(model))]
+    return np.array([at_states(gradient, y) for gradient in methods])
 
 
 def _field(model, y, gradient):
     """B times a gradient, (d, n)."""
-    return np.array([np.broadcast_to(v, y.shape[1]) for v in structure(model, tuple(y), tuple(gradient))], float)
+    return at_states(partial(structure, model), y, gradient)
 
 
 def _rank(model, start, most, rng):
@@ -84,16 +86,7 @@ def _flow(model, y, weights):
 
     size = np.abs(field(y[:, :1])).max() / max(np.abs(y).max(), 1e-300)
     h = 1.0 / (_STEPS * max(size, 1.0))
-    for _ in range(_STEPS):
-        a = field(y)
-        b = field(y + 0.5 * h * a)
-        c = field(y + 0.5 * h * b)
-        y = y + h / 6 * (a + 2 * b + 2 * c + field(y + h * c))
-    return y
-
-
-def _bracket(model, y):
-    return np.array([structure(model, tuple(y), tuple(e)) for e in np.eye(len(y))], float).T
+    return runge_kutta(field, y, h, _STEPS)
 
 
 def _invariants(model, start, names, rng):
@@ -108,7 +101,7 @@ def _invariants(model, start, names, rng):
     gradients[:, len(pairs) :] = np.eye(d)
     fields = np.array([_field(model, points.T, g) for g in _gradients(model, points.T)])
     slopes = np.einsum("pnd,fdp->fpn", gradients, fields).reshape(-1, d + len(pairs))
-    turned = np.einsum("pnd,ped->npe", gradients, np.array([_bracket(model, y) for y in points]))
+    turned = np.einsum("pnd,ped->npe", gradients, np.array([structure_matrix(model, y) for y in points]))
     kept: list[np.ndarray] = []
     rows = _reduced(slopes)
     for row in sorted(rows, key=lambda row: (row[: len(pairs)].any(), np.count_nonzero(row))):

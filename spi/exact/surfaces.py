@@ -6,6 +6,7 @@ measure of its surfaces, the only one that all Hamiltonian flows keep, is the ar
 """
 
 import itertools
+import struct
 
 import numpy as np
 
@@ -43,6 +44,26 @@ def spheres(model, point):
     if not triples or not np.allclose(predicted, matrices, rtol=_CLOSE, atol=_CLOSE):
         return None
     return Spheres(tuple(map(float, point)), tuple(triples), tuple(lengths.tolist()))
+
+
+def at_states(method, *arrays):
+    """(..., n): an uncompiled function of states, each a tuple, at the columns of arrays (d, n).
+
+    It takes all columns at once, or one after another where it has a choice or an elementary function of models, which
+    take numbers only.
+    """
+    count = arrays[0].shape[1]
+    with uncompiled(), np.errstate(all="ignore"):
+        if count > 1:
+            try:
+                found = method(*map(tuple, arrays))
+                if isinstance(found, tuple):
+                    return np.array([np.broadcast_to(v, count) for v in found], float)
+                return np.array(np.broadcast_to(found, count), float)
+            except (TypeError, ValueError, struct.error):
+                pass
+        columns = zip(*(array.T.tolist() for array in arrays), strict=True)
+        return np.array([method(*map(tuple, column)) for column in columns], float).T
 
 
 def structure_matrix(model, y):

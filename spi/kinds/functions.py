@@ -18,6 +18,7 @@ from spi.expressions.arithmetic import NumberError
 from spi.expressions.trees import Component
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
+from spi.specs.keys import shown, wrong
 
 Array = np.ndarray
 
@@ -74,6 +75,16 @@ def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
     with np.errstate(all="ignore"):
         value = float(np.asarray(function.values(np.array(initial)[:, np.newaxis])).ravel()[0])
     return value if math.isfinite(value) else 0.0
+
+
+def check_function(case: Any, name: str, entry: Any, more: str = "") -> None:
+    """Raise the error about an entry of the key ``functions`` that is no function; `more` is what else it may be."""
+    try:
+        path_function(case.model, case.variables, entry)
+    except NumberError as error:
+        known = ", ".join(case.variables) or f"y1 .. y{dimension(case.model)}"
+        right = f"must be an expression in {known}, H or C1{more}"
+        raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
 
 
 def path_function(model: Any, names: tuple[str, ...], entry: Any) -> PathFunction:

@@ -9,11 +9,11 @@ from model_cases import MODELS_UNDER_TEST, around_the_origin
 from own_models import OSCILLATOR
 
 from spi.checks.model_checks import check_model
-from spi.checks.states import states_around
+from spi.checks.states import states_around, states_on_surface
 from spi.compiler import modules
 from spi.compiler.dispatch import device
 from spi.compiler.inlining import uncompiled
-from spi.models import LotkaVolterra, RigidBodySharedNoise
+from spi.models import LotkaVolterra, RigidBody, RigidBodySharedNoise
 
 TOP = Path(__file__).parents[1].joinpath("heavy_top.py").read_text(encoding="utf-8")
 INITIAL = {"Oscillator": (1.0, 0.0), "HeavyTop": (0.3, 0.1, 1.0, 0.6, 0.0, 0.8)}
@@ -167,3 +167,12 @@ def test_inlined_functions_run_as_plain_python_within_a_block():
     with uncompiled():
         assert noted(1.5) == 1.5
     assert seen == [1.5]
+
+
+def test_states_on_a_surface_stay_there():
+    """Also where a linear function that moves them has nearly a rest point, as on the sphere through this state."""
+    record = RigidBody((1.0, 2.0, 3.0), (1.0, 1.0, 1.0), (0.5, 0.5, 0.5))
+    y = np.array([0.6, 0.48, 0.64])
+    for z in states_on_surface(tuple(y.tolist()), record, 8):
+        assert abs(np.linalg.norm(z) - 1) < 1e-3
+        assert np.linalg.norm(z - y) > 0.05

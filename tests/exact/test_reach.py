@@ -1,10 +1,12 @@
 """Where noises take a state on its Casimir surface, and what they and the drift leave as it is."""
 
+import numpy as np
 import pytest
 from helpers import INITIAL, RIGID_BODY
 from yaml_cases import made
 
-from spi.ensemble.protocol import dimension
+from spi.ensemble.protocol import dimension, hamiltonian
+from spi.exact.gibbs import law_of
 from spi.exact.reach import reach
 
 POINT = (0.6, 0.48, 0.64)
@@ -38,3 +40,13 @@ def test_noises_that_are_off_move_nothing():
     assert reach(RIGID_BODY, INITIAL, names).rank == 2
     symmetric = RIGID_BODY._replace(inertia=(2.0, 2.0, 1.0), sigma=(0.0, None, 1.0))
     assert reach(symmetric, INITIAL, names) == (1, 2, ("y3",))
+
+
+@pytest.mark.parametrize("text", ["exp(y2)", "cos(y2)", "abs(y2) + y3^2"])
+def test_formulas_that_take_numbers_only(text):
+    """Elementary functions and choices: noises reach the whole sphere, and the Gibbs law is that of quadrature."""
+    model = made(SPHERE.format(text, "y1, y3")).record
+    assert reach(model, POINT, ["y1", "y2", "y3"]) == (2, 2, ())
+    states = np.array([[0.6, 0.3], [0.48, -0.2], [0.64, 0.5]])
+    energy = law_of(model, POINT, 0.5).energy(states)
+    np.testing.assert_allclose(energy, [hamiltonian(model, tuple(y)) for y in states.T.tolist()], rtol=1e-14)

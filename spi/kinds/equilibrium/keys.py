@@ -8,13 +8,12 @@ from annotated_types import Ge, Le, MinLen
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
-from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import PathFunction, path_function
+from spi.kinds.functions import PathFunction, check_function, path_function
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
 from spi.specs.conversion import Given
-from spi.specs.keys import NAME, Samples, Schemes, Steps, condition, key_of, quantity, shown, wrong
+from spi.specs.keys import NAME, Samples, Schemes, Steps, condition, key_of, quantity, wrong
 from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
@@ -143,16 +142,8 @@ class Case(BaseCase):
                 raise wrong("is for means over time", "give final_time in place of step_count", key)
             return self
         functions = self.functions or {"H": "H"}
-        every(self._check_function, functions.items())
+        every(check_function, ((self, name, text) for name, text in functions.items()))
         return self.model_copy(update={"functions": functions})
-
-    def _check_function(self, name: str, text: str) -> None:
-        try:
-            path_function(self.model, self.variables, text)
-        except NumberError as error:
-            known = ", ".join(self.variables) or f"y1 .. y{dimension(self.model)}"
-            right = f"must be an expression in {known}, H or C1"
-            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
 
     @condition("functions", "burn_in", "spacing", "steps", "final_time", "model")
     def _check_kept(self) -> Self:

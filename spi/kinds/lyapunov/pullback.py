@@ -24,6 +24,7 @@ from spi.kinds.plans import KernelCall, PathsPlan
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES
+from spi.statistics.cells import cell_places, cells_around
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
 from spi.statistics.projection import HALF_HEIGHT, HALF_WIDTH, mollweide
@@ -144,9 +145,7 @@ class Pulled:
             half = np.array([HALF_HEIGHT, HALF_WIDTH])
             return np.broadcast_to(-half, shape), np.broadcast_to(2 * half / self._number, shape)
         values = self.sides(self.states(0, _PILOT, _PILOT * LANES)).transpose(2, 0, 1, 3).reshape(*shape, -1)
-        low, high = (np.nan_to_num(end.reduce(values, axis=-1)) for end in (np.fmin, np.fmax))
-        beyond = np.maximum(_MARGIN * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
-        return low - beyond, (high - low + 2 * beyond) / self._number
+        return cells_around(values, self._number, _MARGIN)
 
     def empty(self) -> Counts:
         """Of no states."""
@@ -157,17 +156,11 @@ class Pulled:
     def rows(self, first: int, count: int, end: int) -> Seen:
         """What some blocks contribute; the partner of lane l is l + 32, which is in the same jackknife group."""
         y = self.states(first, count, end)
-        low, width = (each.T[:, np.newaxis, :, np.newaxis] for each in self.ends)
-        rows, columns = self._number
         with np.errstate(all="ignore"):
-            row, column = np.floor((self.sides(y) - low) / width)
-            if self._sphere is not None:  # roundings at its ends, which are no places outside
-                row, column = np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)
-            outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
             apart = y - np.roll(y, LANES // 2, axis=-1)
             distance = np.sqrt((apart * apart).sum(axis=2))
             size = np.sqrt((y * y).sum(axis=2))
-        places = np.where(outside, -1.0, row * columns + column + 0.5)[:, :, np.newaxis]
+        places = cell_places(self.sides(y), *self.ends, self._number, closed=self._sphere is not None)
         return Seen(places, np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2))
 
     def added(self, sums: Counts, rows: Seen, at: slice, first: int, end: int) -> Counts:

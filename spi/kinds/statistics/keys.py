@@ -11,8 +11,7 @@ from annotated_types import Ge, Gt, Le, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
-from spi.expressions.arithmetic import NumberError
-from spi.kinds.functions import FUNCTIONALS, PathFunction, path_function
+from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_every, check_once, check_step, times_on_grid
 from spi.specs.conversion import Given
@@ -38,6 +37,7 @@ Levels = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
 Times = tuple[NonNegative, ...]
 _Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 _MOST_MAPS = 8
+_FUNCTIONAL = ", or a functional, as in {maximum: y1}"
 _WHICH = "; ".join(f"{name}: {meaning}" for name, meaning in FUNCTIONALS.items())
 
 
@@ -174,7 +174,7 @@ class Case(BaseCase):
         """The case with functions: the first components, unless it has some."""
         names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
         functions = self.functions or {name: name for name in names[:4]}
-        every(self._check_function, functions.items())
+        every(check_function, ((self, *item, _FUNCTIONAL) for item in functions.items()))
         found = self.model_copy(update={"functions": functions})
         per_time = len(functions) * (1 + len(functions) * ("covariance" in self.statistics) + found.fine_bins / 64)
         if len(found.places) * per_time > _MOST_NUMBERS:
@@ -186,14 +186,6 @@ class Case(BaseCase):
     def fine_bins(self) -> int:
         """Bins of equal width in which values are counted: a multiple of those of histograms, 0 if none are needed."""
         return self.bins * max(1, 1024 // self.bins) if {"quantiles", "histogram"} & set(self.statistics) else 0
-
-    def _check_function(self, name: str, entry: Any) -> None:
-        try:
-            path_function(self.model, self.variables, entry)
-        except NumberError as error:
-            known = ", ".join(self.variables) or f"y1 .. y{dimension(self.model)}"
-            right = f"must be an expression in {known}, H or C1, or a functional, as in {{maximum: y1}}"
-            raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
 
     @condition("reference", "functions", "times", "every", "step", "initial", "model", "damping")
     def _check_reference(self) -> Self:

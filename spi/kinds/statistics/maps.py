@@ -10,8 +10,8 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.special import frozen
 from spi.kinds.functions import path_function
 from spi.models.delegation import undamped
+from spi.statistics.cells import cell_places, cells_around
 
-from .quantiles import Bins
 from .results import DensityMap
 
 SPHERE = "sphere"
@@ -45,8 +45,7 @@ class Cells(NamedTuple):
     @classmethod
     def around(cls, values: np.ndarray, pair: tuple[int, ...], number: tuple[int, int]) -> "Cells":
         """Cells that hold the values (times, 2, paths) of two functions, and an eighth of their range on each side."""
-        bins = Bins.around(values, number[0], _MARGIN)
-        return cls(bins.low, bins.width, number, pair)
+        return cls(*cells_around(values, number[0], _MARGIN), number, pair)
 
     def places(self, states: np.ndarray, values: np.ndarray) -> np.ndarray:
         """(blocks, times, 1, LANES) the number of the cell, and a half; -1 for what is outside, NaN for what is lost.
@@ -54,14 +53,7 @@ class Cells(NamedTuple):
         Of states (3, blocks, times, LANES) or of the values (2, blocks, times, LANES) of two functions.
         """
         sides = values if self.pair else _directions(states)
-        low, width = (each.T[:, np.newaxis, :, np.newaxis] for each in (self.low, self.width))
-        with np.errstate(invalid="ignore"):
-            first, second = np.floor((sides - low) / width)
-        if not self.pair:  # roundings at both ends, which are no places outside
-            first, second = np.clip(first, 0, self.number[0] - 1), np.clip(second, 0, self.number[1] - 1)
-        with np.errstate(invalid="ignore"):
-            outside = (first < 0) | (first >= self.number[0]) | (second < 0) | (second >= self.number[1])
-        return np.where(outside, -1.0, first * self.number[1] + second + 0.5)[:, :, np.newaxis]
+        return cell_places(sides, self.low, self.width, self.number, closed=not self.pair)
 
     def gibbs(self, model: Any, initial: Any, temperature: float) -> np.ndarray | None:
         """The density of exp(-H/T) in the cells of the sphere through `initial`; None if that is not known."""

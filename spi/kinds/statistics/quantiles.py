@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.statistics.cells import cells_around
 from spi.storage.records import INTERVAL
 
 from .results import Histogram, Quantiles
@@ -20,11 +21,7 @@ class Bins(NamedTuple):
     @classmethod
     def around(cls, values: np.ndarray, number: int, margin: float = 0.5) -> "Bins":
         """Bins that hold values (T, F, paths), and beyond them on each side that share of their range."""
-        finite = np.where(np.isfinite(values), values, np.nan)
-        with np.errstate(all="ignore"):
-            low, high = (np.nan_to_num(end(finite, axis=-1)) for end in (np.fmin.reduce, np.fmax.reduce))
-        beyond = np.maximum(margin * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
-        return cls(low - beyond, (high - low + 2 * beyond) / number, number)
+        return cls(*cells_around(values, number, margin), number)
 
 
 def quantiles(counts: np.ndarray, bins: Bins, of_values: Sequence[bool], levels: tuple[float, ...]) -> Quantiles:

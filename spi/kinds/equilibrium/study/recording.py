@@ -7,6 +7,7 @@ import numpy as np
 
 from spi.kinds.functions import PathFunction, origin_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.statistics.cells import range_of
 from spi.statistics.correlation import by_group, lagged_products, lagged_sums
 from spi.statistics.estimators import GROUPS
 
@@ -169,8 +170,7 @@ def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
 
     Rounded to eighths of a power of two, so that step sizes and schemes of the same law mostly have the same bins.
     """
-    finite = np.where(np.isfinite(values), values, np.nan)
-    low, high = (np.nan_to_num(end(finite, axis=-1)) for end in (np.fmin.reduce, np.fmax.reduce))
+    low, high = range_of(values)
     unit = 2.0 ** np.ceil(np.log2(np.maximum(high - low, 1e-9 * np.maximum(1.0, np.abs(high))))) / 8
     low, high = unit * np.floor(low / unit - 0.25), unit * np.ceil(high / unit + 0.25)
     return low, (high - low) / bins

@@ -1,0 +1,36 @@
+"""Cells of equal size that hold values: where they begin, how wide they are, and in which of them a value is."""
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def range_of(values: Array) -> tuple[Array, Array]:
+    """(lowest, highest) of values (..., n), of which those that are not finite do not count; 0 if there are none."""
+    finite = np.where(np.isfinite(values), values, np.nan)
+    with np.errstate(all="ignore"):
+        low, high = (np.nan_to_num(end(finite, axis=-1)) for end in (np.fmin.reduce, np.fmax.reduce))
+    return low, high
+
+
+def cells_around(values: Array, number: int | tuple[int, ...], margin: float) -> tuple[Array, Array]:
+    """(begin, width), (...,) each, of so many cells that hold values (..., n), and that share of their range more."""
+    low, high = range_of(values)
+    beyond = np.maximum(margin * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
+    return low - beyond, (high - low + 2 * beyond) / number
+
+
+def cell_places(sides: Array, low: Array, width: Array, number: tuple[int, int], closed: bool) -> Array:
+    """(blocks, T, 1, LANES): the number of the cell in rows and columns, and a half; -1 outside, NaN if lost.
+
+    Of values (2, blocks, T, LANES) in cells that begin at `low` and are as wide as `width`, (T, 2) each.  With `closed`
+    no place is outside: what seems so are roundings at the ends.
+    """
+    low, width = (each.T[:, np.newaxis, :, np.newaxis] for each in (low, width))
+    rows, columns = number
+    with np.errstate(all="ignore"):
+        row, column = np.floor((sides - low) / width)
+        if closed:
+            row, column = np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)
+        outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
+    return np.where(outside, -1.0, row * columns + column + 0.5)[:, :, np.newaxis]
