@@ -23,7 +23,7 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
     """
     try:
-        data = kinds.asked(Document(text_of(path), str).data)
+        data = kinds.asked(Document(text_of(path), str))
         file = kinds.file.validate_python(data, context=kinds.context(data))
     except (SpecError, ValidationError):
         return None
