@@ -11,7 +11,7 @@ _HEIGHT = (2 * _TABLE + np.sin(2 * _TABLE)) / np.pi
 
 def heights(low: float, high: float, count: int) -> np.ndarray:
     """So many heights from one to another, dense near the poles, where meridians bend, so that curves look smooth."""
-    angle = np.linspace(*np.interp([low, high], _HEIGHT, _TABLE), count)
+    angle = np.linspace(np.interp(low, _HEIGHT, _TABLE), np.interp(high, _HEIGHT, _TABLE), count)
     return (2 * angle + np.sin(2 * angle)) / np.pi
 
 
