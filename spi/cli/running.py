@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import RESULTS, stored
 from .options import (
     CLAIM_FAILED,
     INVALID,
+    RESULTS,
     As,
     Fresh,
     Out,
@@ -28,6 +28,7 @@ from .options import (
     TrustCode,
     end,
     load,
+    stored,
 )
 from .signals import STOP
 from .streams import tell

@@ -9,8 +9,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import RESULTS, complete_results, stored
-from .options import FAILED, INVALID, As, Overrides, Profile, ResultsFolder, Samples, Seed, Several, TrustCode, end
+from .options import (
+    FAILED,
+    INVALID,
+    RESULTS,
+    As,
+    Overrides,
+    Profile,
+    ResultsFolder,
+    Samples,
+    Seed,
+    Several,
+    TrustCode,
+    complete_results,
+    end,
+    stored,
+)
 from .streams import takes_all_characters, tell
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from ..models.delegation import undamped
 from ..schemes import typical_ns
 from ..specs.document import text_of
 from ..specs.files import Files, UntrustedCode
-from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from ..specs.layers import Heading, heading
 from ..specs.naming import of_kind
 from ..storage.results import read_root
 from . import resolution, shipped
@@ -201,7 +201,7 @@ def _of_another(kind: str, source: specs.Experiment) -> str:
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.heading."""
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.layers."""
     found: dict[Path, Heading] = {}
     problems: list[str] = []
     for path in paths:

@@ -12,16 +12,8 @@ from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
-from .checks import (
-    check_count,
-    check_eps,
-    check_names,
-    check_needs,
-    check_schemes,
-    check_word_of_areas,
-    dyadic,
-)
-from .compositions import Compositions, weak_order
+from .checks import check_count, check_eps, check_names, check_needs, check_schemes, check_word_of_areas, dyadic
+from .compositions import Compositions, check_steps, weak_order
 from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
 from .functions import FunctionKeys
@@ -41,7 +33,6 @@ from .keys import (
     wrong,
 )
 from .models import Model, check_words, name_of
-from .own_schemes import check_steps
 from .sweep import PLACES, SWEEP, Swept, check_shown
 from .temperature import dissipation, dissipative_model
 
@@ -179,43 +170,28 @@ class BaseCase(Keys):
         return self.model_copy(update={"compositions": used})
 
     @condition("initial", "model")
-    def _check_initial(self) -> Self:
+    def _check_initial(self) -> None:
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
-        return self
 
     @condition("initial", "model", "compositions")
-    def _check_words(self) -> Self:
+    def _check_words(self) -> None:
         check_words(self.model, self.initial)
         check_steps(self.compositions, self.model, self.initial)
-        return self
 
     @condition("schemes", "reference_scheme", "model")
-    def _check_needs(self) -> Self:
+    def _check_needs(self) -> None:
         check_needs(self)
         check_noise(self)
-        return self
 
-    @condition("areas", "schemes", "reference_scheme")
-    def _check_areas(self) -> Self:
-        check_word_of_areas(self)
-        return self
-
-    @condition("eps", "schemes")
-    def _check_eps(self) -> Self:
-        check_eps(self)
-        return self
-
-    @condition("sweep")
-    def _check_sweep(self) -> Self:
-        check_shown(self)
-        return self
+    _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
+    _check_eps = condition("eps", "schemes")(check_eps)
+    _check_sweep = condition("sweep")(check_shown)
 
     @condition("expect", "schemes")
-    def _check_expect(self) -> Self:
+    def _check_expect(self) -> None:
         _ = self.claims
-        return self
 
 
 class ErrorCase(BaseCase):
@@ -246,11 +222,10 @@ class ErrorCase(BaseCase):
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
     @condition("reference_scheme", "schemes", "eps")
-    def _check_reference_scheme(self) -> Self:
+    def _check_reference_scheme(self) -> None:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
-        return self
 
 
 class FunctionsCase(FunctionKeys, ErrorCase):

@@ -8,7 +8,7 @@ from helpers import compiled_only
 
 from spi import storage
 from spi.kinds.state import State
-from spi.running import compared, shards
+from spi.running import shards, verify
 from spi.running import run as runner
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
@@ -55,10 +55,10 @@ def extended(tmp_path, monkeypatch, computed):
         one, other = storage.read(path), storage.read(alone)
         assert one.chunks == other.chunks
         assert [group.name for group in one.groups] == [group.name for group in other.groups]
-        assert not compared.differing(one.groups, other.groups, times=False)
+        assert not verify.differing(one.groups, other.groups, times=False)
         for mine, its in zip(one.groups, other.groups, strict=True):
             for name, values in mine.arrays.items():
-                if not any(word in name for word in compared.TIMES) and values.dtype.kind != "U":
+                if not any(word in name for word in verify.TIMES) and values.dtype.kind != "U":
                     assert values.tobytes() == its.arrays[name].tobytes(), name
         assert verify(path, None).sound
         return found
@@ -137,7 +137,7 @@ def test_values_of_a_swept_parameter(extended):
     middle = storage.read("out/s.h5").groups[1]
     fixed = ["sweep=null", "model.sigma=[3/4, 3/4, 3/4]", "expect=null"]
     (alone,) = storage.read(runner.run(runner.load("s.yaml", overrides=fixed), "one")).groups
-    different = compared.differing([middle._replace(case="main")], [alone], times=False)
+    different = verify.differing([middle._replace(case="main")], [alone], times=False)
     assert all(name.startswith("main/splitting: swept_") for name in different)
     assert middle.arrays["error"].tobytes() == alone.arrays["error"].tobytes()
 
