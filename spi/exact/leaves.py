@@ -72,12 +72,12 @@ def leaf(model, point):
     point = np.array(point, float)
     with uncompiled():
         B = _bracket(model)
-        forms = [_form(model, c) for c in range(conserved(model))]
+        forms = [casimir_form(model, c) for c in range(conserved(model))]
     d = len(point)
     # constant combinations of components, which a model need not state
     u, s, _ = np.linalg.svd(B.reshape(d, -1))
     forms += [(v, np.zeros((d, d))) for v in u[:, s <= _CLOSE * s[0]].T]
-    size, vectors = np.linalg.eigh(sum((_semidefinite(Q) for b, Q in forms if not b.any()), np.zeros((d, d))))
+    size, vectors = np.linalg.eigh(sum((semidefinite(Q) for b, Q in forms if not b.any()), np.zeros((d, d))))
     bounded = size > _CLOSE * max(size[-1], 1e-300)
     N, V = vectors[:, ~bounded], vectors[:, bounded] / np.sqrt(size[bounded])
     x = (vectors[:, bounded] * np.sqrt(size[bounded])).T @ point
@@ -130,8 +130,8 @@ def _bracket(model):
     return B
 
 
-def _form(model, c):
-    """(b, Q) of Casimir function number c, b.y + y.Qy/2 and a constant."""
+def casimir_form(model, c):
+    """(b, Q) of Casimir function number c, b.y + y.Qy/2 and a constant; ValueError if it is not quadratic."""
     d = dimension(model)
 
     def value(y):
@@ -150,7 +150,7 @@ def _form(model, c):
     return np.where(np.abs(b) > 1e-12, b, 0.0), np.where(np.abs(Q) > 1e-12, Q, 0.0)
 
 
-def _semidefinite(Q):
+def semidefinite(Q):
     """Q or -Q where that is positive semidefinite, 0 otherwise."""
     values = np.linalg.eigvalsh(Q)
     small = _CLOSE * np.abs(values).max(initial=0)

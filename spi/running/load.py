@@ -21,7 +21,7 @@ from ..specs.keys import suggestion
 from ..specs.layers import Heading, heading
 from ..specs.naming import of_kind
 from ..storage.results import read_root
-from . import resolution, shipped
+from . import remarks, shipped
 
 #: The endings of files of results, and of sums over paths.
 STORED, SUMS = (".h5",), (".npz", ".previous")
@@ -266,7 +266,7 @@ def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
         if lines := systems.report(undamped(case.model)):
             steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
-        if lines := resolution.lines(case):
+        if lines := remarks.resolution(case):
             found.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}

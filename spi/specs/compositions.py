@@ -24,7 +24,7 @@ Such an entry says which orders are expected and what is preserved, and gives th
 import functools
 import math
 import re
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import pydantic
 from annotated_types import Ge, Le
@@ -45,7 +45,7 @@ from ..schemes.parts import ORDERS, PARTS
 from ..schemes.splitting import splitting
 from ..schemes.stages import Flows, compositions, flows, has_loops, repeats_increments
 from .files import Files
-from .keys import NAME, Keys, entries_in, key_of, shown, suggestion, text_in, wrong
+from .keys import NAME, Keys, entries_in, fields_of, key_of, shown, suggestion, wrong
 from .mistakes import every, under
 from .models import class_in
 
@@ -77,15 +77,12 @@ def read_scheme(name: str, data: dict[str, Any], files: Files) -> Scheme:
         check_class(cls, "scheme", name)
     except TypeError as error:
         raise wrong(f"is {data['name']}: {error}", f"correct {data['python']}", name, "name") from None
-    hints = get_type_hints(cls, include_extras=True)
-    fields: dict[str, Any] = {
-        key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints.items()
-    }
+    fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__qualname__, __base__=Told, **fields).model_validate(data)
     told: dict[str, Any] = {key: getattr(keys, key) for key in Told.model_fields if key not in ("python", "name")}
     told |= {key: math.nan for key, value in told.items() if value is None}
     return Scheme(
-        record=cls(**{key: getattr(keys, key) for key in hints}),
+        record=cls(**{key: getattr(keys, key) for key in fields}),
         label=name,
         formula=(cls.__doc__ or "").strip().splitlines()[0] if cls.__doc__ else "see the Python file",
         reference=f"{data['name']} in {data['python']}",

@@ -207,17 +207,21 @@ def _read(hint: Any) -> Any:
     return hint
 
 
-def text_in(hint: Any) -> str | None:
-    """The text in an annotation, which says what it is."""
-    return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
+def fields_of(cls: Any) -> dict[str, tuple[Any, Any]]:
+    """The annotation and default of each field of a record, ... where it has none, as ``create_model`` takes them.
+
+    A text in the annotation says what the field is.
+    """
+    found = {}
+    for key, hint in get_type_hints(cls, include_extras=True).items():
+        text = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
+        found[key] = key_of(hint, text), cls._field_defaults.get(key, ...)
+    return found
 
 
 def _record_of(cls: Any) -> Any:
     """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
-    hints = get_type_hints(cls, include_extras=True)
-    fields: dict[str, Any] = {
-        key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints.items()
-    }
+    fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
     return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]
 

@@ -1,19 +1,20 @@
 """What damping and a temperature ask of a case."""
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from ..ensemble.protocol import (
     casimir_degrees,
-    casimirs,
     conserved,
     dimension,
     large,
     noise_indices,
     squared_length_is_casimir,
 )
+from ..exact.leaves import casimir_form, semidefinite
 from ..models.damped import damped
 from ..models.thermal import thermal
 from .drivers import told
@@ -82,16 +83,9 @@ def has_compact_surfaces(model: Any) -> bool:
     """
     if large(model) or squared_length_is_casimir(model):
         return True
-    d, total = dimension(model), np.zeros((dimension(model), dimension(model)))
-    unit, probe = np.eye(d), np.random.default_rng(1).standard_normal(d)
-
-    def value(c: int, y: Any) -> float:
-        return float(casimirs(model, tuple(map(float, y)))[c])
-
+    total = np.zeros((dimension(model), dimension(model)))
     for c in range(conserved(model)):
-        ends = np.array([[value(c, a + b) - value(c, a - b) for b in unit] for a in unit]) / 4
-        quadratic = abs(value(c, probe) - probe @ ends @ probe) <= 1e-9 * (1 + abs(value(c, probe)))
-        sign = 1 if np.trace(ends) >= 0 else -1
-        if quadratic and np.linalg.eigvalsh(sign * ends)[0] >= -1e-9:
-            total += sign * ends
+        with suppress(ValueError):  # it is not quadratic
+            b, Q = casimir_form(model, c)
+            total += 0 if b.any() else semidefinite(Q)
     return bool(np.linalg.eigvalsh(total)[0] > 1e-9)

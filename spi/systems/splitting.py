@@ -14,7 +14,6 @@ import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .driving import by_factor, split_in_time
-from .forms import degree_of, merged_powers, shortened
 from .functionals import (
     Functional,
     NoExactFlow,
@@ -27,7 +26,7 @@ from .functionals import (
     unmoved,
 )
 from .series import ends
-from .symbolics import Symbolics
+from .symbolics import Symbolics, degree_of, merged_powers, shortened
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
 Lacking = list[tuple[Any, str]]  #: what has no exact flow, and why

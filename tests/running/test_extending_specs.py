@@ -8,8 +8,8 @@ from helpers import compiled_only
 
 from spi import storage
 from spi.kinds.state import State
-from spi.running import shards
 from spi.running import run as runner
+from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
 from spi.running.run import Watch
