@@ -207,16 +207,15 @@ def _read(hint: Any) -> Any:
     return hint
 
 
-def fields_of(cls: Any) -> dict[str, tuple[Any, Any]]:
-    """The annotation and default of each field of a record, ... where it has none, as ``create_model`` takes them.
+def text_in(hint: Any) -> str | None:
+    """The text in an annotation, which says what it is."""
+    return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
 
-    A text in the annotation says what the field is.
-    """
-    found = {}
-    for key, hint in get_type_hints(cls, include_extras=True).items():
-        text = next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
-        found[key] = key_of(hint, text), cls._field_defaults.get(key, ...)
-    return found
+
+def fields_of(cls: Any) -> dict[str, tuple[Any, Any]]:
+    """The annotation and default of each field of a record, ... where it has none, as ``create_model`` takes them."""
+    hints = get_type_hints(cls, include_extras=True).items()
+    return {key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints}
 
 
 def _record_of(cls: Any) -> Any:
