@@ -75,8 +75,8 @@ def series_of(
 def frame(series: Sequence[Series]) -> tuple[float, float] | None:
     """The limits of the errors' axis, None if there is none: all that is resolved, and the sampling floor."""
     resolved = np.concatenate([one.error[_finite(one.error) & one.resolved] for one in series] or [[]])
-    poor = [_finite(one.half) & np.isfinite(one.error) & ~one.resolved for one in series]
-    each = [np.maximum(one.error, 0.25 * one.half)[which] for one, which in zip(series, poor, strict=True)]
+    poor = [np.isfinite(one.error) & ~one.resolved for one in series]
+    each = [np.fmax(one.error, 0.25 * one.half)[which] for one, which in zip(series, poor, strict=True)]
     floors = np.concatenate(each or [[]])
     floors = floors[_finite(floors)]
     if len(resolved):
@@ -196,7 +196,8 @@ def draw(ax: Axes, one: Series, bars: bool = True) -> None:
         ax.plot(one.h[above], np.ones(above.sum()), marker=CARETUP, zorder=4, **edge)
     if below.any():
         ax.plot(one.h[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", zorder=4, **edge)
-        ax.vlines(one.h[below], bottom, (one.error + up)[below], color=look["color"], linewidth=0.8, zorder=3)
+        ends = np.maximum(one.error + up, bottom)[below]
+        ax.vlines(one.h[below], bottom, ends, color=look["color"], linewidth=0.8, zorder=3)
 
 
 def _curve(ax: Axes, one: Series) -> None:
