@@ -244,8 +244,8 @@ class Quadrature:
 def mean_divergence(model, temperature, point):
     """-(1/(2 T^2)) sum_k sigma_k^2 E (X_k H)^2 under the Gibbs law exp(-H/T) on the Casimir surface through a state.
 
-    It is the sum of the Lyapunov exponents.  X_k = B grad Ĥ_k; `model` is that without friction.  None where the surface is no single sphere, or what is there
-    depends on time.
+    It is the sum of the Lyapunov exponents.  X_k = B grad Ĥ_k; `model` is that without friction.  None where the
+    surface is no single sphere, or what is there depends on time.
     """
     surface = spheres(model, point)
     if surface is None or len(surface.triples) > 1 or hasattr(model, "time"):
