@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
-from .plans import KernelCall, PathsPlan, State
+from .plans import PathsPlan, Plan, State
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -41,17 +41,12 @@ class _Batch(NamedTuple):
     added: list[tuple[Chunk, Any]]
 
 
-class Blockwise(Protocol):
-    """How a plan advances that sums up paths block after block."""
-
-    def kernel_calls(self) -> list[KernelCall]:
-        """The calls that have all kernels compiled, see :class:`Plan`."""
-
-    def empty(self, number: int) -> Any:
-        """The sums over no paths of a path set."""
+class Blockwise(Plan):
+    """The head of every plan that sums up paths block after block."""
 
     def most_blocks(self, number: int) -> int:
         """How many blocks of a path set a batch may have, because of memory."""
+        raise NotImplementedError
 
     @property
     def most_at_once(self) -> int:
@@ -60,12 +55,14 @@ class Blockwise(Protocol):
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
         """What `blocks` blocks of a path set contribute, from block `first` on; paths from number `end` on are idle."""
+        raise NotImplementedError
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
         """The sums with the rows `at`, of which the first is that of block `first`; times are added elsewhere.
 
         One row after the other, so that the bits do not depend on how blocks are divided into batches.
         """
+        raise NotImplementedError
 
     def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
         """The sums with the time that `blocks` blocks took, from block `first` on."""

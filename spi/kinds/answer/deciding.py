@@ -48,7 +48,7 @@ def decided(p: "AnswerPlan", state: State) -> Decisions | None:
 def _solved(p: "AnswerPlan", extra: Decisions) -> Decisions:
     """With the solution without sampling, which is the answer if it is good enough."""
     began, cpu_began = time.perf_counter(), time.process_time()
-    found = solution(p.case, p.solving_rows, p.solving_steps)
+    found = solution(p.case, *p.solving)
     spent = time.perf_counter() - began, time.process_time() - cpu_began
     extra = extra._replace(
         seconds=spent[0],

@@ -55,7 +55,7 @@ def found(p: "AnswerPlan", state: State) -> Found:
     of_base = along_points(base.sums, base.paths) if extra.points else np.maximum(m2 - m1**2, 0.0)
     variance = of_base / base.paths + (s**2 * measured.stderr[used] ** 2).sum(axis=0)
     stderr, q = np.sqrt(variance), order_of(exponents, extra.levels)
-    bias = bound(measured, exponents, extra.levels, finest, extra.base).bias
+    bias = bound(measured, exponents, extra.levels, finest, extra.base)
     check, check_stderr = changed(measured, w, finest + 1)
     passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _SURE * check_stderr).all())
     return Found(value, bias + INTERVAL * stderr, bias, stderr, q, check, check_stderr, passed, share)

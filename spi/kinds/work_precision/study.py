@@ -17,14 +17,14 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads
 from spi.ensemble.observer import path_observer
 from spi.ensemble.streams import brownian
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.samples import values_of_blocks
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.comparisons import cannot_do, not_reached
 from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.results import WeakErrors
-from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import LANES
 from spi.printing.sentences import joined
 from spi.schemes import typical_ns
@@ -91,7 +91,7 @@ class _Job(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorkPlan(PartPlan):
+class WorkPlan(Plan):
     """Errors of one scheme, and then the time of a path at each step size."""
 
     errors: Any  #: the plan of the strong or weak errors

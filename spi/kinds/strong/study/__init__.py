@@ -32,11 +32,11 @@ from spi.statistics.estimators import (
     jackknife_stderr,
     root_mean_square,
 )
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from ..results import StrongErrors
 from .errors import errors, expected_order, note
-from .paths import Rows, Totals
 
 _BATCH_BYTES = 64e6
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
@@ -54,6 +54,32 @@ def plan(case: Any, part: Part) -> "StrongPlan":
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
     timed = case.noise is None  # other drivers are made beside the loop over time
     return StrongPlan(case=case, part=part, grid=times, samples=case.samples, timed_steps=timed)
+
+
+class Totals(NamedTuple):
+    """What is known of some paths."""
+
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    squares: np.ndarray  #: (GROUPS, points)
+    drift: np.ndarray  #: (levels, casimirs)
+    nonfinite: np.ndarray  #: (levels,)
+    report: np.ndarray  #: (levels, len(REPORT))
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These paths and some later ones."""
+        drift, report = np.maximum(self.drift, later.drift), add_reports(self.report, later.report[np.newaxis])
+        return sum_of_fields(self, later)._replace(drift=drift, report=report)
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    squares: np.ndarray  #: (blocks, points, PARTS) sums of |y_h - y_ref|^2
+    drift: np.ndarray  #: (blocks, levels, C, LANES)
+    nonfinite: np.ndarray  #: (blocks, levels)
+    report: np.ndarray  #: (blocks, levels, len(REPORT))
 
 
 class Times(NamedTuple):

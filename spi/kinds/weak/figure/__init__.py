@@ -7,14 +7,14 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from spi.drawing import page, style
-from spi.drawing.axes import LEAST, PANEL, legend_line, panel_title
+from spi.drawing.axes import ERRORS, LEAST, PANEL, legend_line, panel_title
 from spi.drawing.layout import Panel, check_panels
 
 from ..comparisons import sweeps
 from ..estimators import label_of
 from ..results import WeakErrors
 from . import eps, methods
-from .series import ERROR, Series, errors_panel, prefixes_panel, series_of
+from .series import Series, errors_panel, prefixes_panel, series_of
 
 #: The words of the key ``panels``.
 WORDS = ("errors", "samples", "seconds", "eps")
@@ -50,7 +50,7 @@ def draw(title: str, cases: Sequence[Sequence[WeakErrors]]) -> Figure:
         for j, panel in enumerate(line):
             ax = fig.add_subplot(grid[i, j])
             panel(ax)
-            if j and ax.get_ylabel() == ERROR:
+            if j and ax.get_ylabel() == ERRORS["weak"]:
                 ax.set_ylabel("")
     return fig
 

@@ -6,15 +6,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
-from matplotlib.markers import CARETDOWN, CARETUP
 
 from spi.drawing import style
-from spi.drawing.axes import HUGE, INTERVAL, error_axes, legend_under, limits, slopes, with_order
+from spi.drawing.axes import (
+    ERRORS,
+    HUGE,
+    INTERVAL,
+    error_axes,
+    legend_under,
+    limits,
+    note_diverged,
+    slopes,
+    with_order,
+)
+from spi.drawing.layout import edge_marks
 
 from ..estimators import label_of
 from ..results import WeakErrors
-
-ERROR = r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$"
 
 #: Marker and colour for each number of paths, from few to many.
 STAGES = (("o", "#56B4E9"), ("s", "#E69F00"), ("D", "#009E73"), ("^", "#D55E00"), ("v", "#0072B2"), ("P", "#CC79A7"))
@@ -89,7 +97,7 @@ def _finite(x: np.ndarray) -> np.ndarray:
 def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable[str] = ()) -> None:
     """Errors against step sizes, with reference slopes; `notes` are further entries of the legend."""
     _begin(ax, series, title)
-    ax.set_ylabel(ERROR)
+    ax.set_ylabel(ERRORS["weak"])
     orders = sorted({one.expected for one in series if one.expected}) or [1, 2]
     drawn = np.concatenate([_points(one, one.resolved) for one in series])
     if not len(drawn):
@@ -120,7 +128,7 @@ def prefixes_panel(ax: Axes, reading: WeakErrors, f: int, exact: Series | None, 
     stages = _stages(reading, f)
     shown = stages if exact is None else [*stages, exact]
     _begin(ax, shown, title)
-    ax.set_ylabel(ERROR)
+    ax.set_ylabel(ERRORS["weak"])
     for one in stages:
         ax.plot(one.h, np.where(_finite(one.half), one.half, np.nan), "--", color=one.look["color"], linewidth=0.8)
         draw(ax, one, bars=False)
@@ -182,17 +190,9 @@ def draw(ax: Axes, one: Series, bars: bool = True) -> None:
         if chosen.any() or label:
             half = np.array([down[chosen], up[chosen]])
             ax.errorbar(one.h[chosen], one.error[chosen], half, label=label, elinewidth=0.8, capsize=0, **how)
-    edge: dict[str, Any] = {
-        "transform": ax.get_xaxis_transform(),
-        "clip_on": False,
-        "color": look["color"],
-        "linestyle": "none",
-    }
-    above, below = ~(one.error <= top), one.error < bottom
-    if above.any():
-        ax.plot(one.h[above], np.ones(above.sum()), marker=CARETUP, zorder=4, **edge)
+    edge_marks(ax, one.h, one.error, look["color"])
+    below = one.error < bottom
     if below.any():
-        ax.plot(one.h[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", zorder=4, **edge)
         ax.vlines(one.h[below], bottom, (one.error + up)[below], color=look["color"], linewidth=0.8, zorder=3)
 
 
@@ -219,8 +219,7 @@ def remarks(ax: Axes, series: Sequence[Series], consequence: str = ", left out o
         ax.plot([], [], "o", label=f"hollow: not resolved{consequence}", **look)
     beyond = np.concatenate([one.error[~(one.error <= top)] for one in sampled] or [np.empty(0)])
     if len(beyond):
-        label = "paths diverged (NaN or infinity)" + " or nearly so" * bool(np.isfinite(beyond).any())
-        ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)
+        note_diverged(ax, nearly=bool(np.isfinite(beyond).any()))
 
 
 def _pale(colour: str) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.printing.rows import rows_of
+from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     error_and_remark,
     lines_of,
@@ -16,12 +17,12 @@ from spi.printing.text import (
     print_whole,
     with_interval,
 )
+from spi.storage.records import Order
 
 from ..comparisons import agreement
 from ..results import Levels, Prefixes, WeakErrors
 from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
-from .told import told as told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -87,6 +88,37 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
             of = f" of {reading.differences.scheme}" if reading.differences else ""
             print_whole(console, level_table(reading.levels, f, f"{name}{of}"))
             console.print()
+
+
+def told(readings: Sequence[WeakErrors]) -> str:
+    """What came out of a case, in one sentence: orders, and whether sampled and deterministic errors agree.
+
+    Of several estimators the one with the narrowest interval tells the order.
+    """
+    best: dict[tuple[str, str], tuple[str, Order, float | None]] = {}
+    for reading in readings:
+        for function, order in zip(reading.functions, reading.orders, strict=True):
+            key = reading.about.variant, function
+            if key not in best or _width(order) < _width(best[key][1]):
+                best[key] = whose(reading.about), order, reading.expected_order
+    return sentence([orders("weak", best.values()), *_agreement(readings)])
+
+
+def _width(order: Order) -> float:
+    return np.inf if np.isnan(order.order) else order.high - order.low
+
+
+def _agreement(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    far: dict[str, float] = {}
+    for reading in readings:
+        found = agreement(reading, readings)
+        known = np.abs(found.deviation[np.isfinite(found.deviation)]) if found else np.empty(0)
+        if known.size:
+            label = whose(reading.about)
+            far[label] = max(far.get(label, 0.0), float(known.max()))
+    if far:
+        each = [f"{most:.1f} for {label}" for label, most in far.items()]
+        yield f"sampled and deterministic errors differ by at most so many standard errors: {joined(each)}"
 
 
 def _of_all_levels(reading: WeakErrors, levels: Levels, f: int) -> tuple:

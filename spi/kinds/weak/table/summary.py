@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from spi.printing.text import fraction, order_found, power_of_two, readable, short, with_interval
+from spi.printing.text import INTERVAL, fraction, order_found, power_of_two, readable, short, with_interval
 
-from ..comparisons import agreement, cannot_do, not_reached, own_error
+from ..comparisons import agreement, cannot_do, comparable_sweeps, largest_over_eps, not_reached, own_error
 from ..results import Quasi, Sampled, WeakErrors
-from .eps import limits_shown, over_eps
 from .levels import difference_warnings, level_warnings
 
 PAPER = 1e9  #: samples of the paper's weak errors
@@ -25,9 +24,9 @@ def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
         yield f"{name} = {readable(formula, readings[0].about.variables)}"
     for reading in readings:
         yield from _summary(reading)
-    yield from over_eps(readings)
+    yield from _over_eps(readings)
     yield from _references(readings)
-    yield from limits_shown(readings)
+    yield from _limits_shown(readings)
     for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
         if schemes:
             yield cannot_do(estimator, schemes)
@@ -141,6 +140,36 @@ def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
 def _own_reference(reading: WeakErrors) -> tuple[float | None, str]:
     """The order of the scheme that the reference is made by, and its name where it is not the one of the errors."""
     return (2.0, reading.differences.scheme) if reading.differences else (reading.expected_order, "")
+
+
+def _over_eps(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    """The largest errors over eps of each scheme and estimator with several eps: their order, and what they are."""
+    for members in comparable_sweeps(readings).values():
+        first, names = members[0], members[0].functions
+        for f, name in enumerate(names):
+            top = largest_over_eps(members, f)
+            told = ", ".join([first.about.scheme_label, first.about.estimator, *[name] * (len(names) > 1)])
+            order, low, high, _ = top.order
+            yield f"{told}, largest over eps: {order_found(order, low, high, first.expected_order)}"
+            points = zip(first.h, top.value, top.stderr, top.which, strict=True)
+            yield f"    {', '.join(_at_eps(h, value, stderr, members[i].about.eps) for h, value, stderr, i in points)}"
+
+
+def _at_eps(h: float, value: float, stderr: float, eps: float) -> str:
+    return f"{power_of_two(h)}: {with_interval(value, INTERVAL * stderr)} (eps = {eps:g})"
+
+
+def _limits_shown(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    """For which eps a reference does not resolve the fast processes, and what it shows then."""
+    told: dict[tuple, set] = {}
+    for reading in readings:
+        if reading.reference_shows_limit:
+            told.setdefault((reading.reference_step, reading.reference_scheme), set()).add(reading.about.eps)
+    for (reference, scheme), small in told.items():
+        few = ", ".join(f"{eps:g}" for eps in sorted(small, reverse=True))
+        whose = f"the limit of {scheme}" if scheme else "the scheme's own limit"
+        edge = f"eps < sqrt(h_ref) = {short(math.sqrt(reference), '.2g')}"
+        yield f"{edge} (eps = {few}): the reference shows {whose}"
 
 
 def agreement_line(reading: WeakErrors, readings: Sequence[WeakErrors], f: int) -> Iterator[tuple[str, bool]]:
