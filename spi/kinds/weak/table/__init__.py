@@ -10,10 +10,11 @@ from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     error_and_remark,
+    error_table,
     lines_of,
     lost_paths,
-    new_table,
     power_of_two,
+    print_lines,
     print_whole,
     with_interval,
 )
@@ -69,13 +70,11 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
     """Print the tables of a case: errors, what is to be said about them, and the levels of multilevel estimates."""
     print_whole(console, _errors(heading, readings))
     console.print()
-    for line in summaries(readings):
-        console.print(line, markup=False, soft_wrap=True)
+    print_lines(console, summaries(readings))
     each = [(reading, f) for reading in readings for f in range(len(reading.functions))]
     for reading, f in each:
         for line, bad in agreement_line(reading, readings, f):
-            style = "bold red" if bad else None
-            console.print(f"{name_of(reading, f)}: {line}", style=style, markup=False, soft_wrap=True)
+            print_lines(console, [f"{name_of(reading, f)}: {line}"], style="bold red" if bad else None)
     console.print()
     known = set()  # as those of one scheme serve all levels of extrapolation
     for reading, f in each:
@@ -136,28 +135,24 @@ def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":
     lost = any(reading.nonfinite is not None and reading.nonfinite.any() for reading in readings)
     names = ["scheme,\nestimator", *["function"] * several, "h"]
     headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["di-\nverged"] * lost, ""]
-    table = new_table(heading, headings, left=len(names), labels=0)
-    table.columns[-1].justify = "left"
-    for reading in readings:
-        for cells in _lines(reading, several, lost):
-            table.add_row(*cells)
-        table.add_section()
-    return table
+    return error_table(heading, headings, len(names), (_labelled(reading, several, lost) for reading in readings))
+
+
+def _labelled(reading: WeakErrors, several: bool, lost: bool) -> tuple[list[str], list[tuple["str | Text", ...]]]:
+    """The labels of one scheme and estimator, and the cells of each line."""
+    lines, labels = list(_lines(reading, several, lost)), [lines_of(reading.about), reading.about.estimator]
+    return ["\n".join(labels)] if len(lines) == 1 else labels, lines
 
 
 def _lines(reading: WeakErrors, several: bool, lost: bool) -> Iterator[tuple["str | Text", ...]]:
     """The cells of each line of one scheme and estimator, which name the test function and count lost paths or not."""
     from rich.text import Text
 
-    records = list(_point_rows(reading))
-    both = [lines_of(reading.about), reading.about.estimator]
-    labels = iter(["\n".join(both)] if len(records) == 1 else both)
     halves = zip(reading.half.flat, reading.expectation_half.flat, strict=True)
     before = None
-    for record, (half, expectation_half) in zip(records, halves, strict=True):
+    for record, (half, expectation_half) in zip(_point_rows(reading), halves, strict=True):
         error, remark = error_and_remark(record, half)
         yield (
-            Text(next(labels, "")),
             *[Text(record["function"] if record["function"] != before else "")] * several,
             power_of_two(record["h"]),
             error,
