@@ -13,11 +13,14 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from spi.ensemble.areas import fourier_terms
 from spi.ensemble.given import draw_paths
 from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
-from spi.ensemble.loop import Grid, arguments_of, integrate, thread_count
+from spi.ensemble.loop import Grid, arguments_of, grid, integrate, thread_count
+from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large
 from spi.ensemble.random_states import RandomState, first_states
+from spi.ensemble.streams import brownian
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
@@ -174,6 +177,19 @@ class Plan:
         calls = [KernelCall(integrate, step), KernelCall(invariants, (self.model, *empty_invariants(self.model, 1)))]
         drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
         return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
+
+    def arguments_of_steps(self, h: float, steps: int, blocks: int, observed: bool = True, sizes: int = 1) -> tuple:
+        """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
+
+        With further `sizes` there are also half as many steps of size 2h, and so on, of the same Brownian paths.
+        """
+        case, reference = self.case, self.case.reference_record(self.part.eps)
+        paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
+        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
+        times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
+        observer = path_observer(self.model, self.initial, times, blocks) if observed else None
+        what = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
+        return arguments_of(*what)
 
     def initial_extra(self) -> Any:
         """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""

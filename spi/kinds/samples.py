@@ -1,6 +1,6 @@
 """Values of test functions at the end of paths, and path sets whose samples have several paths each."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,17 +25,13 @@ def values_of_blocks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
     states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
-    return _function_values([as_numpy(tree) for tree in p.case.expressions], states, len(p.initial)), report
-
-
-def _function_values(functions: Sequence[Callable], states: np.ndarray, d: int) -> np.ndarray:
-    """The values (blocks, paths, F, LANES) of functions of states (d, ...), of (blocks, paths, d * LANES or more)."""
-    y = states[..., : d * LANES].reshape(*states.shape[:2], d, LANES)
-    values = np.empty((*y.shape[:2], len(functions), LANES))
+    d, functions = len(p.initial), [as_numpy(tree) for tree in p.case.expressions]
+    y = np.moveaxis(states[..., : d * LANES].reshape(*states.shape[:2], d, LANES), 2, 0)
+    values = np.empty((*states.shape[:2], len(functions), LANES))
     with np.errstate(all="ignore"):
         for f, phi in enumerate(functions):
-            values[:, :, f] = phi(np.moveaxis(y, 2, 0))
-    return values
+            values[:, :, f] = phi(y)
+    return values, report
 
 
 class Sample(NamedTuple):

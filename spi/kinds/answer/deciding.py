@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.ensemble.protocol import large
+from spi.ensemble.random_states import RandomState
 from spi.kinds.plans import State
 from spi.kinds.weak.estimators.kolmogorov.study import solution
 from spi.statistics.estimators import ROUND
@@ -99,7 +101,8 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)
     extra = extra._replace(works=works)
     worth = min(best[chosen][0].work, p.case.seconds) if np.isfinite(best[chosen][0].work) else 0.0
-    if not extra.pointed and worth > _POINTS and p.may_follow_points:
+    followed = not isinstance(p.case.initial, RandomState) and not large(p.model)
+    if followed and not extra.pointed and worth > _POINTS:
         more = extra.wanted + _pilot_along(p, chosen, best[chosen][0].base)
         return extra._replace(wanted=more, pointed=1)
     if extra.piloted < len(p.case.schemes) and worth > _SCHEME:

@@ -16,7 +16,6 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.ensemble.friction import has_friction
 from spi.ensemble.points import points_of
-from spi.ensemble.protocol import large
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
 from spi.kinds.plans import Cost, Done, KernelCall, State
@@ -107,11 +106,6 @@ class AnswerPlan(SamplesPlan):
     def exponents(self, scheme: int) -> tuple[float, ...]:
         """The powers of h in the weak error of a scheme; () where theory knows none."""
         return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
-
-    @property
-    def may_follow_points(self) -> bool:
-        """Whether paths can follow quasi-random points: from one initial state, of a model whose states are numbers."""
-        return not isinstance(self.case.initial, RandomState) and not large(self.model)
 
     def noise(self, number: int) -> Any:
         """The random numbers of a path set, or its points."""

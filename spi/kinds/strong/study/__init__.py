@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import add_reports, arguments_of, grid, integrate, integrated, limited_threads, nested_grid
+from spi.ensemble.loop import add_reports, integrate, integrated, limited_threads, nested_grid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.ensemble.scheme_protocol import REPORT
@@ -165,21 +164,10 @@ class StrongPlan(BlocksPlan):
         """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
         most = 2e8 / (LANES * typical_ns(self.row, self.model))  # about 0.2 s
         steps = max(1, min(_TIMED_STEPS, int(most)))
-        times = grid(
-            h,
-            steps,
-            truncate=self.grid.truncate,
-            reference_scheme=self.grid.reference_scheme,
-            by_reference=(0,),
-            area_terms=fourier_terms(self.model, [self.scheme], h),
-        )
         best = np.inf
         with limited_threads(1):
             for _ in range(3):
-                observer = path_observer(self.model, self.initial, times, 1)
-                arguments = arguments_of(
-                    self.scheme, self.model, self.initial, times, self.stream, 0, 1, LANES, observer
-                )
+                arguments = self.arguments_of_steps(h, steps, 1)
                 began = time.perf_counter()
                 integrate(*arguments)
                 best = min(best, time.perf_counter() - began)

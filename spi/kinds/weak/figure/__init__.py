@@ -132,16 +132,14 @@ def _series(
     for reading in shown:
         variant = reading.about.variant
         marker, colour = looks[variant]
-        look: dict[str, Any] = {
-            "marker": "o" if variant in sizes else marker,
-            "color": colour,
-            "markersize": sizes.get(variant, eps.OTHERS if sizes else _SIZE),
-        }
-        name: dict[str, Any] = {
-            "with_scheme": several_schemes or not several_estimators,
-            "with_estimator": several_estimators,
-        }
-        found.append(series_of(reading, f, look, joined=joined, beside=_is_outdone(reading, shown), **name))
+        size = sizes.get(variant, eps.OTHERS if sizes else _SIZE)
+        look = {"marker": "o" if variant in sizes else marker, "color": colour, "markersize": size}
+        estimator = label_of(reading.about.estimator)
+        if reading.paths is not None:
+            estimator += f" ({style.count(reading.paths)})"
+        names = [style.label(reading.about)] * (several_schemes or not several_estimators)
+        label = ", ".join([*names, *[estimator] * several_estimators])
+        found.append(series_of(reading, f, look, label, joined, _is_outdone(reading, shown)))
     return found
 
 

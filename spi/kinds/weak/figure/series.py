@@ -21,7 +21,6 @@ from spi.drawing.axes import (
 )
 from spi.drawing.layout import edge_marks
 
-from ..estimators import label_of
 from ..results import WeakErrors
 
 #: Marker and colour for each number of paths, from few to many.
@@ -46,24 +45,8 @@ class Series(NamedTuple):
     joined: bool = False  #: whether points are joined by a line
 
 
-def series_of(
-    reading: WeakErrors,
-    f: int,
-    look: dict[str, Any],
-    *,
-    with_scheme: bool,
-    with_estimator: bool,
-    joined: bool,
-    beside: bool,
-) -> Series:
-    """The series of test function number `f` of a reading, drawn beside another of its scheme or not.
-
-    Its label names the scheme, the estimator or both.
-    """
-    name = label_of(reading.about.estimator)
-    if reading.paths is not None:
-        name += f" ({style.count(reading.paths)})"
-    label = ", ".join([style.label(reading.about)] * with_scheme + [name] * with_estimator)
+def series_of(reading: WeakErrors, f: int, look: dict[str, Any], label: str, joined: bool, beside: bool) -> Series:
+    """The series of test function number `f` of a reading, drawn `beside` another of its scheme or not."""
     return Series(
         h=reading.h * (1.08 if beside else 1.0),
         error=np.abs(reading.error[f]),
@@ -105,7 +88,10 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
     for one in series:
         draw(ax, one)
     if len(orders) > _FEW:
-        _slopes_of_each(ax, series, orders)
+        for order in orders:  # above the points of which it is expected, and no longer than these reach
+            points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
+            if len(points):
+                slopes(ax, points, [(order, "--", True)], (points[:, 0].min(), points[:, 0].max()))
     elif len(drawn):
         last = len(orders) - 1
         slopes(ax, drawn, [(p, ":" if i == last else "--", i < last) for i, p in enumerate(orders)])
@@ -113,14 +99,6 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
     for note in notes:
         ax.plot([], [], linestyle="none", label=note)
     legend_under(ax)
-
-
-def _slopes_of_each(ax: Axes, series: Sequence[Series], orders: Sequence[float]) -> None:
-    """A reference line for each order, above the points of which it is expected and no longer than these reach."""
-    for order in orders:
-        points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
-        if len(points):
-            slopes(ax, points, [(order, "--", True)], (points[:, 0].min(), points[:, 0].max()))
 
 
 def prefixes_panel(ax: Axes, reading: WeakErrors, f: int, exact: Series | None, title: str) -> None:

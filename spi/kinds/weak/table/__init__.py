@@ -21,7 +21,7 @@ from spi.printing.text import (
 from spi.storage.records import Order
 
 from ..comparisons import agreement
-from ..results import Levels, Prefixes, WeakErrors
+from ..results import Prefixes, WeakErrors
 from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
 
@@ -82,10 +82,13 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
         if reading.differences:
             print_whole(console, difference_table(reading.differences, reading.h, f, name))
             console.print()
-        if reading.levels and (of_all := _of_all_levels(reading, reading.levels, f)) not in known:
+        if not (levels := reading.levels):
+            continue
+        of_all = reading.about.scheme, reading.about.eps, f, levels.samples.tobytes(), levels.mean[f].tobytes()
+        if of_all not in known:
             known.add(of_all)
             of = f" of {reading.differences.scheme}" if reading.differences else ""
-            print_whole(console, level_table(reading.levels, f, f"{name}{of}"))
+            print_whole(console, level_table(levels, f, f"{name}{of}"))
             console.print()
 
 
@@ -118,11 +121,6 @@ def _agreement(readings: Sequence[WeakErrors]) -> Iterator[str]:
     if far:
         each = [f"{most:.1f} for {label}" for label, most in far.items()]
         yield f"sampled and deterministic errors differ by at most so many standard errors: {joined(each)}"
-
-
-def _of_all_levels(reading: WeakErrors, levels: Levels, f: int) -> tuple:
-    """What tells the levels of one test function from others."""
-    return reading.about.scheme, reading.about.eps, f, levels.samples.tobytes(), levels.mean[f].tobytes()
 
 
 def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":

@@ -78,7 +78,8 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
     if math.isfinite(paper) and not reading.quasi:  # whose standard errors fall faster than by the root
         told += f"; 10^9 independent samples would give {short(paper)}"
         if stderr > paper > 0 and math.isfinite(stderr):
-            told += f", which would take about {_two_digits(seconds * (stderr / paper) ** 2)} s here"
+            needed = float(f"{seconds * (stderr / paper) ** 2:.2g}")
+            told += f", which would take about {short(needed, 'g')} s here"
     return told
 
 
@@ -109,10 +110,6 @@ def _power(order: float, base: str) -> str:
     return base if order == 1 else f"{base}^{fraction(order)}"
 
 
-def _two_digits(x: float) -> str:
-    return short(float(f"{x:.2g}"), "g")
-
-
 def _resolution(notes: dict[str, Any]) -> str:
     """The short ones of the notes of a solver without sampling."""
     short_ones = {key: json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
@@ -122,8 +119,9 @@ def _resolution(notes: dict[str, Any]) -> str:
 def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
     """How much of the errors the references of a case lack."""
     sampled = [reading for reading in readings if reading.sampled]
-    told = dict.fromkeys((r.reference_step, r.h.min(), *_own_reference(r), r.reference_scheme) for r in sampled)
-    for reference, finest, order, compared, scheme in told:
+    own = ((r.expected_order, "") if not r.differences else (2.0, r.differences.scheme) for r in sampled)
+    each = ((r.reference_step, r.h.min(), *of, r.reference_scheme) for r, of in zip(sampled, own, strict=True))
+    for reference, finest, order, compared, scheme in dict.fromkeys(each):
         where = f"the reference at h_ref = {power_of_two(reference)}"
         if scheme:
             yield f"{where} is {scheme}: errors are not corrected for what it lacks"
@@ -137,11 +135,6 @@ def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
             yield f"{where}: errors are not corrected for what it lacks, as theory states no order"
 
 
-def _own_reference(reading: WeakErrors) -> tuple[float | None, str]:
-    """The order of the scheme that the reference is made by, and its name where it is not the one of the errors."""
-    return (2.0, reading.differences.scheme) if reading.differences else (reading.expected_order, "")
-
-
 def _over_eps(readings: Sequence[WeakErrors]) -> Iterator[str]:
     """The largest errors over eps of each scheme and estimator with several eps: their order, and what they are."""
     for members in comparable_sweeps(readings).values():
@@ -151,12 +144,11 @@ def _over_eps(readings: Sequence[WeakErrors]) -> Iterator[str]:
             told = ", ".join([first.about.scheme_label, first.about.estimator, *[name] * (len(names) > 1)])
             order, low, high, _ = top.order
             yield f"{told}, largest over eps: {order_found(order, low, high, first.expected_order)}"
-            points = zip(first.h, top.value, top.stderr, top.which, strict=True)
-            yield f"    {', '.join(_at_eps(h, value, stderr, members[i].about.eps) for h, value, stderr, i in points)}"
-
-
-def _at_eps(h: float, value: float, stderr: float, eps: float) -> str:
-    return f"{power_of_two(h)}: {with_interval(value, INTERVAL * stderr)} (eps = {eps:g})"
+            points = (
+                f"{power_of_two(h)}: {with_interval(value, INTERVAL * stderr)} (eps = {members[i].about.eps:g})"
+                for h, value, stderr, i in zip(first.h, top.value, top.stderr, top.which, strict=True)
+            )
+            yield f"    {', '.join(points)}"
 
 
 def _limits_shown(readings: Sequence[WeakErrors]) -> Iterator[str]:

@@ -84,15 +84,11 @@ def _has_casimirs(readings: Sequence[WorkPrecision]) -> bool:
     return any(reading.largest_drift is not None for reading in readings)
 
 
-def _seconds(readings: Sequence[WorkPrecision]) -> np.ndarray:
-    seconds = np.concatenate([reading.seconds_per_path for reading in readings])
-    return seconds[(seconds > 0) & np.isfinite(seconds)]
-
-
 def _time_axes(ax: Axes, readings: Sequence[WorkPrecision]) -> None:
     """Logarithmic axes, the horizontal one for the times of all schemes."""
     ax.set(xscale="log", yscale="log", xlabel=TIME)
-    seconds = _seconds(readings)
+    seconds = np.concatenate([reading.seconds_per_path for reading in readings])
+    seconds = seconds[(seconds > 0) & np.isfinite(seconds)]
     if seconds.size:
         ax.set_xlim(seconds.min() / _ROOM, seconds.max() * _ROOM)
         if seconds.max() < 20 * seconds.min():
@@ -218,6 +214,7 @@ def _remarks(ax: Axes, errors: Axes, readings: Sequence[WorkPrecision]) -> None:
 def _ends(readings: Sequence[WorkPrecision], looks: style.Looks, top: float) -> Iterator[LabelledLine]:
     """The lines of errors whose ends are labelled with their step sizes."""
     for reading in readings:
-        h, seconds, error, _ = _found(reading, True)[_found(reading, True)[:, 2] <= top].T
+        found = _found(reading, True)
+        h, seconds, error, _ = found[found[:, 2] <= top].T
         if len(h):
             yield LabelledLine(h, seconds, error, looks[reading.about.variant][1])

@@ -71,18 +71,7 @@ class KolmogorovPlan(WeakPlan):
         """Nothing is known."""
         per_function = np.zeros(len(self.case.functions))
         per_point = np.zeros((len(per_function), len(self.case.steps)))
-        return Solution(
-            paths=0,
-            seconds=0.0,
-            cpu_seconds=0.0,
-            value=per_point,
-            value_bound=per_point,
-            limit=per_function,
-            limit_bound=per_function,
-            error=per_point,
-            error_bound=per_point,
-            notes="",
-        )
+        return Solution(0, 0.0, 0.0, *[per_point] * 2, *[per_function] * 2, *[per_point] * 2, notes="")
 
     def advance(self, chunks: Sequence[Chunk], known: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
         """Solve, at once."""
