@@ -71,7 +71,7 @@ class KolmogorovPlan(WeakPlan):
         """Nothing is known."""
         per_function = np.zeros(len(self.case.functions))
         per_point = np.zeros((len(per_function), len(self.case.steps)))
-        return Solution(0, 0.0, 0.0, *[per_point] * 2, *[per_function] * 2, *[per_point] * 2, notes="")
+        return Solution(0, 0.0, 0.0, per_point, per_point, per_function, per_function, per_point, per_point, "")
 
     def advance(self, chunks: Sequence[Chunk], known: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
         """Solve, at once."""
