@@ -111,7 +111,7 @@ def power_ticks(ax: Axes, h: np.ndarray) -> None:
 
 
 def slopes(
-    ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, str, bool]], ends: tuple[float, float] | None = None
+    ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, Any, bool]], ends: tuple[float, float] | None = None
 ) -> None:
     """Reference lines that touch the cloud of points from above or below, at a distance, so that they cover none.
 
@@ -123,7 +123,7 @@ def slopes(
         ratio = points[:, 1] / points[:, 0] ** order
         factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
         label = f"slope {Fraction(order).limit_denominator(100)}"
-        ax.plot(between, factor * between**order, dashes, color=SLOPE, linewidth=1, zorder=1, label=label)
+        ax.plot(between, factor * between**order, linestyle=dashes, color=SLOPE, linewidth=1, zorder=1, label=label)
 
 
 def limits(values: np.ndarray) -> tuple[float, float]:
@@ -160,4 +160,4 @@ def with_order(label: str, order: float, low: float, high: float) -> str:
     """An entry of a legend: a label and the fitted order with its interval."""
     if not math.isfinite(order):
         return f"{label}: order not resolved"
-    return f"{label}: order {order:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{label}: order " + f"{order:.2f} [{low:.2f}, {high:.2f}]".replace("-", "\N{MINUS SIGN}")

@@ -17,7 +17,7 @@ import numpy as np
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.ensemble.moments import add_moments
-from spi.exact.divergence import mean_divergence
+from spi.exact.gibbs import mean_divergence
 from spi.kinds.blocks import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State
 from spi.models.delegation import undamped

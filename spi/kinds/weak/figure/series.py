@@ -1,11 +1,13 @@
 """Panels of weak errors against step sizes."""
 
 from collections.abc import Iterable, Sequence
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.lines import Line2D
 
 from spi.drawing import style
 from spi.drawing.axes import (
@@ -19,7 +21,7 @@ from spi.drawing.axes import (
     slopes,
     with_order,
 )
-from spi.drawing.layout import edge_marks
+from spi.drawing.layout import edge_marks, unresolved
 
 from ..results import WeakErrors
 
@@ -27,6 +29,7 @@ from ..results import WeakErrors
 STAGES = (("o", "#56B4E9"), ("s", "#E69F00"), ("D", "#009E73"), ("^", "#D55E00"), ("v", "#0072B2"), ("P", "#CC79A7"))
 
 VISIBLE = 0.01  # a band of relative half width less than that is as thin as the line
+_DASHES = ("--", ":", "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))  # of slopes, where there are more
 _FEW = 2  # so many reference slopes have room above and below all points
 _FAR = 1e3  # an error that is not resolved and so many times larger than those which are is that of a blow-up
 
@@ -88,10 +91,10 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
     for one in series:
         draw(ax, one)
     if len(orders) > _FEW:
-        for order in orders:  # above the points of which it is expected, and no longer than these reach
+        for order, dashes in zip(orders, cycle(_DASHES), strict=False):  # above the points of which it is expected
             points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
             if len(points):
-                slopes(ax, points, [(order, "--", True)], (points[:, 0].min(), points[:, 0].max()))
+                slopes(ax, points, [(order, dashes, True)], (points[:, 0].min(), points[:, 0].max()))
     elif len(drawn):
         last = len(orders) - 1
         slopes(ax, drawn, [(p, ":" if i == last else "--", i < last) for i, p in enumerate(orders)])
@@ -155,7 +158,7 @@ def draw(ax: Axes, one: Series, bars: bool = True) -> None:
         return
     bottom, top = ax.get_ylim()
     look = {**one.look, "markeredgewidth": 1.0, "linestyle": "none", "zorder": 3}
-    hollow = look | {"markerfacecolor": "none"}
+    hollow = look | unresolved(str(look["marker"]))
     inside = (one.error >= bottom) & (one.error <= top)
     good, poor = one.resolved & inside, ~one.resolved & inside
     if one.joined:
@@ -194,7 +197,8 @@ def remarks(ax: Axes, series: Sequence[Series], consequence: str = ", left out o
     sampled = [one for one in series if not one.exact]
     if any(((one.error <= top) & ~one.resolved).any() for one in sampled):
         look: dict[str, Any] = {"color": "#777777", "markerfacecolor": "none", "linestyle": "none"}
-        ax.plot([], [], "o", label=f"hollow: not resolved{consequence}", **look)
+        crosses = ", or pale crosses" * any(one.look["marker"] not in Line2D.filled_markers for one in sampled)
+        ax.plot([], [], "o", label=f"hollow{crosses}: not resolved{consequence}", **look)
     beyond = np.concatenate([one.error[~(one.error <= top)] for one in sampled] or [np.empty(0)])
     if len(beyond):
         note_diverged(ax, nearly=bool(np.isfinite(beyond).any()))

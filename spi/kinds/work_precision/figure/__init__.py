@@ -215,6 +215,6 @@ def _ends(readings: Sequence[WorkPrecision], looks: style.Looks, top: float) -> 
     """The lines of errors whose ends are labelled with their step sizes."""
     for reading in readings:
         found = _found(reading, True)
-        h, seconds, error, _ = found[found[:, 2] <= top].T
+        h, seconds, error, half = found[found[:, 2] <= top].T
         if len(h):
-            yield LabelledLine(h, seconds, error, looks[reading.about.variant][1])
+            yield LabelledLine(h, seconds, error, half, looks[reading.about.variant][1])
