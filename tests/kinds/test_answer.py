@@ -264,6 +264,10 @@ def test_an_accuracy_stands_in_the_place_of_how_it_is_reached(tmp_path, kind):
         "weak": given.replace("step: 1/8\n", "", 1),
         "statistics": "step: 1/8\nschemes: [splitting]\nsamples: 100\n",
     }
+    beside = other.read_text(encoding="utf-8") + {"weak": "prefixes: [10]\n", "statistics": "step: 1/8\n"}[kind]
+    (tmp_path / "beside.yaml").write_text(beside, encoding="utf-8")
+    with pytest.raises(SpecError, match=r"asks for an answer, .* chosen; leave out (prefixes|step), or accuracy"):
+        load(tmp_path / "beside.yaml")
     full = other.read_text(encoding="utf-8").replace("accuracy: 5e-3\n", keys[kind])
     other.write_text(full, encoding="utf-8")
     assert load(other).kind == kind

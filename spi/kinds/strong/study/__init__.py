@@ -5,6 +5,7 @@ the final time is kept as well.  The reference is the scheme itself, as in the p
 (``reference_scheme``), which shows whether schemes have the same limit.
 """
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -198,8 +199,8 @@ class StrongPlan(BlocksPlan):
         stderr = jackknife_stderr(error.sup, error.sup_without, counts)
         resolved = is_resolved(error.sup, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
-        together = error.sup <= _LOST * np.linalg.norm(case.initial)
-        own_reference = 0.0 if case.reference_scheme else case.reference_step
+        together = error.sup <= _LOST * (math.hypot(*case.initial) or math.inf)
+        own_reference = case.reference_step if case.reference_scheme in (None, self.part.scheme) else 0.0
         return StrongErrors(
             **self.whole(state),
             h=h,

@@ -47,8 +47,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
         yield f"{name_of(reading, f)}: {order_found(order, low, high, reading.expected_order)}{through}"
         if reading.about.extrapolate and high < (reading.expected_order or -math.inf) - _ORDER_AMISS:
             yield f"    {_not_as_assumed(reading)}"
-        if reading.sampled:
-            yield f"    {_accuracy(reading, reading.sampled, f)}"
+        if reading.sampled and (told := _accuracy(reading, reading.sampled, f)):
+            yield f"    {told}"
         if reading.quasi:
             yield f"    {_points(reading.quasi, f)}"
         if own and own.differ[f]:
@@ -72,10 +72,12 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
     """The standard error at the largest step beside that of so many independent samples as the paper has."""
     largest, seconds = int(reading.h.argmax()), reading.cpu_seconds
     stderr = float(sampled.error_stderr[f, largest])
+    if math.isnan(stderr):
+        return "one path has no standard error: not resolved" if sampled.samples == 1 else ""
     told = f"standard error {short(stderr)} at {power_of_two(reading.h[largest])}"
     told += f" in {seconds:.3g} s of processor time"
     paper = math.nan if sampled.sd is None else float(sampled.sd[f]) / math.sqrt(PAPER)
-    if math.isfinite(paper) and not reading.quasi:  # whose standard errors fall faster than by the root
+    if 0 < paper < math.inf and not reading.quasi:  # whose standard errors fall faster than by the root
         told += f"; 10^9 independent samples would give {short(paper)}"
         if stderr > paper > 0 and math.isfinite(stderr):
             needed = float(f"{seconds * (stderr / paper) ** 2:.2g}")

@@ -141,7 +141,8 @@ def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
     """
     if len(h) < 3:
         return Order(np.nan, np.nan, np.nan, len(h))
-    slope = np.diff(np.log(error)) / np.diff(np.log(h))
-    trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):  # an error of 0 has no order
+        slope = np.diff(np.log(error)) / np.diff(np.log(h))
+        trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
     half = 1.5 * abs(slope[-1] - slope[-2]) + trust
     return Order(slope[-1], slope[-1] - half, slope[-1] + half, len(h))

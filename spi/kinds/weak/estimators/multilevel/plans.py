@@ -41,6 +41,7 @@ from .levels import PRODUCT, levels_of
 from .sums import EQUAL, LevelSums, Totals
 
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
+_LONGEST = 1e9  # seconds of work that a target may ask for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +200,8 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         samples = np.zeros(len(self.levels))
         if root > 0 and noise_indices(self.model):  # without noise one path is all, whatever rounding says
             budget, target = self.case.seconds or np.inf, self.case.standard_error
-            work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / target**2 if target else np.inf)
+            floor = max(target**2, root**2 / _LONGEST, 1e-300) if target else 0.0
+            work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / floor if target else np.inf)
             samples = work / root * per_root
             samples[self.base] = work * _BASE_SHARE / cost[self.base]
         rounds = np.ceil(samples / (ROUND * LANES)).astype(np.int64)
