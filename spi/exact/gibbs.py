@@ -256,7 +256,7 @@ def mean_divergence(model, temperature, point):
     """-(1/(2 T^2)) sum_k sigma_k^2 E (X_k H)^2 under the Gibbs law exp(-H/T) on the Casimir surface through a state.
 
     It is the sum of the Lyapunov exponents.  X_k = B grad Ĥ_k; `model` is that without friction.  None where the
-    surface is no single sphere, or what is there depends on time.
+    surface is no single sphere, what is there depends on time, or the law is not known, as that of H = log(y3).
     """
     surface = spheres(model, point)
     if surface is None or len(surface.triples) > 1 or hasattr(model, "time"):
