@@ -185,6 +185,16 @@ def mark(marker: str, text: str, **look: Any) -> Entry:
     return Line2D([], [], marker=marker, linestyle="none", color="black", **look), text
 
 
+def unresolved(marker: str) -> dict[str, Any]:
+    """How a point is drawn that sampling does not resolve: hollow, or pale where its marker, a cross, has no face."""
+    return {"markerfacecolor": "none"} if marker in Line2D.filled_markers else {"alpha": 0.4}
+
+
+def zero_mark() -> Entry:
+    """The entry of a legend for such points of a difference."""
+    return mark("o", "hollow, or pale crosses: zero within 2 standard errors", markerfacecolor="none")
+
+
 def empty(ax: Axes, text: str) -> None:
     """A panel that has nothing to show, and why."""
     ax.set_axis_off()

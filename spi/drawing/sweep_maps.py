@@ -84,7 +84,7 @@ def _panel(ax: Axes, curve: Curve, sorts: Mapping[str, Sort], several: bool) -> 
     told = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
     told += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
-        told.append(f"$\\chi^2={agreement[0]:.0f}$ of {agreement[1]} cells from what is known")
+        told.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against known values")
     ax.set_title("\n".join(told))
 
 

@@ -89,6 +89,8 @@ def _panel(
     places = dict(zip(every.tolist(), swept_axis(ax, first.word, every).tolist(), strict=True))
     is_log = first.name in sorts and sorts[first.name].sense == AT_MOST
     _limits(ax, curves, is_log)
+    if ax.get_yscale() == "linear" and np.prod(ax.get_ylim()) < 0:
+        ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
     known: dict[tuple[bytes, bytes], list[tuple[np.ndarray, np.ndarray, str]]] = {}  # what several have alike, once
     for curve in curves:
         marker, colour = looks[curve.about.variant]

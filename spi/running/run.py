@@ -17,10 +17,9 @@ from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Results
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Stopped, sums_path
+from .checkpoint import Checkpoint, Limits, Stopped, as_run, sums_path
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, reports, sources
-from .told import as_run
 from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [
@@ -120,7 +119,7 @@ def run(
     checkpoint = session.checkpoint
     if not fresh:
         checkpoint.resume()
-    watch.report_beginning(experiment.title, session.cost())
+    watch.report_beginning(experiment.title, cost_of(experiment, [state.plan for state in checkpoint.states]))
     with checkpoint.kept():
         if checkpoint.missing():
             session.compile()
@@ -159,10 +158,6 @@ class Session:
     def check_replaceable(self) -> None:
         """StorageError if there are results that may not be replaced."""
         storage.check_replaceable(self.target, identity(self.experiment), self.checkpoint.sizes)
-
-    def cost(self) -> Cost:
-        """What all of it would cost."""
-        return cost_of(self.experiment, [state.plan for state in self.checkpoint.states])
 
     def compile(self) -> None:
         """Compile what is missing of all kernels."""

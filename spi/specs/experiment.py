@@ -28,8 +28,8 @@ from .explaining import attempt
 from .files import Files
 from .keys import suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+from .models import check_overrides
 from .naming import results_name
-from .overrides import check_overrides
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
 
@@ -160,7 +160,7 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    document.data = kinds.asked(document.data)
+    document.data = kinds.asked(document)
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document

@@ -1,23 +1,18 @@
 """The layers of a spec file, as pydantic reads them, and their JSON Schema."""
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import pydantic
 from annotated_types import Ge, MinLen
-from pydantic import create_model
+from pydantic import ValidationError, create_model
 
 from ..models import MODELS
 from . import expect, sweep
 from .cases import BaseCase
-from .keys import (
-    ABSENT,
-    CaseName,
-    Keys,
-    key_of,
-    needed_keys,
-    one_of,
-)
+from .document import Document, SpecError, text_of
+from .keys import ABSENT, CaseName, Keys, key_of, needed_keys, one_of
 from .models import COMPLETE, ModelPart, is_another
 from .systems import overridden
 
@@ -82,8 +77,11 @@ class Layers(NamedTuple):
         file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
 
-    def asked(self, data: Any) -> Any:
-        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached."""
+    def asked(self, document: Document) -> Any:
+        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached.
+
+        SpecError where it names half of that."""
+        data = document.data
         of_file = data if isinstance(data, dict) else {}
         case_class = self.cases.get(str(of_file.get("kind")))
         if case_class is None or case_class.unless_asked is None:
@@ -91,9 +89,18 @@ class Layers(NamedTuple):
         cases = of_file.get("cases")
         within = [case for case in (cases if isinstance(cases, list) else ()) if isinstance(case, dict)]
         named = {*of_file}.union(*within)
-        return (
-            data if "accuracy" not in named or named.intersection(case_class.unless_asked) else {**data, "kind": ANSWER}
-        )
+        if "accuracy" not in named:
+            return data
+        if beside := ", ".join(named.intersection(case_class.unless_asked)):
+            if "steps" not in named:
+                right = f"leave out {beside}, and steps and samples are chosen, or add steps and reference_step"
+                document.fail(("accuracy",), f"is beside {beside}, but without steps; {right}")
+            return data
+        answer = self.cases[ANSWER].model_fields
+        if lost := ", ".join(key for key in of_file if key in case_class.model_fields and key not in answer):
+            what = "asks for an answer, whose scheme, steps and samples are chosen"
+            document.fail(("accuracy",), f"{what}; leave out {lost}, or accuracy")
+        return {**data, "kind": ANSWER}
 
     def context(self, data: Any, overrides: Iterable[str] = ()) -> str | None:
         """In which the layers of a file are read: SWEPT where words may stand for numbers."""
@@ -123,3 +130,24 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         if "expect" in above:
             result["expect"] = expect.merged(result["expect"], above["expect"])
     return result
+
+
+class Heading(NamedTuple):
+    """What stands over an experiment."""
+
+    title: str
+    figure: int | None  #: of the paper
+    kind: str
+
+
+def heading(path: str | Path, kinds: Layers) -> Heading | None:
+    """The heading of the spec in the file `path`; None if the spec is not valid, which :func:`spi.specs.load` explains.
+
+    Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
+    """
+    try:
+        data = kinds.asked(Document(text_of(path), str))
+        file = kinds.file.validate_python(data, context=kinds.context(data))
+    except (SpecError, ValidationError):
+        return None
+    return Heading(file.title or Path(path).stem, file.figure, file.kind)

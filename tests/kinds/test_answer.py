@@ -15,7 +15,7 @@ from states import finished
 import spi
 from spi.kinds.answer import deciding, decisions, outcome, study
 from spi.kinds.answer.levels import LEVELS
-from spi.kinds.answer.planner import BIAS_SHARE, Measured, allocation, bound, change, choose, contradicted, shares
+from spi.kinds.answer.planner import BIAS_SHARE, Measured, allocation, bound, changed, choose, contradicted, shares
 from spi.report import views
 from spi.running.run import load, results_path, run
 from spi.specs import SpecError
@@ -56,7 +56,9 @@ def test_shares_make_the_extrapolated_value():
         s = shares(w, 1, 7, LEVELS)
         r = [sum(w[i] * value[k - i] for i in range(len(w))) for k in (7, 6)]
         assert value[1] + s[1:] @ np.diff(value) == pytest.approx(r[0])
-        assert change(w, 7, LEVELS)[1:] @ np.diff(value) == pytest.approx(r[0] - r[1])
+        differences = np.append(0.0, np.diff(value))[:, np.newaxis]
+        known = measured([0.3], 2.0)[0]._replace(mean=differences, stderr=0.0 * differences)
+        assert changed(known, w, 7)[0] == pytest.approx(r[0] - r[1])
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
@@ -67,8 +69,8 @@ def test_the_bound_holds_the_bias(levels):
     w = weights(exponents[:levels])
     for finest in (levels + 3, 6, 8):
         true = abs(sum(w[i] * error[finest - i] for i in range(len(w))))
-        found = float(bound(known, exponents, levels, finest).bias[0])
-        noise = float(bound(known, exponents, levels, min(finest, 8)).stderr[0])
+        found = float(bound(known, exponents, levels, finest)[0])
+        noise = float(changed(known, w, min(finest, 8))[1][0]) / (2.0 ** exponents[levels] - 1.0)
         assert 0.8 * true - 3 * noise <= found <= 3 * true + 6 * noise
 
 
@@ -262,6 +264,10 @@ def test_an_accuracy_stands_in_the_place_of_how_it_is_reached(tmp_path, kind):
         "weak": given.replace("step: 1/8\n", "", 1),
         "statistics": "step: 1/8\nschemes: [splitting]\nsamples: 100\n",
     }
+    beside = other.read_text(encoding="utf-8") + {"weak": "prefixes: [10]\n", "statistics": "step: 1/8\n"}[kind]
+    (tmp_path / "beside.yaml").write_text(beside, encoding="utf-8")
+    with pytest.raises(SpecError, match=r"asks for an answer, .* chosen; leave out (prefixes|step), or accuracy"):
+        load(tmp_path / "beside.yaml")
     full = other.read_text(encoding="utf-8").replace("accuracy: 5e-3\n", keys[kind])
     other.write_text(full, encoding="utf-8")
     assert load(other).kind == kind

@@ -36,7 +36,7 @@ def scheme_entries(readings: Sequence[Equilibrium], looks: style.Looks, word: st
         row.append((Line2D([], [], marker=marker, color=colour, markersize=5, linewidth=0.9), text))
     if word == "law":
         return [*row, (Line2D([], [], color="black", linewidth=0.9), "exact")]
-    return [*row, layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6)]
+    return [*row, layout.zero_mark()]
 
 
 def _step(reading: Equilibrium) -> str:
@@ -136,7 +136,7 @@ def _points(ax: Axes, h: np.ndarray, value: np.ndarray, stderr: np.ndarray, look
     inside = (value >= bottom) & (value <= top)
     ax.plot(h, np.where(inside, value, np.nan), color=look["color"], linewidth=0.9, alpha=0.6, zorder=2)
     zero = ~(value > ZERO * stderr)
-    for which, fill in ((inside & ~zero, {}), (inside & zero, {"markerfacecolor": "none", "alpha": 0.6})):
+    for which, fill in ((inside & ~zero, {}), (inside & zero, layout.unresolved(look["marker"]))):
         if which.any():
             up = INTERVAL * np.where(np.isfinite(stderr), stderr, 0.0)[which]
             bars = np.array([np.minimum(up, value[which] - bottom), up])

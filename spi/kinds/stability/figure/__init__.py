@@ -130,7 +130,7 @@ def _marks(readings: Sequence[Stability], words: list[str]) -> list[layout.Entry
     if any((~(one.values <= CAP)).any() for one in logs):
         found.append(layout.mark("^", f"not finite, or above ${style.power(CAP)}$"))
     if "law" in words and any(is_zero(one).any() for one in values_of(readings, "law")):
-        found.append(layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6))
+        found.append(layout.zero_mark())
     return found
 
 
@@ -183,7 +183,7 @@ def _line(
     inside = (values >= bottom) & (values <= top)
     _joined(ax, x, values, {"color": look["color"]})
     bars: dict[str, Any] = {"linestyle": "none", "elinewidth": 0.8, "capsize": 0, "zorder": 3}
-    for chosen, fill in ((inside & ~poor, {}), (inside & poor, {"markerfacecolor": "none", "alpha": 0.6})):
+    for chosen, fill in ((inside & ~poor, {}), (inside & poor, layout.unresolved(look["marker"]))):
         if chosen.any():
             up = np.where(np.isfinite(half), half, 0.0)[chosen]
             down = np.minimum(up, values[chosen] - bottom)

@@ -107,7 +107,7 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
         found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle="-."), text))
     if readings[0].reference is not None:
         finer = readings[0].reference_step
-        text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "known mean"
+        text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "reference mean"
         found.append((Line2D([], [], **KNOWN), text))
         if any(np.isfinite(one).any() and not np.isfinite(one).all() for one in readings[0].reference):
             found.append((Line2D([], [], **SOME_KNOWN), "known at some times"))

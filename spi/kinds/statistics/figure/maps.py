@@ -1,6 +1,7 @@
 """Panels of densities: of the sphere in Mollweide's projection, which keeps areas, and of two functions."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.collections import QuadMesh
 
 from spi.drawing import style
 from spi.drawing.spheres import net
-from spi.statistics.projection import mollweide
+from spi.statistics.projection import heights, mollweide
 
 from ..results import DensityMap, Statistics
 
@@ -47,10 +48,10 @@ def law_panel(ax: Axes, reading: Statistics, highest: float) -> None:
 def _sphere(ax: Axes, found: DensityMap, m: int, names: list[str], look: dict[str, Any]) -> QuadMesh:
     """Cells of equal area on the sphere as such cells of an ellipse, with its axes named."""
     rows, columns = found.density.shape[1:]
-    z, longitude = (
-        low + width * np.linspace(0, number, _FINER * number + 1)
-        for low, width, number in zip(found.low[m], found.width[m], (rows, columns), strict=True)
-    )
+    (south, west), (high, wide) = found.low[m], found.width[m]
+    sides = south + high * np.arange(rows + 1)
+    z = np.append([heights(*side, _FINER + 1)[:-1] for side in pairwise(sides)], sides[-1])
+    longitude = west + wide * np.linspace(0, columns, _FINER * columns + 1)
     density = np.where(found.density[m] > 0, found.density[m], np.nan)
     density = np.repeat(np.repeat(density, _FINER, axis=0), _FINER, axis=1)
     mesh = ax.pcolormesh(*mollweide(*np.meshgrid(z, longitude, indexing="ij")), density, **look)
