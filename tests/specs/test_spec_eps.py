@@ -232,7 +232,7 @@ def test_the_solvers_without_sampling_have_neither(error):
     [
         ("ap", f"is 'ap'; known: {', '.join(SCHEMES)}"),
         ("ap_spliting", "is 'ap_spliting'; did you mean 'ap_splitting'?"),
-        ("midpoint", "has 'midpoint', which needs bounded increments; set truncate_noise: true"),
+        ("midpoint", "is 'midpoint', which needs bounded increments; set truncate_noise: true"),
     ],
 )
 def test_bad_reference_scheme(error, name, what):
