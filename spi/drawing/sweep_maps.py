@@ -33,7 +33,7 @@ def draw(title: str, cases: Sequence[tuple[str, Sequence[Curve], list[str]]], so
     for name, curves, facts in cases:
         own = [fact for fact in facts if fact not in shared]
         panels = [partial(_panel, curve=curve, sorts=sorts, several=several) for curve in curves]
-        found = [layout.Line(panels[i : i + COLUMNS], SIZE) for i in range(0, len(panels), COLUMNS)]
+        found = layout.in_lines(panels, COLUMNS, SIZE)
         if len(cases) > 1:
             heading = style.wrapped([style.plain(name), *own], ",  ", "axes.titlesize", SIZE[0] * COLUMNS)
             found[0] = found[0]._replace(title="\n".join(heading))

@@ -141,12 +141,7 @@ def _label(curves: Sequence[Curve]) -> str:
 def _legend(curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[str]) -> list[list[layout.Entry]]:
     """What markers and dashes mean."""
     abouts = {curve.about.variant: curve.about for curve in curves}
-    rows: list[list[layout.Entry]] = [
-        [
-            (Line2D([], [], marker=looks[one][0], color=looks[one][1], markerfacecolor="none"), style.label(about))
-            for one, about in abouts.items()
-        ]
-    ]
+    rows = [[layout.scheme_entry(about, looks, markerfacecolor="none") for about in abouts.values()]]
     if len(estimators) > 1:
         handles = [Line2D([], [], color="#777777", linestyle=DASHES[i % len(DASHES)]) for i in range(len(estimators))]
         rows.append(list(zip(handles, map(style.plain, estimators), strict=True)))

@@ -28,16 +28,7 @@ def draw(title: str, cases: Sequence[Sequence[Equilibrium]]) -> Figure:
     For each case a line with ``growth``, a panel per Casimir, and ``moments``, and under it lines of ``law`` and of
     ``distance``, a panel per variable, and of what is known of functions, a panel for each.
     """
-    looks = style.looks(cases)
-    shared, own = style.split_facts([_facts(readings[0]) for readings in cases])
-    lines = []
-    for readings, facts in zip(cases, own, strict=True):
-        found = _lines(readings, looks)
-        if found and len(cases) > 1:
-            width = len(found[0].panels) * found[0].size[0]
-            found[0] = found[0]._replace(title=layout.case_title(readings[0].about, facts, width))
-        lines += found
-    return layout.arranged(title, lines, shared)
+    return layout.of_cases(title, cases, _facts, _lines)
 
 
 def _facts(reading: Equilibrium) -> dict[str, str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spi.printing.text import INTERVAL, lines_of, new_table, power_of_two, short, with_interval
+from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, power_of_two, short, with_interval
 
 from ..planner import planned
 from ..results import APART, LONG_ENOUGH, Averages, Equilibrium, with_averages
@@ -20,8 +20,6 @@ _SELDOM = 0.01
 
 def table(readings: Sequence[Equilibrium]) -> "Table":
     """Per scheme, function and step size the mean, how far it is from what is known, and its autocorrelation time."""
-    from rich.text import Text
-
     first = next(found for _, found in with_averages(readings))
     known = bool(np.isfinite(first.reference).any())
     responses = [first.response(f)[0] for f in range(len(first.functions)) if np.isfinite(first.response(f)[1])]
@@ -29,18 +27,12 @@ def table(readings: Sequence[Equilibrium]) -> "Table":
     headings += ["autocor-\nrelation time", *[f"{' or '.join(dict.fromkeys(responses))}\n(95 %)"] * bool(responses)]
     found_table = new_table("means over time", headings, left=3, labels=0)
     for reading, found in with_averages(readings):
-        label = lines_of(reading.about)
+        lines = []
         for f, name in enumerate(found.functions):
             for i, h in enumerate(reading.h.tolist()):
-                cells: list[Text | str] = [
-                    Text(label),
-                    Text(name),
-                    power_of_two(h),
-                    *map(Text, _cells(found, i, f, known)),
-                ]
-                found_table.add_row(*cells, *map(Text, _response(found, i, f)) if responses else ())
-                label = name = ""
-        found_table.add_section()
+                more = _response(found, i, f) if responses else ()
+                lines.append([lines_of(reading.about), name, power_of_two(h), *_cells(found, i, f, known), *more])
+        add_rows(found_table, lines, labels=2)
     return found_table
 
 

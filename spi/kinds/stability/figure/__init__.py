@@ -1,6 +1,5 @@
 """The figure of stability: maps of regimes, and single quantities over the swept parameter."""
 
-import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import HUGE, error_axes, limits
+from spi.drawing.axes import HUGE, error_axes, limits, points
 from spi.drawing.sweeps import swept_axis
 
 from ..results import Stability
@@ -84,11 +83,10 @@ def _lines(
 ) -> list[layout.Line]:
     """The line panels of a case in lines of about the same length."""
     size = SIZE if len(words) > 1 else ALONE
-    columns = math.ceil(len(words) / math.ceil(len(words) / COLUMNS))
-    found = []
-    for i in range(0, len(words), columns):
-        panels = [partial(_panel, readings=readings, word=word, looks=looks) for word in words[i : i + columns]]
-        found.append(layout.Line(panels, size, "" if i else title(size[0] * columns)))
+    columns = layout.even(len(words), COLUMNS)
+    panels = [partial(_panel, readings=readings, word=word, looks=looks) for word in words]
+    found = layout.in_lines(panels, columns, size)
+    found[0] = found[0]._replace(title=title(size[0] * columns))
     return [*found[:-1], found[-1]._replace(legend=_legend(readings, words, looks))]
 
 
@@ -178,16 +176,9 @@ def _line(
     ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
 ) -> None:
     """A line with its bars, hollow where it is poor; marks at the edges for what lies outside, nothing for NaN."""
-    bottom, top = ax.get_ylim()
     known = ~np.isnan(values)
-    inside = (values >= bottom) & (values <= top)
     _joined(ax, x, values, {"color": look["color"]})
-    bars: dict[str, Any] = {"linestyle": "none", "elinewidth": 0.8, "capsize": 0, "zorder": 3}
-    for chosen, fill in ((inside & ~poor, {}), (inside & poor, {"markerfacecolor": "none", "alpha": 0.6})):
-        if chosen.any():
-            up = np.where(np.isfinite(half), half, 0.0)[chosen]
-            down = np.minimum(up, values[chosen] - bottom)
-            ax.errorbar(x[chosen], values[chosen], np.array([down, up]), **look | bars | fill)
+    points(ax, x, values, half, poor, look)
     layout.edge_marks(ax, x[known], values[known], look["color"])
 
 
