@@ -141,7 +141,7 @@ def verify(
     spec names, seen from here or from ./experiments, or with --trust-code.
     """
     from .. import storage
-    from ..printing import print_verification
+    from ..printing import print_lines, verified
     from ..running.verify import verify
     from .progress import ProgressLine
 
@@ -149,7 +149,7 @@ def verify(
     prepare(threads)
     with ProgressLine(file.stem) as line:
         found = verify(file, None if everything else chunks, line.report_chunk, trust_code)
-    print_verification(file, found)
+    print_lines(f"{file}: {line}" for line in verified(found))
     if _any_failed(file.stem, storage.read(file)) or not found.sound:
         raise typer.Exit(CLAIM_FAILED)
 

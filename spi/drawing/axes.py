@@ -65,7 +65,7 @@ def rules(ax: Axes) -> None:
 
 
 def dress_function(ax: Axes, found: Any, f: int, x: str | None, y: str) -> None:
-    """Title and labels of a panel of function `f` of `found`, which has their names and texts; the name for None as x."""
+    """Title and labels of the panel of function `f` of `found`, which has names and texts; the name for None as x."""
     name, text = found.functions[f], found.texts[f]
     ax.set(xlabel=style.plain(name) if x is None else x, ylabel=y)
     ax.set_title(style.plain(name if name == text or len(text) > 30 else f"{name}: {text}"))

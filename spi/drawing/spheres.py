@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from ..statistics.projection import mollweide
+from ..statistics.cells import mollweide
 from ..storage.records import Description
 from . import style
 

@@ -21,7 +21,6 @@ from ..specs import text_of
 from ..statistics.claims import PASSED, VERDICTS, Verdict
 from ..storage.records import Results
 from ..storage.stored import Stored, by_case
-from . import swept
 from .tables import Recorder, Titled
 
 Facts = list[tuple[str, str]]  #: name and value
@@ -111,7 +110,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 
 
 def _told(kind: str, cases: Sequence[Sequence[Stored]]) -> Facts:
-    if over := swept.wholes(kind, [one for case in cases for one in case]):
+    if over := views.wholes(kind, [one for case in cases for one in case]):
         return [(whole.title if len(over) > 1 else "", sweeps.told(whole.curves)) for whole in over if whole.curves]
     say = getattr(KINDS[kind].table, "told", lambda readings: "")
     told = zip(views.titles(cases), map(say, cases), strict=True)

@@ -24,10 +24,9 @@ from spi.kinds.plans import KernelCall, PathsPlan
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES
-from spi.statistics.cells import cell_places, cells_around
+from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cell_places, cells_around, mollweide
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import mean_over_paths
-from spi.statistics.projection import HALF_HEIGHT, HALF_WIDTH, mollweide
 from spi.statistics.tallies import PathSet, sum_of_fields
 
 from .results import SPHERE_SIDES, Pictures

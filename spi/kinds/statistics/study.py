@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,19 +19,47 @@ from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from .columns import Columns, Map, in_threads
+from .counts import SPHERE, Bins, Cells, histogram, quantiles
 from .estimates import Moments
-from .maps import SPHERE, Cells
-from .quantiles import Bins, histogram, quantiles
 from .references import known_means
 from .results import PANELS, SPHERE_SIDES, DensityMap, Statistics
-from .sums import Rows, Sums
 
 _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _CACHED = 2**15  # floats of an array that fits the cache several times
+
+
+class Sums(NamedTuple):
+    """Of F functions and further columns at T times, over some paths."""
+
+    paths: int
+    seconds: float
+    cpu_seconds: float
+    values: np.ndarray  #: (2, T, columns, GROUPS) sums of values and of their squares
+    products: np.ndarray  #: (1, T, P, GROUPS) sums of products of pairs of columns
+    counts: np.ndarray  #: (T, F, 2 + bins) int64: below all bins, in each, and above all or NaN
+    cells: np.ndarray  #: (maps, 1, 2 + cells) int64: outside of all cells, in each, and NaN
+    nonfinite: int
+    report: np.ndarray  #: (SUMMED,) what steps report that is summed up
+
+    def plus(self, later: "Sums") -> "Sums":
+        """These paths and some later ones."""
+        return sum_of_fields(self, later)
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute."""
+
+    states: np.ndarray  #: (blocks, levels * stored, d * LANES), level after level
+    report: np.ndarray  #: (blocks, SUMMED)
+
+    def at(self, some: slice) -> "Rows":
+        """Those of some of the blocks."""
+        return Rows(*(each[some] for each in self))
 
 
 def parts(case: Any) -> list[Part]:

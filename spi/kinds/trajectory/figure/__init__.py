@@ -17,7 +17,7 @@ from spi.storage.records import Description
 from ..results import Trajectory
 from .curves import Path
 from .fields import Fields
-from .film import film as film
+from .fields import film as film
 from .panels import WORDS, Panel
 
 #: Inches of a panel, by the number of panels side by side.

@@ -1,9 +1,7 @@
-"""The figure of statistics: means with bands and quantiles over time, differences from what is known, variances,
-
-autocorrelations, histograms and correlations at the last time, and maps of densities.
-"""
+"""The figure of statistics: means with bands, quantiles, differences, variances, autocorrelations, histograms, maps."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,9 +12,10 @@ from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, KNOWN, dress_function, histogram
+from spi.drawing.spheres import cell_edges, dress_map
+from spi.statistics.cells import mollweide
 
 from ..results import Statistics
-from .maps import law_panel, map_panel
 
 SIZE = (3.4, 2.7)  # inches of a panel
 MAP = (3.6, 2.3)  # inches of a map
@@ -194,3 +193,38 @@ def _correlations(ax: Axes, reading: Statistics) -> None:
     ax.set_xticks(range(count), names, rotation=30, ha="right", rotation_mode="anchor")
     ax.set_yticks(range(count), names)
     ax.set_title(f"correlations at $t={reading.t[-1]:.4g}$, {style.label(reading.about)}")
+
+
+_COLOURS = "YlGnBu"  # white for no paths
+_FINER = 4  # points between the edges of cells, which are curved
+
+
+def map_panel(ax: Axes, reading: Statistics, m: int, highest: float) -> None:
+    """The density at one of the times, with colours up to `highest`."""
+    found = reading.density_map
+    if found is None:
+        return
+    look: dict[str, Any] = {"cmap": _COLOURS, "vmin": 0.0, "vmax": highest, "rasterized": True}
+    density = np.where(found.density[m] > 0, found.density[m], np.nan)
+    if found.is_sphere:  # cells of equal area on the sphere are such cells of an ellipse
+        density = np.repeat(np.repeat(density, _FINER, axis=0), _FINER, axis=1)
+        places = mollweide(*np.meshgrid(*cell_edges(found, m, _FINER), indexing="ij"))
+        mesh = ax.pcolormesh(*places, density, **look)
+    else:
+        edges = cell_edges(found, m)
+        mesh = ax.pcolormesh(*edges, density.T, **look)
+        used = [np.flatnonzero(np.isfinite(density).any(axis=across)) for across in (1, 0)]
+        if used[0].size:  # as far as there are paths
+            xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))
+            ax.set(xlim=xlim, ylim=ylim)
+    dress_map(ax, reading.about, found, m, mesh)
+
+
+def law_panel(ax: Axes, reading: Statistics, highest: float) -> None:
+    """The Gibbs law beside the last of the maps, in its colours."""
+    found = reading.density_map
+    if found is not None and found.law is not None:
+        last = len(found.t) - 1
+        density = np.broadcast_to(found.law, found.density.shape)
+        map_panel(ax, replace(reading, density_map=replace(found, density=density)), last, highest)
+        ax.set_title("Gibbs law, exp($-H/T$)", pad=14)
