@@ -15,7 +15,7 @@ from spi.drawing.axes import INTERVAL, KNOWN, dress_function, histogram
 from spi.drawing.spheres import cell_edges, dress_map
 from spi.statistics.cells import mollweide
 
-from ..results import Statistics
+from .results import Statistics
 
 SIZE = (3.4, 2.7)  # inches of a panel
 MAP = (3.6, 2.3)  # inches of a map
