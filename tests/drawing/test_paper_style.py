@@ -84,7 +84,7 @@ def test_overlapping_texts_are_noticed():
 def test_title_and_parameters_are_the_caption():
     fig = views.figure(errors(1), style="paper")
     assert not fig.texts
-    assert "T=1" in views.caption(fig) and "500 samples" in views.caption(fig)
+    assert "T=1" in style.caption(fig) and "500 samples" in style.caption(fig)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_title_and_parameters_are_the_caption():
 )
 def test_what_is_no_style(style, width, font, message):
     with pytest.raises(ValueError, match=message):
-        views.check_style(style, width, font)
+        page.named(style, width, font)
 
 
 def test_curves_that_differ_by_their_colours_only_are_noticed():
