@@ -13,9 +13,10 @@ from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 
+from spi.ensemble.areas import fourier_terms
 from spi.ensemble.given import draw_paths
 from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
-from spi.ensemble.loop import Grid, arguments_of, integrate, thread_count
+from spi.ensemble.loop import Grid, arguments_of, grid, integrate, thread_count
 from spi.ensemble.protocol import casimirs, in_kernels, large
 from spi.ensemble.random_states import RandomState, first_states
 from spi.numerics.rng import LANES
@@ -275,3 +276,9 @@ class PathsPlan(PartPlan):
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
         return self.calls_of_a_step(self.grid, self.stream)
+
+
+def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:
+    """The times of a case's paths with steps of size h, and how its scheme's areas are drawn for them."""
+    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], h, areas=case.areas)
+    return grid(h, round(case.final_time / h), doublings, truncate=case.truncate_noise, area_terms=terms)

@@ -218,8 +218,8 @@ def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int
 
 def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:
     """Write ``<stem>.pdf`` and ``<stem>.png`` into ``folder``, both or none; StorageError if that is not possible."""
-    from ..drawing import as_files
+    from ..drawing import as_bytes
 
-    files = {Path(folder, f"{stem}.{form}"): content for form, content in as_files(figure).items()}
+    files = {Path(folder, f"{stem}.{form}"): as_bytes(figure, form) for form in ("pdf", "png")}
     write_all(files)
     return tuple(files)

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ..ensemble.moments import count_values
+
 Array = np.ndarray
 
 
@@ -34,6 +36,15 @@ def cell_places(sides: Array, low: Array, width: Array, number: tuple[int, int],
             row, column = np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)
         outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
     return np.where(outside, -1.0, row * columns + column + 0.5)[:, :, np.newaxis]
+
+
+def count_places(places: Array, first: int, end: int, cells: Array) -> None:
+    """Add places (blocks, T, 1, LANES) of paths to the counts (T, 1, 2 + cells): outside, in each cell, lost.
+
+    The first block is number `first`; paths from number `end` on do not count.
+    """
+    begin = np.zeros((places.shape[1], 1))
+    count_values(places, first, end, begin, begin + 1, cells, (0, places.shape[1]))
 
 
 #: Half the axes of the ellipse that the sphere becomes, of area 4 pi.

@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import grid, integrated, thread_count
+from spi.ensemble.loop import integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.means import MeansPlan, lost_among
-from spi.kinds.plans import Cost, KernelCall, State
+from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
+from spi.statistics.cells import count_places
 from spi.statistics.estimators import GROUPS
 from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
@@ -70,11 +70,8 @@ def parts(case: Any) -> list[Part]:
 def plan(case: Any, part: Part) -> "StatisticsPlan":
     """The plan for one scheme of a case."""
     finest = case.reference_step or case.step
-    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], finest)
     doublings = (0, round(np.log2(case.step / finest))) if case.reference_step else (0,)
-    steps = round(case.final_time / finest)
-    times = grid(finest, steps, doublings, truncate=case.truncate_noise, area_terms=terms)
-    return StatisticsPlan(case=case, part=part, grid=times, samples=case.samples)
+    return StatisticsPlan(case=case, part=part, grid=path_grid(case, part, finest, doublings), samples=case.samples)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,8 +197,7 @@ class StatisticsPlan(MeansPlan):
             pair = np.moveaxis(values[:, self.map_times][:, :, list(self.cells.pair)], 2, 0)
             states = self.columns.states(y)[:, :, self.case.places[self.map_times]]
             maps = np.ascontiguousarray(self.cells.places(states, pair))
-            begin = np.zeros((len(self.map_times), 1))
-            count_values(maps, first, end, begin, begin + 1, sums.cells, (0, len(self.map_times)))
+            count_places(maps, first, end, sums.cells)
 
     def results(self, state: State) -> Statistics:
         """The results of one scheme of a case, from its final state."""

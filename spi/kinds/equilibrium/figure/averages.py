@@ -1,6 +1,6 @@
 """Panels of means of functions over time: biases, histograms, autocorrelations, fluctuations, acceptance."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -30,35 +30,22 @@ _ENDS = 0.02  # an autocorrelation is shown until it is less than that
 
 
 def lines(readings: Sequence[Equilibrium], looks: style.Looks) -> list[layout.Line]:
-    """The lines of panels of one case that are about functions, and of acceptance."""
-    found = []
-    for word in ("means", "histogram", "autocorrelation", "heat"):
-        if word in readings[0].panels and (each := panels(readings, word, looks)):
-            found += layout.in_lines(each, _MOST_COLUMNS, SIZE, legend=[entries(readings, looks, word)], least=_LEAST)
-    if "acceptance" in readings[0].panels and any(reading.acceptance for reading in readings):
-        found.append(layout.Line([partial(acceptance_panel, readings=readings, looks=looks)], SIZE, least=_LEAST))
+    """The lines of panels of one case that are about functions, a panel for each, and of acceptance."""
+    words, found = readings[0].panels, []
+    known = [averages for _, averages in with_averages(readings)][:1]
+    shown = {"means": _means, "histogram": _histogram, "autocorrelation": _autocorrelation, "heat": _response}
+    for word, panel in shown.items() if known else ():
+        functions = range(len(known[0].functions)) if word in words else ()
+        chosen = [f for f in functions if word != "heat" or np.isfinite(known[0].response(f)[1])]
+        panels = [partial(panel, readings=readings, f=f, looks=looks) for f in chosen]
+        legend = [_entries(readings, looks, word)]
+        found += layout.in_lines(panels, _MOST_COLUMNS, SIZE, legend=legend, least=_LEAST)
+    if "acceptance" in words and any(reading.acceptance for reading in readings):
+        found.append(layout.Line([partial(_acceptance, readings=readings, looks=looks)], SIZE, least=_LEAST))
     return found
 
 
-def panels(readings: Sequence[Equilibrium], word: str, looks: style.Looks) -> list[layout.Panel]:
-    """The panels of a word of the key ``panels``, one for each function."""
-    shown: dict[str, Callable[..., None]] = {
-        "means": _means,
-        "histogram": _histogram,
-        "autocorrelation": _autocorrelation,
-        "heat": _response,
-    }
-    found = [averages for _, averages in with_averages(readings)]
-    if word not in shown or not found:
-        return []
-    return [
-        partial(shown[word], readings=readings, f=f, looks=looks)
-        for f in range(len(found[0].functions))
-        if word != "heat" or np.isfinite(found[0].response(f)[1])
-    ]
-
-
-def entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> list[layout.Entry]:
+def _entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> list[layout.Entry]:
     """The entries of the legend of a line of panels: the schemes, and what is known."""
     found: list[layout.Entry] = []
     for reading, _ in with_averages(readings):
@@ -181,7 +168,7 @@ def _response(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Lo
     _dress(ax, readings, f, "step size $h$", f"{name}, {'Var/T²' if name == 'heat capacity' else 'Var/T'}")
 
 
-def acceptance_panel(ax: Axes, readings: Sequence[Equilibrium], looks: style.Looks) -> None:
+def _acceptance(ax: Axes, readings: Sequence[Equilibrium], looks: style.Looks) -> None:
     """How often noise flows (line) and steps of the drift (dashed) were accepted, against the step size."""
     error_axes(ax, np.concatenate([reading.h for reading in readings]))
     ax.set(yscale="linear", ylabel="share accepted")
