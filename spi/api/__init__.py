@@ -4,8 +4,7 @@ import warnings
 
 from .. import CACHE_PROBLEM
 from ..running import shipped
-from .answering import answer
-from .expecting import expectations
+from .expecting import answer, expectations
 from .integrator import Integrator, increments
 from .paths import trajectory
 from .results import Results, load

@@ -1,4 +1,4 @@
-"""Expectations E phi(y_h(T)) of functions of the final state, the functions expressions or Python."""
+"""Expectations of functions of the final state: E phi(y_h(T)), and E phi(y(T)) to a wanted accuracy."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -12,19 +12,22 @@ from ..ensemble.areas import fourier_terms
 from ..ensemble.loop import grid, integrated, paths_of
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
+from ..kinds.answer import study
+from ..kinds.answer.results import Answer
 from ..kinds.blocks import BlocksPlan
 from ..kinds.state import State
 from ..kinds.trajectory.study import TrajectoryPlan
 from ..numerics.rng import LANES
 from ..running import workers
 from ..running.compiling import compile_missing
+from ..running.run import kernel_calls
 from ..specs import SpecError
 from ..statistics.estimators import GROUPS, group_counts
 from ..statistics.powers import mean_over_paths, standard_deviation, with_powers
 from ..statistics.tallies import sum_of_fields
 from .paths import plan_of
 from .progress import Line
-from .specs import whole
+from .specs import of_mapping, whole
 
 _BATCH_BYTES = 16e6  # of final states
 
@@ -196,3 +199,45 @@ def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str,
         {"function": names, "h": ("h", h, {"long_name": "step size"})},
         attributes,
     )
+
+
+def answer(
+    model: Any,
+    functions: str | Mapping[str, str],
+    *,
+    initial: Sequence[Any],
+    final_time: Any,
+    accuracy: Any,
+    seed: int = 1,
+    progress: bool | None = None,
+    **options: Any,
+) -> Answer:
+    """E phi(y(T)) to a wanted accuracy, half the width of a 95 % interval with what is left of the bias.
+
+    `functions` is an expression such as "sin(y1) + y2^2", or a mapping of names to expressions.  The program chooses:
+    no sampling where a solution is known, else scheme, steps, extrapolation and samples, from a pilot; it checks
+    the bias by one step finer, and goes on if the check fails.  `options` are further keys of an experiment of kind
+    answer: schemes, extrapolate, sampling, seconds, damping.  `model`, `initial`, `final_time` and `seed` are as for
+    :func:`spi.trajectory`.
+
+    The result has ``value``, ``half``, ``bias`` and ``stderr`` (function), whether the accuracy was ``reached``,
+    ``warnings``, and ``chosen``; printed it says all of it in words.  What cannot be had is not refused here but said
+    by ``reached`` and ``warnings``.
+
+    Raises SpecError if anything is wrong with what is asked for.
+    """
+    keys = {"initial": initial, "final_time": final_time, "accuracy": accuracy, "seed": seed}
+    data = {"kind": "answer", "model": model, "functions": functions, **keys, **options}
+    (case,) = of_mapping(data, "answer", place="").cases
+    plan: Any = study.plan(case, study.parts(case)[0])
+    state = State(plan)
+    with Line("answer", progress) as line:
+        compile_missing(kernel_calls([plan]), line.watch.report_compiling)
+        workers.advance_here([state], lambda number: line.share("work", *_work(plan, state)))
+    found: Answer = plan.results(state)
+    return found
+
+
+def _work(plan: Any, state: State) -> tuple[float, float]:
+    done, total, _ = plan.progress(state)
+    return done, total or 1.0

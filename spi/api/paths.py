@@ -20,8 +20,8 @@ from ..running.compiling import compile_missing, physical_memory
 from ..running.run import kernel_calls
 from ..specs import SpecError
 from ..storage.records import Part
-from .arrays import component_names, dataset_of
 from .progress import Line
+from .results import component_names, dataset_of
 from .specs import of_mapping, whole
 
 _BATCH_BYTES = 64e6  # of the states of some blocks, which are handed to an observer together

@@ -1,11 +1,14 @@
 """Results as a Python user sees them: parts by name, arrays as xarray, tables as pandas."""
 
 import difflib
+from collections import Counter
 from collections.abc import Iterator
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -17,13 +20,38 @@ from ..specs import SpecError
 from ..statistics import claims
 from ..storage import records
 from ..storage.stored import by_case
-from .arrays import dataset_of
-from .page import as_html
 from .specs import as_overrides, check_type, in_python
 
 if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.axes import Axes
+
+
+def dataset_of(group: records.Group) -> xr.Dataset:
+    """The arrays of a group with their coordinates; components of states are called as in expressions."""
+    coordinates: dict[str, Any] = {
+        name: (name, _labels(group, name, values), group.notes.get(name)) for name, values in group.coordinates.items()
+    }
+    if "swept_word" in group.attributes:  # so that parts can be put together along the parameter
+        coordinates[group.attributes["swept_word"]] = ((), group.attributes["swept_value"])
+    if "swept_second_word" in group.attributes:
+        coordinates[group.attributes["swept_second_word"]] = ((), group.attributes["swept_second_value"])
+    variables = {name: (axes, values, group.notes.get(name)) for name, (axes, values) in group.variables.items()}
+    attributes = {name: value for name, value in group.attributes.items() if value is not None}
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def _labels(group: records.Group, name: str, values: np.ndarray) -> np.ndarray:
+    """The values of a coordinate; of components their names."""
+    if name != "component":
+        return values
+    return np.array(component_names(records.Description.of(group).variables, len(values)))
+
+
+def component_names(named: tuple[str, ...], count: int) -> list[str]:
+    """What the components of a state are called in expressions: as the system has `named` them, or y1, y2, ..."""
+    return list(named) or [f"y{i + 1}" for i in range(count)]
+
 
 _ORDERS = ("order", "uniform_order")
 
@@ -173,7 +201,19 @@ class Results:
         return f"<spi.Results: {self.attributes.get('title', '')} ({self.kind}{where}): {self._listed()}>"
 
     def _repr_html_(self) -> str:
-        return as_html(self)
+        """Title, parts, orders, claims and file, in a notebook."""
+        orders, claims = self.orders, self.claims
+        lines = [f"<p><b>{escape(str(self.attributes.get('title', '')))}</b>, {escape(self.kind)}</p>"]
+        if len(orders):
+            lines.append(orders.to_html(index=False, border=0, float_format="{:.3f}".format, na_rep=""))
+        else:
+            lines.append(f"<p>parts: {escape(', '.join(self.parts))}</p>")
+        if len(claims):
+            counts = Counter(claims.verdict)
+            lines.append(f"<p>claims: {', '.join(f'{count} {verdict}' for verdict, count in counts.items())}</p>")
+        if self.path:
+            lines.append(f"<p>file: {escape(str(self.path))}</p>")
+        return "<div>" + "\n".join(lines) + "</div>"
 
 
 def load(

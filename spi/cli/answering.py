@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import complete_spec
-from .options import Fresh, Out, Overrides, Profile, Seed, Threads, TrustCode, load
+from .options import Fresh, Out, Overrides, Profile, Seed, Threads, TrustCode, complete_spec, load
 from .running import Checkpoint, MaxTime, limits_of, prepare
 from .streams import takes_all_characters, tell
 

@@ -12,7 +12,7 @@ from .. import CACHE_PROBLEM, __version__, kernels_folder, modules_folder, scrat
 from ..checks.compilable import CompilationError
 from ..compiler import rounding
 from ..ensemble.loop import thread_count
-from ..running.compiling import physical_memory
+from ..running.compiling import physical_memory, processors
 from ..running.run import NOBODY, Watch, load, run
 from ..schemes import typical_ns
 from ..storage.records import Group
@@ -86,9 +86,9 @@ def _vectors(processor: str) -> Finding:
 
 
 def _threads() -> Finding:
-    threads, processors = thread_count(), _processors()
-    remedy = "" if threads == processors else "NUMBA_NUM_THREADS in the environment says how many are used"
-    return Finding("threads", f"{threads}, for {processors} processors", remedy)
+    threads, count = thread_count(), processors()
+    remedy = "" if threads == count else "NUMBA_NUM_THREADS in the environment says how many are used"
+    return Finding("threads", f"{threads}, for {count} processors", remedy)
 
 
 def _memory() -> Finding:
@@ -141,8 +141,3 @@ def _numbers(group: Group) -> Finding:
 def _speed(ns: float, typical: float) -> Finding:
     found = f"{ns:.3g} ns a step and path; {typical:.2g} ns with vectors of 8 at 4 GHz"
     return Finding("speed", found, "" if ns < _SLOW * typical else "other programs are busy, or vectors are narrow")
-
-
-def _processors() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -77,20 +77,11 @@ class ProgressLine:
             kernels = "1 kernel, some seconds" if total == 1 else f"{total} kernels, some seconds each"
             tell(f"spi: {self.name}: compiling {kernels}{kept}")
 
-    def report_chunk(self, number: int, total: int, name: str) -> None:
+    def report_work(self, number: int, total: int, work: str) -> None:
+        """Say which of how many comes next of some work, such as "drawing NAME"."""
         STOP.check()
         if self.bar:
-            self._show(self.bar, None, f"{self.name}: computing {name}", total, number - 1)
-
-    def report_figure(self, number: int, total: int, name: str) -> None:
-        STOP.check()
-        if self.bar:
-            self._show(self.bar, None, f"{self.name}: drawing {name}", total, number - 1)
-
-    def report_frame(self, number: int, total: int) -> None:
-        STOP.check()
-        if self.bar:
-            self._show(self.bar, None, f"{self.name}: drawing the frames of a film", total, number)
+            self._show(self.bar, None, f"{self.name}: {work}", total, number - 1)
 
     def report(self, progress: "Progress") -> None:
         STOP.check()

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import RESULTS, stored
 from .options import (
     CLAIM_FAILED,
     INVALID,
+    RESULTS,
     As,
     Fresh,
     Out,
@@ -28,6 +28,7 @@ from .options import (
     TrustCode,
     end,
     load,
+    stored,
 )
 from .signals import STOP
 from .streams import tell
@@ -148,8 +149,12 @@ def verify(
     (file,) = stored([source], results, profile, overrides, samples, seed, kind)
     prepare(threads)
     with ProgressLine(file.stem) as line:
-        found = verify(file, None if everything else chunks, line.report_chunk, trust_code)
-    print_lines(f"{file}: {line}" for line in verified(found))
+
+        def report(number: int, total: int, chunk: str) -> None:
+            line.report_work(number, total, f"computing {chunk}")
+
+        found = verify(file, None if everything else chunks, report, trust_code)
+    print_lines(f"{file}: {told}" for told in verified(found))
     if _any_failed(file.stem, storage.read(file)) or not found.sound:
         raise typer.Exit(CLAIM_FAILED)
 

@@ -9,8 +9,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .names import RESULTS, complete_results, stored
-from .options import FAILED, INVALID, As, Overrides, Profile, ResultsFolder, Samples, Seed, Several, TrustCode, end
+from .options import (
+    FAILED,
+    INVALID,
+    RESULTS,
+    As,
+    Overrides,
+    Profile,
+    ResultsFolder,
+    Samples,
+    Seed,
+    Several,
+    TrustCode,
+    complete_results,
+    end,
+    stored,
+)
 from .streams import takes_all_characters, tell
 
 if TYPE_CHECKING:
@@ -150,7 +164,8 @@ def _write_film(path: Path, found: "Results", folder: Path, stem: str) -> None:
 
     with _about(path), ProgressLine(path.stem) as line:
         moving = views.film(found)
-        written = views.save_film(moving, folder, stem, line.report_frame)
+        work = "drawing the frames of a film"
+        written = views.save_film(moving, folder, stem, lambda done, total: line.report_work(done + 1, total, work))
     tell(f"wrote {written}")
 
 
@@ -184,7 +199,7 @@ def report(
             end(INVALID, f"{option}: is '{folder}'; must be a folder, e.g. {option} tables")
     paths = stored(sources, results, profile, overrides, samples, seed, kind)
     with ProgressLine(out.name) as line:
-        written = files(paths, out, latex, data, line.report_figure)
+        written = files(paths, out, latex, data, lambda n, total, name: line.report_work(n, total, f"drawing {name}"))
     write_all(written)
     tell(f"wrote {out}")
     for folder in filter(None, (latex, data)):

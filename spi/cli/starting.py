@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .names import SPECS, complete_spec
-from .options import FAILED, INVALID, As, end
+from .options import FAILED, INVALID, SPECS, As, complete_spec, end
 from .streams import tell
 
 

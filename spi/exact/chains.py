@@ -14,6 +14,7 @@ import itertools
 import numpy as np
 
 from .rules import on_sphere
+from .surfaces import polynomial, value_of
 
 LEVELS = (6, 8, 12, 16, 24)  #: rings of a rule
 _ROUNDING = 1e-13
@@ -30,9 +31,9 @@ class Chain:
         self.maps = [each for each in surface.spheres if each.shape[1] == 3]
         x = sum((each for each in surface.spheres if each.shape[1] == 1), np.zeros((len(surface.fibre), 1)))
         self.rest = x + surface.fibre @ surface.planes(x)[0].T  # what is constant
-        form = _polynomial(energy, len(surface.fibre))
+        form = polynomial(energy, len(surface.fibre))
         y = self._states(np.random.default_rng(0).standard_normal((len(self.maps), 3, _STATES)))
-        if not np.allclose(_value(*form, y), energy(y), rtol=1e-9, atol=1e-9):
+        if not np.allclose(value_of(*form, y), energy(y), rtol=1e-9, atol=1e-9):
             raise ValueError("H is not quadratic, on more than two spheres")
         self.form = self._on_spheres(*form)
         size = max(np.abs(each).max() for each in self.form[2].values())
@@ -69,9 +70,9 @@ class Chain:
         in_energy = np.linalg.lstsq(powers, value)[0]
         if np.abs(powers @ in_energy - value).max() <= close:
             return lambda level: in_energy @ [1.0, *self._energy_moments(level)]
-        polynomial = _polynomial(f, len(y))
-        if np.abs(_value(*polynomial, y) - value).max() <= close:
-            form = self._on_spheres(*polynomial)
+        in_y = polynomial(f, len(y))
+        if np.abs(value_of(*in_y, y) - value).max() <= close:
+            form = self._on_spheres(*in_y)
             return lambda level: _Transfer(self, level, self.beta).mean(form)
         sites = range(len(self.maps))
         used = [a for a in sites if np.any(f(self._states([others[i] if i == a else u[i] for i in sites])) != value)]
@@ -180,17 +181,3 @@ def _rings(near):
         last = len(sites) - 1
         found.append(tuple((a, b, b in near[a] and (i < last or last > 1)) for i, (a, b) in enumerate(bonds)))
     return found
-
-
-def _polynomial(f, d):
-    """(c, b, A) of c + b.y + y.Ay/2, which agrees with f at 0, the unit vectors, and the sums of two of them."""
-    unit = np.eye(d)
-    with np.errstate(all="ignore"):
-        zero = float(np.broadcast_to(f(np.zeros((d, 1))), 1)[0])
-        up, down = (np.broadcast_to(f(sign * unit), d) for sign in (1.0, -1.0))
-        both = np.array([np.broadcast_to(f(unit + unit[:, i : i + 1]), d) for i in range(d)])
-        return zero, 0.5 * (up - down), both - up - up[:, np.newaxis] + zero
-
-
-def _value(c, b, A, y):
-    return c + b @ y + 0.5 * (y * (A @ y)).sum(axis=0)

@@ -11,12 +11,21 @@ from functools import partial
 import numpy as np
 
 from ..compiler.inlining import uncompiled
-from ..ensemble.protocol import decay_rates, dimension, hamiltonian
+from ..ensemble.protocol import (
+    decay_rates,
+    dimension,
+    drift_gradient,
+    hamiltonian,
+    noise_gradient,
+    noise_indices,
+    strengths,
+    structure,
+)
 from ..ensemble.special import frozen
 from .chains import Chain
 from .leaves import leaf
 from .rules import along, hermite, on_sphere
-from .surfaces import at_states
+from .surfaces import at_states, spheres
 
 LEVELS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  #: rings on a sphere
 MOST = 5_000_000  #: points of a level
@@ -230,3 +239,22 @@ class Quadrature:
         x = np.broadcast_to(x, (len(x), len(logarithm)))
         y, logarithm = self._weighted(x, logarithm, z, -0.5 * (z * z).sum(axis=0))
         return np.broadcast_to(f(y), len(logarithm)), np.exp(logarithm - self._shift)
+
+
+def mean_divergence(model, temperature, point):
+    """-(1/(2 T^2)) sum_k sigma_k^2 E (X_k H)^2 under the Gibbs law exp(-H/T) on the Casimir surface through a state.
+
+    X_k = B grad Ĥ_k; `model` is that without friction.  None where the surface is no single sphere, or what is there
+    depends on time.
+    """
+    surface = spheres(model, point)
+    if surface is None or len(surface.triples) > 1 or hasattr(model, "time"):
+        return None
+
+    def rate(y):
+        gradient = drift_gradient(model, y)
+        fields = [structure(model, y, noise_gradient(model, k, y)) for k in noise_indices(model)]
+        slopes = [sum(a * b for a, b in zip(gradient, field, strict=True)) for field in fields]
+        return sum((sigma * slope) ** 2 for sigma, slope in zip(strengths(model), slopes, strict=True))
+
+    return -law_of(model, point, temperature).expectation(partial(at_states, rate))[0] / (2 * temperature**2)

@@ -8,13 +8,14 @@ measure is uniform there; the others, p, appear in the other Casimir functions t
 plane for each x, with the measure det(A A^T)^(-1/2) dp.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ..compiler.inlining import uncompiled
 from ..ensemble.protocol import casimirs, conserved, dimension, large
-from .surfaces import structure_matrix
+from .surfaces import at_states, polynomial, structure_matrix, value_of
 
 _CLOSE = 1e-9
 
@@ -72,12 +73,12 @@ def leaf(model, point):
     point = np.array(point, float)
     with uncompiled():
         B = _bracket(model)
-        forms = [_form(model, c) for c in range(conserved(model))]
+        forms = [casimir_form(model, c) for c in range(conserved(model))]
     d = len(point)
     # constant combinations of components, which a model need not state
     u, s, _ = np.linalg.svd(B.reshape(d, -1))
     forms += [(v, np.zeros((d, d))) for v in u[:, s <= _CLOSE * s[0]].T]
-    size, vectors = np.linalg.eigh(sum((_semidefinite(Q) for b, Q in forms if not b.any()), np.zeros((d, d))))
+    size, vectors = np.linalg.eigh(sum((semidefinite(Q) for b, Q in forms if not b.any()), np.zeros((d, d))))
     bounded = size > _CLOSE * max(size[-1], 1e-300)
     N, V = vectors[:, ~bounded], vectors[:, bounded] / np.sqrt(size[bounded])
     x = (vectors[:, bounded] * np.sqrt(size[bounded])).T @ point
@@ -130,27 +131,21 @@ def _bracket(model):
     return B
 
 
-def _form(model, c):
-    """(b, Q) of Casimir function number c, b.y + y.Qy/2 and a constant."""
-    d = dimension(model)
-
-    def value(y):
-        return float(casimirs(model, tuple(map(float, y)))[c])
-
+def casimir_form(model, c):
+    """(b, Q) of Casimir function number c, b.y + y.Qy/2 and a constant; ValueError if it is not quadratic."""
+    d, function = dimension(model), partial(at_states, lambda y: casimirs(model, y)[c])
+    y = np.random.default_rng(6).standard_normal((d, 1))
     try:
-        zero, unit = value(np.zeros(d)), np.eye(d)
-        b = np.array([value(e) - value(-e) for e in unit]) / 2
-        Q = np.array([[value(e + f) - value(e) - value(f) + zero for f in unit] for e in unit])
-        y = np.random.default_rng(6).standard_normal(d)
-        wrong = abs(value(y) - zero - b @ y - 0.5 * y @ Q @ y)
-    except (ArithmeticError, ValueError):
-        wrong = np.inf
-    if not wrong <= 1e-9 * (1.0 + np.abs(Q).max()) * (1.0 + d):
+        _, b, Q = form = polynomial(function, d)
+        is_quadratic = abs(function(y) - value_of(*form, y))[0] <= 1e-9 * (1.0 + np.abs(Q).max()) * (1.0 + d)
+    except (ArithmeticError, ValueError):  # it need not be defined at 0
+        is_quadratic = False
+    if not is_quadratic:
         raise ValueError(f"Casimir function number {c + 1} is not quadratic")
     return np.where(np.abs(b) > 1e-12, b, 0.0), np.where(np.abs(Q) > 1e-12, Q, 0.0)
 
 
-def _semidefinite(Q):
+def semidefinite(Q):
     """Q or -Q where that is positive semidefinite, 0 otherwise."""
     values = np.linalg.eigvalsh(Q)
     small = _CLOSE * np.abs(values).max(initial=0)

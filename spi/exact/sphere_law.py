@@ -21,6 +21,7 @@ from ..compiler.dispatch import answers
 from ..ensemble.protocol import axis_inertias, hamiltonian
 from ..ensemble.random_states import RandomState
 from .places import strengths_by_place
+from .rules import on_sphere
 
 #: Bins of equal probability.
 BINS = 20
@@ -122,11 +123,8 @@ def stationary_means(model, initial, functions):
     """
     if reason := obstacle(model, initial):
         raise ValueError(reason)
-    z, weights = np.polynomial.legendre.leggauss(_RINGS)
-    phi = np.pi / _RINGS * np.arange(2 * _RINGS)
-    s = np.sqrt(1.0 - z**2)
-    y = np.array([np.outer(s, np.cos(phi)), np.outer(s, np.sin(phi)), np.outer(z, np.ones(len(phi)))])
-    y = float(np.linalg.norm(initial)) * y.reshape(3, -1)
+    _, weights = np.polynomial.legendre.leggauss(_RINGS)
+    y = float(np.linalg.norm(initial)) * on_sphere(3, _RINGS)[0]
     return np.array(
         [np.broadcast_to(f(y), y.shape[1]).reshape(_RINGS, -1).mean(axis=1) @ weights / 2 for f in functions]
     )

@@ -91,6 +91,21 @@ def _turned(triple):
     return (a, b, c), (b, c, a), (c, a, b)
 
 
+def polynomial(f, d):
+    """(c, b, A) of c + b.y + y.Ay/2, which agrees with f at 0, the unit vectors, and the sums of two of them."""
+    unit = np.eye(d)
+    with np.errstate(all="ignore"):
+        zero = float(np.broadcast_to(f(np.zeros((d, 1))), 1)[0])
+        up, down = (np.broadcast_to(f(sign * unit), d) for sign in (1.0, -1.0))
+        both = np.array([np.broadcast_to(f(unit + unit[:, i : i + 1]), d) for i in range(d)])
+        return zero, 0.5 * (up - down), both - up - up[:, np.newaxis] + zero
+
+
+def value_of(c, b, A, y):
+    """That of such a polynomial at states (d, n)."""
+    return c + b @ y + 0.5 * (y * (A @ y)).sum(axis=0)
+
+
 def quadratic(model):
     """(c, b, A) of H = c + b.y + y.Ay/2 at the initial time; None if H is no such function."""
     d, model = dimension(model), frozen(model, getattr(model, "time", 0.0), 0.0)

@@ -2,20 +2,20 @@
 
 import contextlib
 import glob
+import json
 import math
 import re
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .. import NUMBERS_DIGEST, __version__, specs, storage
 from ..kinds.state import State
 from ..statistics.tallies import Chunk
 from ..storage import StorageError
 from ..storage.sums import VERSION
-from . import told
 from .known import Kept, Keys, sizes
 from .load import name_of, plans
 from .workers import WorkersLost
@@ -194,8 +194,8 @@ class Checkpoint:
             "samples": sum(self.experiment.samples),
             "finished": finished,
             "machines": sorted(self.machines),
-            "progress": told.progress_of(self.states),
-            "run": told.as_run(self.experiment),
+            "progress": progress_of(self.states),
+            "run": as_run(self.experiment),
         }
         storage.write_sums(self.path, about, {name: state.plain() for name, state in self.by_name.items()})
         self.saved, self.saved_work = time.monotonic(), self._work()
@@ -243,3 +243,30 @@ class Checkpoint:
 
     def _same_sources(self, about: dict) -> bool:
         return about["version"] == VERSION and about.get("source_digest") == NUMBERS_DIGEST
+
+
+def progress_of(states: Sequence[State]) -> str:
+    """How far the parts of an experiment are, as in ``splitting 120 of 500 samples, midpoint 0 of 500 samples``."""
+    several = len({state.plan.case.name for state in states}) > 1
+    told = []
+    for state in states:
+        plan, one = state.plan, state.plan.progress(state)
+        of_paths = one.total > 1 and float(one.total).is_integer()  # else in seconds, or in parts of a path
+        known = one.total > 0 and math.isfinite(one.done / one.total)
+        share = f"{math.floor(100 * one.done / one.total) if known else 0} %"
+        count = f"{int(one.done):,} of {int(one.total):,} samples" if of_paths else share
+        told.append(f"{name_of(plan) if several else plan.part.name} {count}")
+    return ", ".join(told)
+
+
+def as_run(experiment: specs.Experiment) -> dict[str, Any]:
+    """The spec, and how it is run, by the names that these have among the root attributes of results."""
+    return {
+        "experiment": experiment.name,
+        "kind": experiment.kind,
+        "title": experiment.title,
+        "profile": experiment.profile,
+        "overrides": experiment.overrides,
+        "spec": experiment.text,
+        "model_sources": json.dumps(dict(experiment.files)),
+    }

@@ -17,11 +17,11 @@ from ..models.delegation import undamped
 from ..schemes import typical_ns
 from ..specs.document import text_of
 from ..specs.files import Files, UntrustedCode
-from ..specs.heading import Heading, heading
 from ..specs.keys import suggestion
+from ..specs.layers import Heading, heading
 from ..specs.naming import of_kind
 from ..storage.results import read_root
-from . import resolution, shipped
+from . import remarks, shipped
 
 #: The endings of files of results, and of sums over paths.
 STORED, SUMS = (".h5",), (".npz", ".previous")
@@ -201,7 +201,7 @@ def _of_another(kind: str, source: specs.Experiment) -> str:
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.heading."""
+    """The headings of the valid ones among spec files, and what is wrong with the others; see spi.specs.layers."""
     found: dict[Path, Heading] = {}
     problems: list[str] = []
     for path in paths:
@@ -266,7 +266,7 @@ def reports(experiment: specs.Experiment) -> dict[str, list[str]]:
         if lines := systems.report(undamped(case.model)):
             steps = [f"a step of {s}: about {typical_ns(case.row(s), case.model):.3g} ns" for s in case.schemes]
             found.setdefault((case.model_name, *lines, *steps), []).append(case.name)
-        if lines := resolution.lines(case):
+        if lines := remarks.resolution(case):
             found.setdefault((case.model_name, *lines), []).append(case.name)
     several = len(experiment.cases) > 1
     return {f"{name} ({', '.join(cases)})" if several else name: list(lines) for (name, *lines), cases in found.items()}

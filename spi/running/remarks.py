@@ -1,15 +1,20 @@
-"""What is to be said of an experiment before it is run."""
+"""What is to be said of an experiment before it is run, and of the resolution of fluids."""
 
 import itertools
 import math
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from .. import specs
 from ..ensemble.protocol import dimension, large, strengths
 from ..exact.reach import reach
 from ..kinds import KINDS
 from ..models.delegation import undamped
+from ..models.zeitlin import Zeitlin
+from ..models.zeitlin.fields import size_of, vorticity
+from ..models.zeitlin.lattice import modes
 from ..systems import variables
 
 _MOST_COMPONENTS = 24  #: of states of which it is found where noises take them
@@ -63,3 +68,58 @@ def _of_areas(case: specs.BaseCase) -> Iterator[str]:
 def _of_driver(case: specs.BaseCase) -> Iterator[str]:
     if case.driver:
         yield f"the noises are driven by another process than Brownian motion: {case.driver}"
+
+
+_MOST = 4  # of the Casimirs C_2, C_3, ...
+_SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be compared with
+
+
+def cell(n: int) -> float:
+    """The side of a cell, 2 pi / sqrt(N)."""
+    return 2 * math.pi / math.sqrt(n)
+
+
+def matrix_of(y: np.ndarray) -> np.ndarray:
+    """W of a state, the Hermitian N x N matrix of ``spi/models/zeitlin/matrices.py``."""
+    n = size_of(y)
+    m1, m2 = np.array(modes(n)).T
+    omega = np.zeros((n, n), complex)
+    omega[m1, m2] = y[::2] + 1j * y[1::2]
+    omega[-m1, -m2] = omega[m1, m2].conj()
+    turned = np.fft.ifft(omega, axis=0, norm="forward")  # [j, s]: sum over m1 of omega_(m1, s) exp(2 pi i m1 j / N)
+    a, s = np.indices((n, n))
+    w = np.empty((n, n), complex)
+    w[a, (a + s) % n] = turned[(2 * a + s) % n, s]
+    return w
+
+
+def casimirs_of(y: np.ndarray, count: int) -> np.ndarray:
+    """(C_2, C_3, ...), `count` of them: the means of the powers of the eigenvalues of W."""
+    values = np.linalg.eigvalsh(matrix_of(y))
+    return np.array([(values**k).mean() for k in range(2, count + 2)])
+
+
+def ratios(y: np.ndarray, count: int) -> list[float]:
+    """C_k / mean of omega^k, k = 2, 3, ...; NaN where that mean is nearly 0."""
+    field = vorticity(y, 1 << (4 * size_of(y) - 1).bit_length())
+    found = []
+    for k, casimir in enumerate(casimirs_of(y, count).tolist(), 2):
+        mean, size = float((field**k).mean()), float((np.abs(field) ** k).mean())
+        found.append(casimir / mean if abs(mean) > _SMALL * size else math.nan)
+    return found
+
+
+def resolution(case: Any) -> list[str]:
+    """What is to be said of the resolution of a case, if its model is a truncated fluid."""
+    model = undamped(case.model)
+    if not isinstance(model, Zeitlin):
+        return []
+    told = [
+        f"C_{k} {ratio:.2f}"
+        for k, ratio in enumerate(ratios(np.array(case.initial), min(_MOST, model.n - 1)), 2)
+        if math.isfinite(ratio)
+    ]
+    said = [f"N = {model.n} resolves cells of 2 pi/sqrt(N) = {cell(model.n):.2f}, not the grid of its modes"]
+    if told:
+        said.append(f"Casimirs at the start, of the means of omega^k (1 for a fluid): {', '.join(told)}")
+    return said

@@ -17,10 +17,9 @@ from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..storage.records import Results
 from . import compiling
-from .checkpoint import Checkpoint, Limits, Stopped, sums_path
+from .checkpoint import Checkpoint, Limits, Stopped, as_run, sums_path
 from .finding import results_of
 from .load import Source, headings, layers, load, load_any, plans, reports, sources
-from .told import as_run
 from .workers import Workers, advance_here, advance_with, finalise
 
 __all__ = [

@@ -5,10 +5,9 @@ from pathlib import Path
 from .. import NUMBERS_DIGEST, storage
 from ..storage import StorageError
 from ..storage.records import Results
-from .checkpoint import Checkpoint, Limits, sums_path
+from .checkpoint import Checkpoint, Limits, progress_of, sums_path
 from .load import SUMS, about_last, load_stored
 from .run import root_attributes
-from .told import progress_of
 
 
 def read(path: Path, trust_code: bool = False) -> Results:

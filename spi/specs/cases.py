@@ -8,26 +8,21 @@ import pydantic
 
 from ..ensemble.areas import HOW
 from ..ensemble.protocol import NonNegative, Positive, dimension
+from ..expressions import canonical, is_constant, parse_expression
+from ..expressions.arithmetic import NumberError
 from ..models.delegation import undamped
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
-from .checks import (
-    check_count,
-    check_eps,
-    check_names,
-    check_needs,
-    check_schemes,
-    check_word_of_areas,
-    dyadic,
-)
-from .compositions import Compositions, weak_order
+from ..systems.keys import MOST
+from .checks import check_count, check_eps, check_names, check_needs, check_schemes, check_word_of_areas, dyadic
+from .compositions import Compositions, check_steps, weak_order
 from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
-from .functions import FunctionKeys
 from .initial import Initial
 from .keys import (
     Eps,
+    Functions,
     Keys,
     OrInfinite,
     SchemeName,
@@ -38,10 +33,11 @@ from .keys import (
     entries_in,
     key_of,
     quantity,
+    shown,
     wrong,
 )
+from .mistakes import every
 from .models import Model, check_words, name_of
-from .own_schemes import check_steps
 from .sweep import PLACES, SWEEP, Swept, check_shown
 from .temperature import dissipation, dissipative_model
 
@@ -53,6 +49,49 @@ def _told(value: Any) -> Any:
     if isinstance(value, tuple) and any(hasattr(entry, "_fields") for entry in value):
         return "; ".join(map(str, value))
     return value
+
+
+class FunctionKeys(Keys):
+    """The test functions of a case."""
+
+    functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi") = (
+        pydantic.Field(default_factory=dict)
+    )
+
+    if TYPE_CHECKING:  # what every case has
+        model: Any
+        variables: tuple[str, ...]
+
+    @property
+    def expressions(self) -> tuple:
+        """The trees of the test functions, in the order of their names."""
+        return tuple(parse_expression(text, dimension(self.model)) for text in self.functions.values())
+
+    @pydantic.field_serializer("functions")
+    def _canonical(self, functions: dict[str, str]) -> Any:
+        # pairs, because their order decides that of the results, and in the least text that decides the values
+        return [[name, canonical(e)] for name, e in zip(functions, self.expressions, strict=True)]
+
+    @condition("functions", "model")
+    def _check_functions(self) -> Self:
+        trees = every(self._tree, self.functions.items())
+        if not self.variables:
+            return self
+        texts = dict(zip(self.functions, map(canonical, trees), strict=True))
+        return self.model_copy(update={"functions": texts})
+
+    def _tree(self, name: str, text: str) -> Any:
+        """The tree of a test function."""
+        try:
+            tree = parse_expression(text, d := dimension(self.model), self.variables)
+            if is_constant(tree):
+                raise NumberError("constant")
+        except NumberError as error:
+            known = ", ".join(self.variables) or f"y1 .. y{min(d, MOST)}"
+            example = f"{self.variables[0]}^2" if self.variables else "sin(2*pi*y1) + y2^2"
+            right = f"must be an expression in {known} such as {example}"
+            raise wrong(f"is {shown(text)} ({error})", right, "functions", name) from None
+        return tree
 
 
 class BaseCase(Keys):
@@ -179,43 +218,28 @@ class BaseCase(Keys):
         return self.model_copy(update={"compositions": used})
 
     @condition("initial", "model")
-    def _check_initial(self) -> Self:
+    def _check_initial(self) -> None:
         d, found = dimension(self.model), len(self.initial)
         if found != d:
             raise wrong(f"has {entries_in(found)}", f"must have {d}, the dimension of {self.model_name}", "initial")
-        return self
 
     @condition("initial", "model", "compositions")
-    def _check_words(self) -> Self:
+    def _check_words(self) -> None:
         check_words(self.model, self.initial)
         check_steps(self.compositions, self.model, self.initial)
-        return self
 
     @condition("schemes", "reference_scheme", "model")
-    def _check_needs(self) -> Self:
+    def _check_needs(self) -> None:
         check_needs(self)
         check_noise(self)
-        return self
 
-    @condition("areas", "schemes", "reference_scheme")
-    def _check_areas(self) -> Self:
-        check_word_of_areas(self)
-        return self
-
-    @condition("eps", "schemes")
-    def _check_eps(self) -> Self:
-        check_eps(self)
-        return self
-
-    @condition("sweep")
-    def _check_sweep(self) -> Self:
-        check_shown(self)
-        return self
+    _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
+    _check_eps = condition("eps", "schemes")(check_eps)
+    _check_sweep = condition("sweep")(check_shown)
 
     @condition("expect", "schemes")
-    def _check_expect(self) -> Self:
+    def _check_expect(self) -> None:
         _ = self.claims
-        return self
 
 
 class ErrorCase(BaseCase):
@@ -246,11 +270,10 @@ class ErrorCase(BaseCase):
         return self.model_copy(update={"steps": tuple(sorted(steps, reverse=True))})
 
     @condition("reference_scheme", "schemes", "eps")
-    def _check_reference_scheme(self) -> Self:
+    def _check_reference_scheme(self) -> None:
         name = self.reference_scheme
         if name and self.row(name).needs_eps and not all(eps for _, eps in self.runs):
             raise wrong(f"is '{name}', which needs eps > 0 for every scheme", "use another", "reference_scheme")
-        return self
 
 
 class FunctionsCase(FunctionKeys, ErrorCase):

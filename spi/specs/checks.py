@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from pydantic_core import PydanticCustomError
+
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
 from ..ensemble.friction import has_friction
@@ -106,6 +108,12 @@ def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
     return tuple(n * between for n in sorted(numbers))
 
 
+def wrong_scheme(case: Any, name: str, what: str, right: str) -> PydanticCustomError:
+    """The error about a scheme, which stands under ``schemes`` or ``reference_scheme``."""
+    has, key = ("has", "schemes") if name in case.schemes else ("is", "reference_scheme")
+    return wrong(f"{has} '{name}', {what}", right, key)
+
+
 def check_names(case: Any) -> None:
     """All schemes are in the table of schemes or among the compositions of the case."""
     known = (*SCHEMES, *case.compositions)
@@ -133,11 +141,9 @@ def check_flows(case: Any) -> None:
     why = why.replace(f"'{formula}'", "it")
     for name in case.schemes_used:
         if case.row(name).composition is not None:
-            listed = name in case.schemes
-            what = f"{'has' if listed else 'is'} '{name}', made of exact flows, and none is known of '{formula}': {why}"
+            what = f"made of exact flows, and none is known of '{formula}': {why}"
             either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
-            right = f"add inner: {either} to the model, or use {', '.join(able)}"
-            raise wrong(what, right, "schemes" if listed else "reference_scheme")
+            raise wrong_scheme(case, name, what, f"add inner: {either} to the model, or use {', '.join(able)}")
 
 
 def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key: str) -> None:
@@ -150,12 +156,12 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         right = "must be below 1 with truncate_noise, whose bound is 0 there"
         raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
-        row, where = case.row(name), "schemes" if name in listed else "reference_scheme"
+        row = case.row(name)
         if row.needs_truncation and name in used and not truncated and case.noise is None:
-            raise wrong(f"has '{name}', which needs bounded increments", "set truncate_noise: true", where)
+            raise wrong_scheme(case, name, "which needs bounded increments", "set truncate_noise: true")
         if pairs > MOST and needs_areas(row.record):
-            what = f"has '{name}', which needs the Lévy areas of {pairs} pairs of noises that do not commute"
-            raise wrong(what, f"there may be {MOST}; leave out the scheme or some of the noises", where)
+            what = f"which needs the Lévy areas of {pairs} pairs of noises that do not commute"
+            raise wrong_scheme(case, name, what, f"there may be {MOST}; leave out the scheme or some of the noises")
     check_areas(case, min(steps), key)
     check_flows(case)
 
@@ -193,10 +199,8 @@ def check_large(case: Any) -> None:
     """What cannot be done with a model whose states are arrays."""
     for name in case.schemes_used:
         if not case.row(name).for_large_models:
-            listed = name in case.schemes
-            what = f"{'has' if listed else 'is'} '{name}', which is not for {case.model_name}"
             right = "use euler_maruyama or a splitting without joint flows and Lévy areas"
-            raise wrong(what, right, "schemes" if listed else "reference_scheme")
+            raise wrong_scheme(case, name, f"which is not for {case.model_name}", right)
 
 
 def check_needs(case: Any) -> None:
@@ -215,10 +219,8 @@ def check_needs(case: Any) -> None:
             raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
         if needs and not needs(case.model):
             able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
-            listed = name in case.schemes
             able += " without damping" if case.damping else ""
-            what = f"{'has' if listed else 'is'} '{name}', which is for {able}"
-            raise wrong(what, "use another", "schemes" if listed else "reference_scheme")
+            raise wrong_scheme(case, name, f"which is for {able}", "use another")
 
 
 def check_extrapolate(case: Any) -> None:

@@ -22,10 +22,10 @@ from ..ensemble.laws import Fractional, Levy, OrnsteinUhlenbeck, Recorded, at_on
 from ..ensemble.protocol import Positive, area_pairs, noises
 from ..ensemble.scheme_protocol import needs_areas, substeps
 from ..ensemble.streams import brownian
-from .arrays import arrays_in
 from .checks import ROUNDING
 from .document import SpecError
 from .explaining import explained
+from .files import arrays_in
 from .keys import Keys, key_of, quantity, shown, suggestion, wrong
 
 _MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB

@@ -28,8 +28,8 @@ from .explaining import attempt
 from .files import Files
 from .keys import suggestion
 from .layers import ONLY_IN_FILES, PROFILES, Layers, laid_over
+from .models import check_overrides
 from .naming import results_name
-from .overrides import check_overrides
 
 __all__ = ["PROFILES", "BaseCase", "Experiment", "Layers", "SpecError", "converted", "load", "text_of"]
 

@@ -1,15 +1,32 @@
-"""The files that a spec names, and the modules that become of them."""
+"""The files that a spec names: the modules that become of them, and initial values that stand in them.
+
+    initial: {file: field.npy}
+    initial: {results: results/vortex_merger.h5, case: calm, time: 4}
+
+With the spec is kept what is needed of a file of the latter, as text: the bytes of an array in base64, and of a results
+file the states that the spec names.  In its place on disk such a text is read as well.
+"""
 
 import base64
 import binascii
 import difflib
+import io
+import json
+import math
 import traceback
+import zlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
 
 from ..compiler import modules, own
-from ..storage import contents
+from ..storage import StorageError, contents
+from ..storage import read as read_results
+from ..storage.records import Group
 from .keys import shown, wrong
 
 _MOST_BYTES = 1_000_000
@@ -113,3 +130,148 @@ def _line(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if Path(frame.filename).parent == modules.folder()]
     return f", line {lines[-1]}" if lines else ""
+
+
+_MOST_OF_ARRAYS = 9_000_000  # bytes: 1024 x 1024 numbers
+_MOST_UNPACKED = 90_000_000  # of an array of increments
+_RIGHT = "give a file that numpy.save wrote, of real or complex numbers in one or two dimensions"
+
+
+def array_text(values: Any) -> str:
+    """The text that stands for the file that ``numpy.save`` would write."""
+    data = io.BytesIO()
+    np.save(data, values, allow_pickle=False)
+    return as_text(data.getvalue())
+
+
+def array_in(files: Files, path: str) -> np.ndarray:
+    """The array in a file, real, of one dimension or two; raises the error about the key ``file``."""
+    data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
+    try:
+        values = array_of(data)
+    except (ValueError, SyntaxError, RecursionError, MemoryError):
+        raise wrong(f"is {shown(path)}, which is no array", _RIGHT, "file") from None
+    check_finite(values, shown(path), "file")
+    return values
+
+
+def arrays_in(files: Files, path: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """Arrays of a file that ``numpy.savez`` wrote, by their names; raises the error about the key ``file``."""
+    data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
+    try:
+        found = unpacked(data, (0, 1, 2, 3), names)
+    except ValueError:
+        right = f"give a file of numpy.savez with {' and '.join(names)}, of at most {_MOST_UNPACKED // 10**6} MB"
+        raise wrong(f"is {shown(path)}, which holds no such arrays", right, "file") from None
+    for name in names:
+        check_finite(found[name], f"{shown(path)}, in which {name}", "file")
+    return found
+
+
+def unpacked(data: bytes, dimensions: tuple[int, ...], names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """The arrays in a file of ``numpy.savez``, these or all, by their names; ValueError if there are none such."""
+    found, left = {}, _MOST_UNPACKED
+    try:
+        with ZipFile(io.BytesIO(data)) as archive:
+            for name in names or [member.removesuffix(".npy") for member in archive.namelist()]:
+                with archive.open(f"{name}.npy") as member:
+                    text = member.read(left + 1)
+                left -= len(text)
+                if left < 0:
+                    raise ValueError("too large")
+                found[name] = array_of(text, dimensions)
+    except (SyntaxError, RuntimeError, MemoryError, KeyError, OSError, EOFError, BadZipFile, zlib.error) as error:
+        raise ValueError(f"no such arrays: {error}") from None
+    return found
+
+
+def array_of(data: bytes, dimensions: tuple[int, ...] = (1, 2)) -> np.ndarray:
+    """What ``numpy.load`` would return, without trust in the size that a file claims; ValueError if it is damaged."""
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, by_columns, kind = read(file)
+    if kind.kind not in "iufc" or len(shape) not in dimensions or not all(shape):
+        raise ValueError("not such an array")
+    rest = data[file.tell() :]
+    if len(rest) != kind.itemsize * math.prod(shape):
+        raise ValueError("not of the size that it claims")
+    values = np.frombuffer(rest, kind).reshape(shape, order="F" if by_columns else "C")
+    if values.dtype.kind == "c":
+        if values.ndim == 2:
+            raise ValueError("a complex field")
+        values = np.stack([values.real, values.imag], axis=-1).ravel()
+    return values.astype(float)
+
+
+def check_finite(values: np.ndarray, what: str, key: str) -> None:
+    if not np.isfinite(values).all():
+        place = ", ".join(str(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise wrong(f"is {what}, which is not finite at [{place}]", "all numbers must be finite", key)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Results
+# ---------------------------------------------------------------------------------------------------------------------
+
+
+def state_in(files: Files, path: str, case: str | None, scheme: str | None, time: float) -> np.ndarray:
+    """The state at a time of a path in a results file; of the only case and scheme where none is named.
+
+    With the spec it is kept under the name of the file and ``.states``, which stands in for one that is missing.
+    """
+    asked, kept = f"{case or 'the case'}/{scheme or 'the scheme'} at {time!r}", f"{path}.states"
+    known: dict[str, str] = _states_kept(files, kept) if kept in files.texts else {}
+    if asked not in known and not files.complete:
+        if (files.folder / path).exists() or not (files.folder / kept).exists():
+            known[asked] = array_text(_state(files, path, case, scheme, time))
+            files.texts[kept] = json.dumps(known)
+        else:
+            known = _states_kept(files, kept)
+    if asked not in known:
+        raise wrong(f"is {shown(path)}, of which {kept} lacks the state", "add the results file", "results")
+    values = array_of(content(known[asked]))
+    check_finite(values, f"{shown(path)} at time {time:g}", "results")
+    return values
+
+
+def _states_kept(files: Files, kept: str) -> dict[str, str]:
+    """The states in the text that is kept of a results file."""
+    try:
+        known = json.loads(files.text(kept, "results", _MOST_OF_ARRAYS))
+        for one in known.values():
+            array_of(content(one))
+    except (ValueError, RecursionError, AttributeError, TypeError):
+        raise wrong(f"is kept in {kept}, which is damaged", "delete it and add the results file", "results") from None
+    return known
+
+
+def _state(files: Files, path: str, case: str | None, scheme: str | None, time: float) -> np.ndarray:
+    """The state in a results file on disk."""
+    try:
+        groups = read_results(files.folder / path).groups
+    except StorageError as error:
+        what, _, right = str(error).removeprefix(f"{files.folder / path}: ").partition("; ")
+        raise wrong(f"is {shown(path)} ({what})", right or "give a results file", "results") from None
+    paths = [group for group in groups if "y" in group.variables and "t" in group.coordinates]
+    if not paths:
+        raise wrong(f"is {shown(path)}, which holds no paths", "give results of kind trajectory", "results")
+    paths = _chosen(paths, "case", case, path)
+    (group,) = _chosen(paths, "variant", scheme, path, "scheme")
+    t = np.asarray(group.coordinates["t"], float)
+    nearest = int(np.abs(t - time).argmin())
+    if abs(t[nearest] - time) > 1e-9 * max(1.0, abs(time)):
+        right = f"the nearest time of a stored state is {t[nearest]:.12g}"
+        raise wrong(f"is {time:.12g}, at which {shown(path)} has no state", right, "time")
+    return np.asarray(group.variables["y"][1][nearest], float)
+
+
+def _chosen(groups: list[Group], attribute: str, name: str | None, path: str, key: str = "") -> list[Group]:
+    """The groups of one case or variant: that of the name, or the only one."""
+    key = key or attribute
+    known = list(dict.fromkeys(getattr(group, attribute) for group in groups))
+    if name is None and len(known) > 1:
+        raise wrong(f"missing key '{key}'", f"add {key}: one of {', '.join(known)}, which {shown(path)} has", key)
+    if name is not None and name not in known:
+        raise wrong(f"is {shown(name)}, which is not in {shown(path)}", f"known: {', '.join(known)}", key)
+    return [group for group in groups if getattr(group, attribute) == (name or known[0])]

@@ -27,8 +27,7 @@ from ..expressions.arithmetic import NumberError, parse
 from ..models.zeitlin import fields
 from ..models.zeitlin.lattice import places
 from ..systems import expanded, has_range
-from .arrays import array_in, state_in
-from .files import Files
+from .files import Files, array_in, state_in
 from .initial_laws import Law, random_state
 from .keys import ABSENT, Keys, Seed, State, condition, key_of, shown, wrong
 
@@ -56,14 +55,13 @@ class Vorticity(Keys):
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
 
     @condition()
-    def _check_one(self) -> "Vorticity":
+    def _check_one(self) -> None:
         given = [key for key in _FIELDS if key in self.model_fields_set]
         if len(given) != 1:
             known = _FIELDS if given else (*_FIELDS, "file", "results")
             raise wrong(f"has {' and '.join(given) or 'no field'}", f"must have one of {', '.join(known)}")
         if "subtract_mean" in self.model_fields_set and given != ["vorticity"]:
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
-        return self
 
     def state(self, n: int) -> tuple[float, ...]:
         """The state of the lattice modulo `n`; raises the error about the key that is wrong."""
@@ -87,7 +85,7 @@ class Stored(Keys):
     scheme: key_of(str, "scheme in it; default: the only one") = ABSENT
 
     @condition()
-    def _check_one(self) -> "Stored":
+    def _check_one(self) -> None:
         given = self.model_fields_set
         if {"file", "results"} <= given:
             raise wrong("has file and results", "must have one of them")
@@ -97,7 +95,6 @@ class Stored(Keys):
         if beside := sorted(of_other & given):
             which, other = ("file", "results") if "file" in given else ("results", "file")
             raise wrong(f"stands beside {which}", f"leave it out, it is for {other}", beside[0])
-        return self
 
     def state(self, files: Any, n: int | None) -> tuple[float, ...]:
         """The numbers of the state, on the lattice modulo `n` if there is one."""

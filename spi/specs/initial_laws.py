@@ -20,8 +20,7 @@ from ..ensemble.random_states import Gaussian, Gibbs, Listed, RandomState, Spher
 from ..exact.surfaces import least_on, quadratic, spheres
 from ..models.delegation import undamped
 from ..systems import variables
-from .arrays import check_finite, unpacked
-from .files import Files, content
+from .files import Files, check_finite, content, unpacked
 from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, quantity, shown, wrong
 
 LEAST_ACCEPTANCE = 1e-3  #: of the attempts at a state, with which a law is still drawn
@@ -84,11 +83,10 @@ class OfGauss(Keys):
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
 
     @condition()
-    def _check_one(self) -> "OfGauss":
+    def _check_one(self) -> None:
         given = [key for key in ("sd", "covariance") if key in self.model_fields_set]
         if len(given) != 1:
             raise wrong(f"has {' and '.join(given) or 'no width'}", "must have one of sd, covariance")
-        return self
 
     def state(self, model: Any, files: Files) -> RandomState:
         """The state that is a standard deviation from the mean in each component, and the law."""

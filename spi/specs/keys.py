@@ -84,8 +84,8 @@ def _faults_of_keys(data: dict[str, Any], known: dict[str, Any], needed: dict[st
 def condition(*keys: str) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
     """Decorator for a method of a subclass of :class:`Keys` that raises the error about a condition between `keys`.
 
-    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It returns the
-    record, or a copy with what it makes of it.  The conditions of a class are tried in the order in which they are
+    Where several entries of a key can be wrong it raises them all, see :func:`every`.  It may return a copy of the
+    record with what it makes of it.  The conditions of a class are tried in the order in which they are
     defined, those of its bases first, once all keys can be read.  After one that is not met those that have a key in
     common with it are left out, so that what depends on a mistake is not reported as another.
     """
@@ -127,7 +127,7 @@ class Keys(pydantic.BaseModel):
         for name, keys in _conditions(type(self)).items():
             if in_doubt.isdisjoint(keys):
                 try:
-                    record = getattr(record, name)()
+                    record = getattr(record, name)() or record
                 except (PydanticCustomError, ValidationError) as error:
                     faults += details(error)
                     in_doubt.update(keys)
@@ -212,12 +212,15 @@ def text_in(hint: Any) -> str | None:
     return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
 
 
+def fields_of(cls: Any) -> dict[str, tuple[Any, Any]]:
+    """The annotation and default of each field of a record, ... where it has none, as ``create_model`` takes them."""
+    hints = get_type_hints(cls, include_extras=True).items()
+    return {key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints}
+
+
 def _record_of(cls: Any) -> Any:
     """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
-    hints = get_type_hints(cls, include_extras=True)
-    fields: dict[str, Any] = {
-        key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints.items()
-    }
+    fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
     return Annotated[keys, AfterValidator(lambda found: cls(*(getattr(found, key) for key in cls._fields)))]
 
@@ -281,15 +284,9 @@ Steps = Annotated[_List, BeforeValidator(powers_of_two, json_schema_input_type=_
 _State = tuple[float, ...]
 State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
 _Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
-Eps = Annotated[
-    _Eps,
-    BeforeValidator(_listed, json_schema_input_type=_read(_Eps) | float | str),
-]
+Eps = Annotated[_Eps, BeforeValidator(_listed, json_schema_input_type=_read(_Eps) | float | str)]
 _Levels = Annotated[tuple[Annotated[int, Ge(0), Le(3)], ...], MinLen(1)]
-Levels = Annotated[
-    _Levels,
-    BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str),
-]
+Levels = Annotated[_Levels, BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str)]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.

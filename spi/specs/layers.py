@@ -1,23 +1,18 @@
 """The layers of a spec file, as pydantic reads them, and their JSON Schema."""
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import pydantic
 from annotated_types import Ge, MinLen
-from pydantic import create_model
+from pydantic import ValidationError, create_model
 
 from ..models import MODELS
 from . import expect, sweep
 from .cases import BaseCase
-from .keys import (
-    ABSENT,
-    CaseName,
-    Keys,
-    key_of,
-    needed_keys,
-    one_of,
-)
+from .document import Document, SpecError, text_of
+from .keys import ABSENT, CaseName, Keys, key_of, needed_keys, one_of
 from .models import COMPLETE, ModelPart, is_another
 from .systems import overridden
 
@@ -123,3 +118,24 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         if "expect" in above:
             result["expect"] = expect.merged(result["expect"], above["expect"])
     return result
+
+
+class Heading(NamedTuple):
+    """What stands over an experiment."""
+
+    title: str
+    figure: int | None  #: of the paper
+    kind: str
+
+
+def heading(path: str | Path, kinds: Layers) -> Heading | None:
+    """The heading of the spec in the file `path`; None if the spec is not valid, which :func:`spi.specs.load` explains.
+
+    Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
+    """
+    try:
+        data = kinds.asked(Document(text_of(path), str).data)
+        file = kinds.file.validate_python(data, context=kinds.context(data))
+    except (SpecError, ValidationError):
+        return None
+    return Heading(file.title or Path(path).stem, file.figure, file.kind)

@@ -7,14 +7,16 @@
 :data:`SOURCES` says for each key that tells where a model comes from how the mapping is read.
 """
 
+import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
 from operator import or_
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal
 
 import pydantic
 from pydantic import BeforeValidator, Field, PlainValidator, create_model
+from pydantic_core import PydanticCustomError
 
 from .. import systems
 from ..checks.passed import check_once
@@ -22,9 +24,10 @@ from ..compiler import modules
 from ..ensemble.protocol import fault, large
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
+from .document import Document, Location
 from .files import Files
-from .keys import ABSENT, Keys, key_of, one_of, shown, suggestion, text_in, wrong
-from .systems import KEYS, read_system
+from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
+from .systems import BY_ENTRY, KEYS, overridden, read_system, system_in_file
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Parameters
@@ -34,9 +37,7 @@ from .systems import KEYS, read_system
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
     """The keys of a model: those that tell which it is, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
-    for key, hint in get_type_hints(cls, include_extras=True).items():
-        default = cls._field_defaults.get(key, ...) if complete else ABSENT
-        fields[key] = (key_of(hint, text_in(hint)), default)
+    fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
         name = cls.__qualname__ + ("" if complete else "Part")
         return create_model(name, __base__=Keys, __doc__=cls.__doc__, **fields)
@@ -219,3 +220,52 @@ Model = Annotated[
 ModelPart = Annotated[
     dict[str, Any], BeforeValidator(lambda v: v, json_schema_input_type=reduce(or_, [*_PARTS, _FromElsewhere]))
 ]
+
+
+_WORD = re.compile(r"[^\W\d]\w*")
+_ONE_OF = {"parameters": "parameter", "sizes": "size"}
+
+
+def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[str, Any], files: Files) -> None:
+    """SpecError about a parameter or size that a layer adds to a system and that nothing of it names.
+
+    `data` is what the layers together make of a case.
+    """
+    whole: dict[str, Any] = {}
+    added: list[tuple[Document, Location, str, list[str]]] = []
+    for document, top in layers:
+        model = document.at(top).get("model")
+        if not isinstance(model, dict):
+            continue
+        if begins := not whole or is_another(model, whole):
+            try:
+                whole, added = dict(system_in_file(model["system"], files)) if "system" in model else {}, []
+            except PydanticCustomError:
+                return  # reading the model reports it
+        for key in BY_ENTRY if "system" in model or not begins else ():
+            known = _names(whole, key)
+            new = [name for name in _names(model, key) if name not in known]
+            added += [(document, (*top, "model", key, name), _ONE_OF[key], known) for name in new]
+        whole = overridden(whole, model)
+    used = {word for text in _texts([whole, data.get("initial")]) for word in _WORD.findall(text)}
+    for document, loc, what, known in added:
+        if loc[-1] not in used:
+            right = suggestion(loc[-1], known) if known else "leave it out"
+            document.fail(loc, f"is no {what} of the system, and no formula names it; {right}")
+
+
+def _names(model: Mapping[str, Any], key: str) -> list[str]:
+    found = model.get(key)
+    return list(found) if isinstance(found, dict) else []
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """The texts in which formulas stand: all but the names of parameters and sizes."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, list):
+        for entry in value:
+            yield from _texts(entry)
+    elif isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _texts([*inner, *inner.values()] if key == "bracket" and isinstance(inner, dict) else inner)

@@ -1,15 +1,44 @@
-"""What a temperature asks of a case."""
+"""What damping and a temperature ask of a case."""
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from ..ensemble.protocol import casimirs, conserved, dimension, large, noise_indices, squared_length_is_casimir
+from ..ensemble.protocol import (
+    casimir_degrees,
+    conserved,
+    dimension,
+    large,
+    noise_indices,
+    squared_length_is_casimir,
+)
+from ..exact.leaves import casimir_form, semidefinite
+from ..models.damped import damped
 from ..models.thermal import thermal
-from .damping import LAWS, damped_model
 from .drivers import told
 from .keys import quantity, wrong
+
+_MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
+LAWS = ("law", "distance", "moments")  # panels about a stationary law
+
+
+def damped_model(case: Any) -> Any:
+    """The record of the model of a case, with its damping; raises the error about it if it cannot be."""
+    if large(case.model):
+        raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
+    degrees = casimir_degrees(case.model)
+    if len(degrees) != conserved(case.model):
+        what = f"is for models that state the degrees of their Casimir functions, which {case.model_name} does not"
+        raise wrong(what, "leave it out, or state casimir_degrees", "damping")
+    if laws := [panel for panel in getattr(case, "panels", ()) if panel in LAWS]:
+        raise wrong(f"has '{laws[0]}', and no law is known with damping", "leave out one of them", "panels")
+    most = _MOST_DECAY / max(degrees, default=1) / case.last_time
+    if case.damping > most:
+        what = f"is {quantity(case.damping)}, with which all states are 0 but for rounding before the end"
+        raise wrong(what, f"must be at most {most:.3g} for paths until the time {quantity(case.last_time)}", "damping")
+    return damped(case.model, case.damping)
 
 
 def dissipation(case: Any) -> dict[str, float]:
@@ -54,16 +83,9 @@ def has_compact_surfaces(model: Any) -> bool:
     """
     if large(model) or squared_length_is_casimir(model):
         return True
-    d, total = dimension(model), np.zeros((dimension(model), dimension(model)))
-    unit, probe = np.eye(d), np.random.default_rng(1).standard_normal(d)
-
-    def value(c: int, y: Any) -> float:
-        return float(casimirs(model, tuple(map(float, y)))[c])
-
+    total = np.zeros((dimension(model), dimension(model)))
     for c in range(conserved(model)):
-        ends = np.array([[value(c, a + b) - value(c, a - b) for b in unit] for a in unit]) / 4
-        quadratic = abs(value(c, probe) - probe @ ends @ probe) <= 1e-9 * (1 + abs(value(c, probe)))
-        sign = 1 if np.trace(ends) >= 0 else -1
-        if quadratic and np.linalg.eigvalsh(sign * ends)[0] >= -1e-9:
-            total += sign * ends
+        with suppress(ValueError):  # it is not quadratic
+            b, Q = casimir_form(model, c)
+            total += 0 if b.any() else semidefinite(Q)
     return bool(np.linalg.eigvalsh(total)[0] > 1e-9)

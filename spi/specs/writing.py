@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from .arrays import array_text
+from .files import array_text
 
 _WIDTH = 110  # of a line of a stored spec
 

@@ -1,8 +1,7 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
 from .files import StorageError, check_writable, contents, write_all
-from .identity import check_replaceable, computed_by, finished, spec_and_sources
-from .provenance import machine, provenance
+from .provenance import check_replaceable, computed_by, finished, machine, provenance, spec_and_sources
 from .results import read, write
 from .sums import about_sums, previous, read_sums, remove_sums, write_sums
 

@@ -1,14 +1,17 @@
-"""When, with what and on which machine results were computed."""
+"""When, with what and on which machine results were computed, and of which spec and code those in a file are."""
 
 import contextlib
 import datetime
 import importlib.metadata
+import json
 import os
 import platform
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
+from .files import StorageError
+from .results import read_root
 
 
 def provenance() -> dict[str, Any]:
@@ -53,3 +56,78 @@ def _processor() -> str:
             key, _, value = line.partition(":")
             facts.setdefault(key.strip(), value.strip())
     return facts.get("model name") or platform.processor() or platform.machine() or "unknown"
+
+
+def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | None:
+    """The root attributes of the results of this very spec, text and all, by whichever sources.
+
+    None if a file does not hold them.
+    """
+    if not Path(path).exists():
+        return None
+    stored = read_root(path)
+    same = all(stored.get(name) == value for name, value in identity.items() if name != "source_digest")
+    return stored if same and stored.get("complete") else None
+
+
+def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[str, dict[str, int]]) -> None:
+    """Refuse to replace results of another spec, or that other sources computed.
+
+    A missing file is fine, and so are results of which every part is among those that are to take their place, with as
+    many samples or more; `parts` has by the name of a part its size by what decides it.
+    """
+    if not Path(path).exists():
+        return
+    stored = read_root(path)
+    sizes, old = _sizes(parts), _stored_sizes(stored)
+    among_them = old.keys() <= sizes.keys()
+    if stored.get("source_digest") != identity["source_digest"] and (
+        among_them or stored.get("paths_hash") == identity["paths_hash"]
+    ):
+        raise StorageError(
+            f"{path}: holds results that {computed_by(stored)}; they are kept: use --fresh to compute all anew and "
+            "replace them, or --out for another folder"
+        )
+    if stored.get("spec_hash") == identity["spec_hash"]:
+        return
+    if not among_them:
+        raise StorageError(
+            f"{path}: holds results of another spec, or of this one before it was edited; use --fresh to replace it or "
+            "--out for another folder, or delete it: then what both have alike is not computed again"
+        )
+    if any(size > sizes[key] for key, size in old.items()):
+        raise StorageError(
+            f"{path}: holds results of more samples or of a longer time; "
+            "use --fresh to replace it or --out for another folder"
+        )
+
+
+def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:
+    """The largest size of all parts that the same decides, by that."""
+    found: dict[str, int] = {}
+    for part in parts.values():
+        found |= {key: max(size, found.get(key, 0)) for key, size in part.items()}
+    return found
+
+
+def _stored_sizes(stored: dict[str, Any]) -> dict[str, int]:
+    """The sizes of the parts of results; one that nothing else has where the file does not tell."""
+    try:
+        return _sizes(json.loads(stored["parts"]))
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {"": 0}
+
+
+def computed_by(about: dict[str, Any]) -> str:
+    """By which sources of spi results or sums were computed, of which this is known, as a clause about them."""
+    version = f"spi {about['spi_version']}, " if about.get("spi_version") else ""
+    return f"other sources of spi computed ({version}digest {str(about.get('source_digest'))[:8]})"
+
+
+def spec_and_sources(path: str | Path) -> tuple[str, str] | None:
+    """Of which spec, and by which sources, a file has results: two digests; None if there is no such file."""
+    try:
+        stored = read_root(path)
+        return str(stored.get("spec_hash")), str(stored.get("source_digest"))
+    except StorageError:
+        return None

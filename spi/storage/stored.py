@@ -88,9 +88,9 @@ def fact(text: str, unit: str = "", name: str = "", column: bool = False) -> Mea
     return Meaning(text, unit, name=name, column="yes" * column)
 
 
-def nested(axes: str = "", prefix: str = "", text: str = "") -> Meaning:
+def nested(axes: str = "", prefix: str = "") -> Meaning:
     """A record within a record: the axes that all its arrays have first, and what its names begin with in a file."""
-    return Meaning(text, axes=tuple(axes.split()), prefix=prefix)
+    return Meaning(axes=tuple(axes.split()), prefix=prefix)
 
 
 class Field(NamedTuple):

@@ -12,7 +12,8 @@ import mpmath
 
 from .brackets import DIGITS, NOTHING
 from .eigenspaces import TINY
-from .kept import Entries
+from .functionals import Entries
+from .splitting import connected
 
 _MOST = 6  # matrices that do not commute
 
@@ -29,13 +30,8 @@ class Axis(NamedTuple):
 
 def clusters(matrices: Sequence[Entries]) -> list[list[int]]:
     """The numbers of matrices that do not commute, those together that are linked; none where all commute."""
-    groups: list[set[int]] = []
-    for pair in itertools.combinations(range(len(matrices)), 2):
-        if _commute(matrices[pair[0]], matrices[pair[1]]):
-            continue
-        touching = [group for group in groups if group & set(pair)]
-        groups = [group for group in groups if not group & set(pair)] + [set(pair).union(*touching)]
-    return sorted(sorted(group) for group in groups)
+    pairs = itertools.combinations(range(len(matrices)), 2)
+    return [sorted(group) for group in connected((i, j) for i, j in pairs if not _commute(matrices[i], matrices[j]))]
 
 
 def _commute(first: Entries, second: Entries) -> bool:

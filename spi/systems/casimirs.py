@@ -12,10 +12,9 @@ import sympy
 from sympy.polys.matrices import DomainMatrix
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
-from .forms import degree_of
 from .functionals import reduced
 from .splitting import connected
-from .symbolics import Symbolics
+from .symbolics import Symbolics, degree_of
 from .system import Function
 
 MOST_DEGREE = 4

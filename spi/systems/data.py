@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 from ..ensemble.inexact import INNER_METHODS
-from .forms import shortened
 from .keys import KEYS, DefinitionError
+from .symbolics import shortened
 from .text import NumberError, Symbols, entries, expression
 
 T = TypeVar("T")

@@ -20,13 +20,11 @@ from .casimirs import counted, named, squares_first
 from .coordinates import Given, simplified
 from .data import Data
 from .driving import TIME, driving_of, split_in_time
-from .forms import check_finite, check_name, degree_of, merged_powers, polynomial, shortened
 from .functionals import NoExactFlow, NowhereFinite
-from .invariants import by_invariants
 from .keys import KEYS, MOST, DefinitionError
-from .quadratics import by_quadratics
+from .quadratics import by_invariants, by_quadratics
 from .splitting import Constants, Flow, Term, merged, single, split, without_flow
-from .symbolics import Symbolics
+from .symbolics import Symbolics, check_finite, check_name, degree_of, merged_powers, polynomial, shortened
 from .system import Function, System
 from .text import TAKEN, NumberError, Symbols, addends, entries, expression, names, parts, repeated, whole
 from .waring import powers

@@ -14,8 +14,8 @@ import sympy
 from ..numerics.averages import NODES
 from .code import Formula
 from .data import Data
-from .forms import shortened
 from .keys import DefinitionError
+from .symbolics import shortened
 from .text import Symbols, expression
 
 TIME = sympy.Symbol("t", real=True)

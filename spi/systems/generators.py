@@ -12,8 +12,7 @@ import sympy
 
 from .axes import Axis, axes, clusters
 from .brackets import Bracket
-from .functionals import form_text
-from .kept import Entries
+from .functionals import Entries, form_text
 from .series import Field, Series, constant_rates, series
 from .spectrum import Block, blocks
 from .splitting import Flow, connected

@@ -8,9 +8,9 @@ import sympy
 from ..checks.registration import vocabulary
 from .casimirs import LARGEST_DENOMINATOR
 from .definition import Defined, define
-from .forms import shortened
 from .source import Generated, generate
 from .splitting import Flow
+from .symbolics import shortened
 
 
 def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str, float]], list[float], list[str]]:

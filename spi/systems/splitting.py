@@ -14,11 +14,19 @@ import sympy
 
 from .brackets import DIGITS, NOTHING, Bracket, precise
 from .driving import by_factor, split_in_time
-from .forms import degree_of, merged_powers, shortened
-from .functionals import Functional, NoExactFlow, NowhereFinite, form_text, functionals_of, reduced
-from .kept import Quadratic, commuting, unmoved
+from .functionals import (
+    Functional,
+    NoExactFlow,
+    NowhereFinite,
+    Quadratic,
+    commuting,
+    form_text,
+    functionals_of,
+    reduced,
+    unmoved,
+)
 from .series import ends
-from .symbolics import Symbolics
+from .symbolics import Symbolics, degree_of, merged_powers, shortened
 
 Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
 Lacking = list[tuple[Any, str]]  #: what has no exact flow, and why

@@ -156,6 +156,9 @@ def test_a_ring_without_symmetry_against_sampling():
 # --- what is not known -----------------------------------------------------------------------------------------------
 
 
+UNDEFINED_AT_0 = "{bracket: {a b: c}, variables: [a, b, c], hamiltonian: a^2, noises: [b], casimirs: [1/c]}"
+
+
 def test_laws_that_are_not_known_are_refused_with_the_reason():
     ring = made(CHAIN.format(4, HEISENBERG.format(4))).record
     for model, point, temperature, reason in (
@@ -167,6 +170,7 @@ def test_laws_that_are_not_known_are_refused_with_the_reason():
         (made(SYSTEMS["Toda"][0]).record, (1.0,) * 7, 1.0, "does not keep Lebesgue measure"),
         (made(SYSTEMS["sl(2)"][0]).record, (1.0,) * 3, 1.0, "no planes over spheres"),
         (made(SYSTEMS["gl(3)"][0]).record, (1.0,) * 9, 1.0, "is not quadratic"),
+        (made(UNDEFINED_AT_0).record, (1.0,) * 3, 1.0, "number 1 is not quadratic"),
         (made(SYSTEMS["heisenberg(2)"][0]).record, (1.0,) * 5, 1.0, "H is not quadratic where"),
         (
             made(CHAIN.format(4, "(x(1) + x(2) + x(3) + x(4))^2")).record,

@@ -8,12 +8,12 @@ from helpers import compiled_only
 
 from spi import storage
 from spi.kinds.state import State
-from spi.running import compared, shards
 from spi.running import run as runner
+from spi.running import shards
 from spi.running.checkpoint import Shard
 from spi.running.load import name_of
 from spi.running.run import Watch
-from spi.running.verify import verify
+from spi.running.verify import TIMES, differing, verify
 
 BODY = {
     "model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
@@ -55,10 +55,10 @@ def extended(tmp_path, monkeypatch, computed):
         one, other = storage.read(path), storage.read(alone)
         assert one.chunks == other.chunks
         assert [group.name for group in one.groups] == [group.name for group in other.groups]
-        assert not compared.differing(one.groups, other.groups, times=False)
+        assert not differing(one.groups, other.groups, times=False)
         for mine, its in zip(one.groups, other.groups, strict=True):
             for name, values in mine.arrays.items():
-                if not any(word in name for word in compared.TIMES) and values.dtype.kind != "U":
+                if not any(word in name for word in TIMES) and values.dtype.kind != "U":
                     assert values.tobytes() == its.arrays[name].tobytes(), name
         assert verify(path, None).sound
         return found
@@ -137,7 +137,7 @@ def test_values_of_a_swept_parameter(extended):
     middle = storage.read("out/s.h5").groups[1]
     fixed = ["sweep=null", "model.sigma=[3/4, 3/4, 3/4]", "expect=null"]
     (alone,) = storage.read(runner.run(runner.load("s.yaml", overrides=fixed), "one")).groups
-    different = compared.differing([middle._replace(case="main")], [alone], times=False)
+    different = differing([middle._replace(case="main")], [alone], times=False)
     assert all(name.startswith("main/splitting: swept_") for name in different)
     assert middle.arrays["error"].tobytes() == alone.arrays["error"].tobytes()
 

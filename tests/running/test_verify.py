@@ -15,8 +15,7 @@ from spi.numerics.rng import LANES
 from spi.running import run as runner
 from spi.running import shards
 from spi.running.checkpoint import Shard
-from spi.running.compared import differing
-from spi.running.verify import verify
+from spi.running.verify import differing, verify
 from spi.statistics import tallies
 
 if not COMPILED:

@@ -11,8 +11,8 @@ from scheme_cases import relative
 from scipy.linalg import expm
 from yaml_cases import made
 
-from spi.checks.brackets import check_brackets
 from spi.checks.differences import derivative
+from spi.checks.model_checks import check_brackets
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import add_lie_bracket, add_noise_bracket_gradient
 from spi.ensemble.protocol import (

@@ -16,8 +16,8 @@ from spi.ensemble.protocol import commuting_noises, pieces
 from spi.schemes import SCHEMES
 from spi.specs import SpecError
 from spi.systems.definition import DefinitionError, define
-from spi.systems.forms import merged_powers
 from spi.systems.making import make
+from spi.systems.symbolics import merged_powers
 
 Q, P = "'q(i) for i = 1..n'", "'p(i) for i = 1..n'"
 CANONICAL = f"algebra: heisenberg(n), variables: [{Q}, {P}, z]"

@@ -34,10 +34,10 @@ import numpy as np
 
 from ...ensemble.protocol import rotation_shear_rates
 from ..places import strengths_by_place
+from . import Demands, Expectations
 from .backward import numbers_of_steps, plan, weak_order, words_of
 from .grids import LAYER, POINTS, REFINEMENT, Grid, Problem, domain, even, first_points, resolution, safe_half_width
 from .ladders import ladder_of_limit, ladder_of_scheme, limit_of_scheme, limit_on, prediction, weak_error
-from .result import Demands, Expectations
 
 ACCURACY = 1e-10  #: what is tried for when nothing is asked
 ROUNDING = 1e-15  #: of a step, relative to max|phi|
@@ -86,7 +86,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
-    """:class:`~.result.Demands` of :func:`expectations`, from the period of the grid and the accuracy.
+    """:class:`~.Demands` of :func:`expectations`, from the period of the grid and the accuracy.
 
     Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
     """

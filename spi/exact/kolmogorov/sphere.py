@@ -19,10 +19,10 @@ import numpy as np
 
 from ...ensemble.protocol import axis_inertias
 from ..places import strengths_by_place
+from . import Demands, Expectations
 from .backward import numbers_of_steps
 from .harmonics import CLASSES, harmonics_up_to
 from .operators import Step, bounds, cheapest, chebyshev, factors, semigroup
-from .result import Demands, Expectations
 
 #: Degrees tried in turn.
 LEVELS = (24, 32, 48, 64, 96, 128, 192, 256)
@@ -37,7 +37,7 @@ ROUNDING = 2e-14
 
 
 def expectations(model, compositions, initial, final_time, steps, functions, accuracy=None):
-    """E phi of a splitting scheme at each step size and of the equation, as :class:`~.result.Expectations`.
+    """E phi of a splitting scheme at each step size and of the equation, as :class:`~.Expectations`.
 
     `compositions` is a step as ``schemes.stages.compositions`` gives it; each of `steps` divides `final_time`;
     `functions` take y of shape (3, n) to (n,).  `accuracy` is the wanted absolute error of value, limit and weak error;
@@ -72,7 +72,7 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
-    """:class:`~.result.Demands` of :func:`expectations`, from the waves of the functions and the cost of each degree.
+    """:class:`~.Demands` of :func:`expectations`, from the waves of the functions and the cost of each degree.
 
     Constants are fitted to the experiments that come with the program, on one core of a machine of 2026.
     """

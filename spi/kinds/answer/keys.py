@@ -11,11 +11,10 @@ from spi.ensemble.inexact import flows_lacking
 from spi.ensemble.protocol import Positive, large
 from spi.expressions import as_numpy
 from spi.schemes import SCHEMES, has_theory
-from spi.specs.cases import BaseCase
+from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
 from spi.specs.checks import check_count, check_flows, check_once
 from spi.specs.conversion import Given
-from spi.specs.functions import FunctionKeys
 from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 

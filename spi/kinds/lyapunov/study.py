@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.ensemble.loop import integrated, states_at
-from spi.exact.divergence import mean_divergence
+from spi.exact.gibbs import mean_divergence
 from spi.kinds.means import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.models.delegation import undamped
