@@ -89,19 +89,6 @@ def histogram(
     return exact[low:high], edges
 
 
-def points(
-    ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
-) -> None:
-    """Points within the panel, hollow where they are poor, with bars that end at its lower edge; no bar for NaN."""
-    bottom, top = ax.get_ylim()
-    inside = (values >= bottom) & (values <= top)
-    for chosen, fill in ((inside & ~poor, {}), (inside & poor, {"markerfacecolor": "none", "alpha": 0.6})):
-        if chosen.any():
-            up = np.where(np.isfinite(half), half, 0.0)[chosen]
-            bars = np.array([np.minimum(up, values[chosen] - bottom), up])
-            ax.errorbar(x[chosen], values[chosen], bars, linestyle="none", elinewidth=0.8, zorder=3, **look | fill)
-
-
 def power_ticks(ax: Axes, h: np.ndarray) -> None:
     """Ticks of a horizontal axis at powers of two."""
     exponents = np.arange(round(math.log2(h.min())), round(math.log2(h.max())) + 1)
@@ -114,7 +101,7 @@ def power_ticks(ax: Axes, h: np.ndarray) -> None:
 
 
 def slopes(
-    ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, str, bool]], ends: tuple[float, float] | None = None
+    ax: Axes, points: np.ndarray, orders: Iterable[tuple[float, Any, bool]], ends: tuple[float, float] | None = None
 ) -> None:
     """Reference lines that touch the cloud of points from above or below, at a distance, so that they cover none.
 
@@ -126,7 +113,7 @@ def slopes(
         ratio = points[:, 1] / points[:, 0] ** order
         factor = ratio.max() * 1.7 if above else ratio.min() / 1.7
         label = f"slope {Fraction(order).limit_denominator(100)}"
-        ax.plot(between, factor * between**order, dashes, color=SLOPE, linewidth=1, zorder=1, label=label)
+        ax.plot(between, factor * between**order, linestyle=dashes, color=SLOPE, linewidth=1, zorder=1, label=label)
 
 
 def limits(values: np.ndarray) -> tuple[float, float]:
@@ -151,4 +138,4 @@ def with_order(label: str, order: float, low: float, high: float) -> str:
     """An entry of a legend: a label and the fitted order with its interval."""
     if not math.isfinite(order):
         return f"{label}: order not resolved"
-    return f"{label}: order {order:.2f} [{low:.2f}, {high:.2f}]"
+    return f"{label}: order " + f"{order:.2f} [{low:.2f}, {high:.2f}]".replace("-", "\N{MINUS SIGN}")

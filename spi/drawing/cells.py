@@ -1,5 +1,7 @@
 """Axes for the values of a parameter: where these, cells around them, and ticks stand."""
 
+import math
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -69,7 +71,9 @@ def edges(places: np.ndarray, is_log: bool) -> np.ndarray:
 def ticks(axis: Axis, places: np.ndarray, values: np.ndarray, steps: bool, room: int) -> None:
     """Ticks at the places, named by the values, at most so many of them."""
     order = np.argsort(places)[:: -1 if steps else 1][:: int(np.ceil(len(places) / room))]
-    names = [f"${style.number(v, steps=True) if steps else style.power(v)}$" for v in map(float, values[order])]
+    shown = [float(value) for value in values[order]]
+    powers = all(value > 0 and math.isclose(math.log10(value) % 1, 0) for value in shown)
+    names = [f"${style.power(value) if powers and not steps else style.number(value, steps)}$" for value in shown]
     axis.set_major_locator(FixedLocator(places[order].tolist()))
     axis.set_minor_locator(NullLocator())
     axis.set_ticklabels(names)

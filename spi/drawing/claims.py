@@ -26,7 +26,7 @@ def _summary(verdicts: Iterable[Verdict], wanted: str) -> str:
     """``order 1/2 (splitting; midpoint), order 1 (AP splitting: 3 of 4)``: the claims with this verdict."""
     counts: dict[str, dict[str, list[bool]]] = {}
     for one in verdicts:
-        label = one.found.about.scheme_label if one.found else one.claim.scheme
+        label = one.found.about._replace(eps=None).label if one.found else one.claim.scheme
         counts.setdefault(one.claim.text, {}).setdefault(label, []).append(one.verdict == wanted)
     told = []
     for claim, schemes in counts.items():

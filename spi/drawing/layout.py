@@ -223,6 +223,29 @@ def mark(marker: str, text: str, **look: Any) -> Entry:
     return Line2D([], [], marker=marker, linestyle="none", color="black", **look), text
 
 
+def unresolved(marker: str) -> dict[str, Any]:
+    """How a point is drawn that sampling does not resolve: hollow, or pale where its marker, a cross, has no face."""
+    return {"markerfacecolor": "none"} if marker in Line2D.filled_markers else {"alpha": 0.4}
+
+
+def points(
+    ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
+) -> None:
+    """Points within the panel, hollow where they are poor, with bars that end at its lower edge; no bar for NaN."""
+    bottom, top = ax.get_ylim()
+    inside = (values >= bottom) & (values <= top)
+    for chosen, fill in ((inside & ~poor, {}), (inside & poor, unresolved(look["marker"]))):
+        if chosen.any():
+            up = np.where(np.isfinite(half), half, 0.0)[chosen]
+            bars = np.array([np.minimum(up, values[chosen] - bottom), up])
+            ax.errorbar(x[chosen], values[chosen], bars, linestyle="none", elinewidth=0.8, zorder=3, **look | fill)
+
+
+def zero_mark() -> Entry:
+    """The entry of a legend for such points of a difference."""
+    return mark("o", "hollow, or pale crosses: zero within 2 standard errors", markerfacecolor="none")
+
+
 def empty(ax: Axes, text: str) -> None:
     """A panel that has nothing to show, and why."""
     ax.set_axis_off()

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 
-from ..statistics.cells import mollweide
+from ..statistics.cells import heights, mollweide
 from ..storage.records import Description
 from . import style
 
@@ -38,12 +38,13 @@ def net(ax: Axes, names: Sequence[str]) -> None:
     """Draw meridians, parallels, the outline and where the axes with these `names` leave the sphere."""
     thin: dict[str, Any] = {"color": _LINES, "linewidth": 0.4, "alpha": 0.6}
     whole = np.linspace(-1, 1, 201)
+    up = heights(-1, 1, 201)
     for meridian in np.pi * np.array([-0.5, 0, 0.5]):
-        ax.plot(*mollweide(whole, np.full_like(whole, meridian)), **thin)
+        ax.plot(*mollweide(up, np.full_like(up, meridian)), **thin)
     for height in (-0.5, 0, 0.5):
         ax.plot(*mollweide(np.full_like(whole, height), np.pi * whole), **thin)
     for side in (-np.pi, np.pi):
-        ax.plot(*mollweide(whole, np.full_like(whole, side)), color="black", linewidth=0.7)
+        ax.plot(*mollweide(up, np.full_like(up, side)), color="black", linewidth=0.7)
     ends = {
         (0, 0): names[0],
         (0, 0.5): names[1],

@@ -171,6 +171,8 @@ def inches(text: str, size: str | float) -> float:
 
 def split_facts(told: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:
     """The facts that all cases share, and those of each case that are its own; `told` has the :func:`facts` of each."""
+    if any("model_temperature" in one or "temperature" in one.get("initial", "") for one in told):  # which is T then
+        told = [{name: text.replace("$T=", r"$\mathrm{final\ time}=") for name, text in one.items()} for one in told]
     shared = {name: text for name, text in told[0].items() if all(other.get(name) == text for other in told)}
     return list(shared.values()), [[text for name, text in one.items() if name not in shared] for one in told]
 
@@ -198,7 +200,8 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
         if own.get(name) is not None:
             told[name] = f"${symbol}={number(own[name], steps=True)}$"
     if own.get("reference_scheme"):
-        told["reference_scheme"] = plain(f"reference: {own['reference_scheme'].replace('_', ' ')}")
+        name = own["reference_scheme"]
+        told["reference_scheme"] = plain(f"reference: {SCHEMES[name].label if name in SCHEMES else name}")
     if own.get("samples") is not None:
         told["samples"] = f"{count(own['samples'])} samples"
     if about.truncate_noise:
@@ -248,11 +251,13 @@ def number(value: float | tuple[float | None, ...] | list[float | None] | None, 
         return r"\mathrm{off}"
     if steps and math.frexp(value)[0] == 0.5:
         return f"2^{{{math.frexp(value)[1] - 1}}}"
-    digits, e, exponent = f"{value:.3g}".partition("e")
+    few = next((text for text in (f"{value:.3g}", f"{value:.4g}") if math.isclose(float(text), value)), None)
     nearest = Fraction(value).limit_denominator(12)
-    if float(f"{value:.3g}") != value and nearest and abs(nearest - value) < 1e-12 * abs(value):
+    if few is None and nearest and math.isclose(nearest, value, rel_tol=1e-12):
         return str(nearest)
-    return rf"{digits}\cdot10^{{{int(exponent)}}}" if e else digits
+    digits, e, exponent = (few or f"{value:.3g}").partition("e")
+    factor = digits[:-1] if digits in ("1", "-1") else rf"{digits}\cdot"
+    return rf"{factor}10^{{{int(exponent)}}}" if e else digits
 
 
 def power(value: float) -> str:

@@ -89,6 +89,8 @@ def _panel(
     places = dict(zip(every.tolist(), swept_axis(ax, first.word, every).tolist(), strict=True))
     is_log = first.name in sorts and sorts[first.name].sense == AT_MOST
     _limits(ax, curves, is_log)
+    if ax.get_yscale() == "linear" and np.prod(ax.get_ylim()) < 0:
+        ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
     known: dict[tuple[bytes, bytes], list[tuple[np.ndarray, np.ndarray, str]]] = {}  # what several have alike, once
     for curve in curves:
         marker, colour = looks[curve.about.variant]
@@ -209,7 +211,7 @@ def _map(ax: Axes, curve: Curve, sorts: Mapping[str, Sort], several: bool) -> No
     told = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
     told += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
-        told.append(f"$\\chi^2={agreement[0]:.0f}$ of {agreement[1]} cells from what is known")
+        told.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against known values")
     ax.set_title("\n".join(told))
 
 

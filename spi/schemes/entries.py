@@ -19,7 +19,7 @@ class Scheme(NamedTuple):
     label: str
     formula: str  #: of a step from y to z, one line of plain text
     reference: str  #: an equation of the paper, or a DOI
-    look: tuple[str, str]  #: marker and colour in figures: the paper's markers, the palette of Okabe and Ito
+    look: tuple[str, str]  #: marker and colour in figures: the paper's markers, colours of Okabe and Ito, and of Tol
     strong_order: float  #: with several noises that do not commute
     strong_order_commuting: float  #: with one noise, or several that commute
     weak_order: float

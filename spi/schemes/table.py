@@ -74,7 +74,7 @@ register_scheme(
     label="joint splitting",
     formula="z = J_1...J_p J_p...J_1 y, J_k = exp(h/2 Y_{H_k} + sigma_k dW_k/2 Y_{Ĥ_k}), the same dW_k there and back",
     reference="docs/joint.md",
-    look=("X", "#009E73"),
+    look=("X", "#999933"),
     weak_order=1.0,
     **POISSON,
 )
@@ -85,7 +85,7 @@ register_scheme(
     formula="z = J_1...J_p L J_p...J_1 y, J_k as in splitting_joint, L the flows of sigma_k sigma_l A_kl {Ĥ_l, Ĥ_k}, "
     "or loops in their place",
     reference="docs/joint.md; areas as in doi:10.1214/aoap/1015345301",
-    look=("H", "#0072B2"),
+    look=("H", "#332288"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
@@ -118,7 +118,7 @@ register_scheme(
     formula="z = D N y, each flow of N = exp(s_m Y_{Ĥ_m})...exp(s_1 Y_{Ĥ_1}), s_k = friction + sigma_k dW_k, and the "
     "palindrome D of the drift flows accepted or not, D turned over where it is not",
     reference="docs/temperature.md",
-    look=("3", "#D55E00"),
+    look=("3", "#CC79A7"),
     strong_order=0.5,
     strong_order_commuting=0.75,
     weak_order=1.0,
@@ -192,7 +192,7 @@ register_scheme(
     label="Munthe-Kaas, midpoint",
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k",
     reference="doi:10.1186/s13662-023-03796-y, with the explicit midpoint rule; see docs/literature_schemes.md",
-    look=("<", "#E69F00"),
+    look=("<", "#AA4499"),
     strong_order=0.5,
     strong_order_commuting=1.0,
     weak_order=1.0,
@@ -208,7 +208,7 @@ register_scheme(
     formula="z = exp(M(v(x))) y, x = exp(M(v(y)) / 2) y to second order, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k "
     "+ sum_{k < l} sigma_k sigma_l A_kl grad {Ĥ_l, Ĥ_k}",
     reference="doi:10.1137/060666743, its Castell-Gaines type; see docs/literature_schemes.md",
-    look=("2", "#009E73"),
+    look=("2", "#882255"),
     strong_order=1.0,
     strong_order_commuting=1.0,
     weak_order=1.0,
@@ -223,7 +223,7 @@ register_scheme(
     label="isospectral midpoint",
     formula="y = u - u x v/2 + (v.u) v/4, z = u + u x v/2 + (v.u) v/4, v = h grad H + sum_k sigma_k dW_k grad Ĥ_k at u",
     reference="doi:10.1007/s10543-019-00792-1; with noise arXiv:2408.16701",
-    look=("d", "#56B4E9"),
+    look=("d", "#E69F00"),
     weak_order=1.0,
     work=16.0,
     needs_truncation=True,

@@ -54,6 +54,12 @@ _TABLE = np.linspace(-np.pi / 2, np.pi / 2, 2001)  # auxiliary angles a with 2 a
 _HEIGHT = (2 * _TABLE + np.sin(2 * _TABLE)) / np.pi
 
 
+def heights(low: float, high: float, count: int) -> Array:
+    """So many heights from one to another, dense near the poles, where meridians bend, so that curves look smooth."""
+    angle = np.linspace(np.interp(low, _HEIGHT, _TABLE), np.interp(high, _HEIGHT, _TABLE), count)
+    return (2 * angle + np.sin(2 * angle)) / np.pi
+
+
 def mollweide(z: np.ndarray, longitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The point of the plane for one at this height on the unit sphere, with this longitude in [-pi, pi]."""
     angle = np.interp(z, _HEIGHT, _TABLE)

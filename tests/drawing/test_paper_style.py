@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from damage import call
 from equilibrium_results import averages_group, equilibrium, equilibrium_group
 from figure_checks import alike_without_colours, collisions, lightness
@@ -16,7 +17,7 @@ from weak_results import at_eps, weak, weak_group
 from work_results import work_results
 
 from spi import storage
-from spi.drawing import page, style
+from spi.drawing import layout, page, style
 from spi.kinds.trajectory.figure import fields
 from spi.report import views
 from spi.schemes import SCHEMES
@@ -114,6 +115,30 @@ def test_schemes_and_their_variants_need_no_colours():
     assert len(set(markers)) == len(markers)
     assert all(len(set(sequence)) == len(sequence) for sequence in style.SEQUENCES)
     assert not any(set(a) & set(b) for a, b in itertools.combinations(style.SEQUENCES, 2))
+
+
+def test_no_two_schemes_of_an_experiment_have_one_colour():
+    for path in Path("experiments").glob("*.yaml"):
+        spec = yaml.safe_load(path.read_text())
+        for case in [spec, *spec.get("cases", [])]:
+            colours = [SCHEMES[one].look[1] for one in map(str, case.get("schemes", [])) if one in SCHEMES]
+            assert len(set(colours)) == len(colours), path
+
+
+def test_a_final_time_is_not_called_as_a_temperature_is():
+    """In all cases of a figure of which one has a temperature, in whose law and heat capacity it is T."""
+    told = [{"final_time": "$T=2$"}, {"final_time": "$T=2$", "model_temperature": "$temperature=1/2$"}]
+    assert style.split_facts(told[:1])[0] == ["$T=2$"]
+    assert style.split_facts(told)[0] == [r"$\mathrm{final\ time}=2$"]
+
+
+def test_numbers_of_few_digits_are_exact():
+    shown = [style.number(value) for value in (0.03125, -0.6000000000000001, 2 / 3, 1e-6, 3e8, 0.4535961)]
+    assert shown == ["0.03125", "-0.6", "2/3", "10^{-6}", r"3\cdot10^{8}", "0.454"]
+
+
+def test_points_that_are_not_resolved_can_be_told_from_others():
+    assert layout.unresolved("o") == {"markerfacecolor": "none"} and layout.unresolved("x")["alpha"] < 1
 
 
 def test_scales_of_colours_are_scales_of_lightness():

@@ -138,7 +138,7 @@ def test_accuracy_against_seconds():
     assert accuracy.get_title() == "splitting, $h=2^{-5}$: accuracy" and middle == 2**-5
     plain, multilevel, exact, _ = legend_texts(accuracy)
     assert plain == "plain Monte Carlo" and multilevel == "multilevel, 100 times as fast as plain"
-    assert exact == r"Kolmogorov, no sampling, bound $1\cdot10^{-10}$, $1\cdot10^{12}$ times as fast as plain"
+    assert exact == r"Kolmogorov, no sampling, bound $10^{-10}$, $10^{12}$ times as fast as plain"
     seconds, stderr = curve(accuracy, "plain").get_data()
     np.testing.assert_allclose(seconds, [0.04, 0.4, 4])
     np.testing.assert_allclose(stderr, 1e-4 * np.sqrt([100, 10, 1]))

@@ -45,6 +45,7 @@ def _panel(ax: Axes, readings: Sequence[Exponents], looks: style.Looks, k: int) 
     rules(ax)
     if is_sum and (known := readings[0].total_known) is not None:
         ax.axhline(known, color="#777777", linestyle=(0, (2, 2)), linewidth=1.0, zorder=1)
+    ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
     for one in readings:
         marker, colour = looks[one.about.variant]
         value = one.total if is_sum else one.exponent[k]
@@ -63,7 +64,10 @@ def _pictures(readings: Sequence[Exponents]) -> list[layout.Line]:
         least, most = density[density > 0].min(initial=np.inf), density.max(initial=0.0)
         norm = LogNorm(least, max(most, 2 * least)) if most > 0 else None
         panels = [partial(_picture, reading=one, i=i, norm=norm) for i in range(len(found.t))]
+        few = layout.mark("o", "all cells that have states", markerfacecolor="none", markersize=9)
+        circled = any(0 < np.count_nonzero(cells) <= _FEW for cells in found.count)
         lines += layout.in_lines(panels, _ACROSS, PICTURE, least=2.4)
+        lines[-1] = lines[-1]._replace(legend=[[few]] if circled else ())
     return lines
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from matplotlib.lines import Line2D
 from spi.drawing import layout, style
 from spi.drawing.axes import INTERVAL, KNOWN, dress_function, histogram
 from spi.drawing.spheres import cell_edges, dress_map
-from spi.statistics.cells import mollweide
+from spi.statistics.cells import heights, mollweide
 
 from .results import Statistics
 
@@ -92,7 +93,7 @@ def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.
         found.append((Line2D([], [], color="#777777", linewidth=0.8, linestyle="-."), text))
     if readings[0].reference is not None:
         finer = readings[0].reference_step
-        text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "known mean"
+        text = f"reference: known, or with $h={style.number(finer, steps=True)}$" if finer else "reference mean"
         found.append((Line2D([], [], **KNOWN), text))
         if any(np.isfinite(one).any() and not np.isfinite(one).all() for one in readings[0].reference):
             found.append((Line2D([], [], **SOME_KNOWN), "known at some times"))
@@ -208,7 +209,9 @@ def map_panel(ax: Axes, reading: Statistics, m: int, highest: float) -> None:
     density = np.where(found.density[m] > 0, found.density[m], np.nan)
     if found.is_sphere:  # cells of equal area on the sphere are such cells of an ellipse
         density = np.repeat(np.repeat(density, _FINER, axis=0), _FINER, axis=1)
-        places = mollweide(*np.meshgrid(*cell_edges(found, m, _FINER), indexing="ij"))
+        sides, longitude = cell_edges(found, m)[0], cell_edges(found, m, _FINER)[1]
+        z = np.append([heights(*side, _FINER + 1)[:-1] for side in pairwise(sides.tolist())], sides[-1])
+        places = mollweide(*np.meshgrid(z, longitude, indexing="ij"))
         mesh = ax.pcolormesh(*places, density, **look)
     else:
         edges = cell_edges(found, m)

@@ -59,7 +59,7 @@ def _entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> 
     if word in known and np.isfinite(known[word]).any() and not (word == "means" and _of_biases(readings)):
         found.append((Line2D([], [], **KNOWN), "exact" if word != "means" else "reference"))
     if word == "means" and _of_biases(readings):
-        found.append(layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6))
+        found.append(layout.zero_mark())
     return found
 
 
@@ -101,11 +101,11 @@ def _means(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks
         label = with_order("", order.order, order.low, order.high).lstrip(": ") if np.isfinite(order.order) else None
         zero = ~(value > 2 * stderr)
         used = value > 0
-        ax.plot(reading.h[used], value[used], color=look["color"], linewidth=0.9, alpha=0.6, label=label)
-        for some, how in ((used & ~zero, {}), (used & zero, {"alpha": 0.6})):
+        ax.plot(reading.h[used], value[used], color=look["color"], linewidth=0.9, alpha=0.6)
+        filled = look | {"linestyle": "none", "markerfacecolor": look["color"]}
+        for some, how in ((used & ~zero, {"label": label}), (used & zero, layout.unresolved(look["marker"]))):
             half = np.array([np.minimum(INTERVAL * stderr, 0.999 * value), INTERVAL * stderr])[:, some]
-            filled = look | {"linestyle": "none", "markerfacecolor": "none" if how else look["color"]} | how
-            ax.errorbar(reading.h[some], value[some], half, elinewidth=0.8, **filled)
+            ax.errorbar(reading.h[some], value[some], half, elinewidth=0.8, **filled | how)
         if np.isfinite(order.order):
             ax.plot(reading.h, abs(found.constant[f]) * reading.h**order.order, color=look["color"], linewidth=0.6)
     if ax.get_legend_handles_labels()[0]:
@@ -165,7 +165,7 @@ def _response(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Lo
         ax.errorbar(reading.h, factor * found.variance[:, f], half, elinewidth=0.8, **_look(reading, looks))
         if np.isfinite(found.reference_variance[f]):
             ax.axhline(factor * found.reference_variance[f], **KNOWN)
-    _dress(ax, readings, f, "step size $h$", f"{name}, {'Var/T²' if name == 'heat capacity' else 'Var/T'}")
+    _dress(ax, readings, f, "step size $h$", f"{name}, {'Var$/T^2$' if name == 'heat capacity' else 'Var$/T$'}")
 
 
 def _acceptance(ax: Axes, readings: Sequence[Equilibrium], looks: style.Looks) -> None:

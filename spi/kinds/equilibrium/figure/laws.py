@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, points, rules
+from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules
 
 from ..results import Equilibrium, with_laws
 
@@ -34,7 +34,7 @@ def scheme_entries(readings: Sequence[Equilibrium], looks: style.Looks, word: st
         row.append(layout.scheme_entry(reading.about, looks, more, markersize=5, linewidth=0.9))
     if word == "law":
         return [*row, (Line2D([], [], color="black", linewidth=0.9), "exact")]
-    return [*row, layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6)]
+    return [*row, layout.zero_mark()]
 
 
 def _step(reading: Equilibrium) -> str:
@@ -130,7 +130,7 @@ def distance_panel(
         shown = np.where((value >= bottom) & (value <= top), value, np.nan)
         ax.plot(reading.h, shown, color=colour, linewidth=0.9, alpha=0.6, zorder=2)
         look = {"marker": marker, "color": colour, "markersize": 5}
-        points(ax, reading.h, value, INTERVAL * stderr, ~(value > ZERO * stderr), look)
+        layout.points(ax, reading.h, value, INTERVAL * stderr, ~(value > ZERO * stderr), look)
         layout.edge_marks(ax, reading.h, value, colour)
 
 

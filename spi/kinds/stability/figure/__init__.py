@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import HUGE, INTERVAL, error_axes, limits, points
+from spi.drawing.axes import HUGE, INTERVAL, error_axes, limits
 from spi.drawing.cells import swept_axis
 
 from ..results import Stability
@@ -180,7 +180,7 @@ def _marks(readings: Sequence[Stability], words: list[str]) -> list[layout.Entry
     if any((~(one.values <= CAP)).any() for one in logs):
         found.append(layout.mark("^", f"not finite, or above ${style.power(CAP)}$"))
     if "law" in words and any(_is_zero(one).any() for one in _values_of(readings, "law")):
-        found.append(layout.mark("o", "hollow: zero within 2 standard errors", markerfacecolor="none", alpha=0.6))
+        found.append(layout.zero_mark())
     return found
 
 
@@ -230,7 +230,7 @@ def _line(
     """A line with its bars, hollow where it is poor; marks at the edges for what lies outside, nothing for NaN."""
     known = ~np.isnan(values)
     _joined(ax, x, values, {"color": look["color"]})
-    points(ax, x, values, half, poor, look)
+    layout.points(ax, x, values, half, poor, look)
     layout.edge_marks(ax, x[known], values[known], look["color"])
 
 

@@ -1,15 +1,18 @@
 """Panels of weak errors against step sizes."""
 
 from collections.abc import Iterable, Sequence
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
+from matplotlib.lines import Line2D
 from matplotlib.markers import CARETDOWN, CARETUP
 
 from spi.drawing import style
 from spi.drawing.axes import HUGE, INTERVAL, error_axes, legend_under, limits, slopes, with_order
+from spi.drawing.layout import unresolved
 
 from ..estimators import label_of
 from ..results import WeakErrors
@@ -109,10 +112,10 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
 
 def _slopes_of_each(ax: Axes, series: Sequence[Series], orders: Sequence[float]) -> None:
     """A reference line for each order, above the points of which it is expected and no longer than these reach."""
-    for order in orders:
+    for order, dashes in zip(orders, cycle(("--", ":", "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))), strict=False):
         points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
         if len(points):
-            slopes(ax, points, [(order, "--", True)], (points[:, 0].min(), points[:, 0].max()))
+            slopes(ax, points, [(order, dashes, True)], (points[:, 0].min(), points[:, 0].max()))
 
 
 def prefixes_panel(ax: Axes, reading: WeakErrors, f: int, exact: Series | None, title: str) -> None:
@@ -169,7 +172,7 @@ def draw(ax: Axes, one: Series, bars: bool = True) -> None:
         return
     bottom, top = ax.get_ylim()
     look = {**one.look, "markeredgewidth": 1.0, "linestyle": "none", "zorder": 3}
-    hollow = look | {"markerfacecolor": "none"}
+    hollow = look | unresolved(str(look["marker"]))
     inside = (one.error >= bottom) & (one.error <= top)
     good, poor = one.resolved & inside, ~one.resolved & inside
     if one.joined:
@@ -216,7 +219,8 @@ def remarks(ax: Axes, series: Sequence[Series], consequence: str = ", left out o
     sampled = [one for one in series if not one.exact]
     if any(((one.error <= top) & ~one.resolved).any() for one in sampled):
         look: dict[str, Any] = {"color": "#777777", "markerfacecolor": "none", "linestyle": "none"}
-        ax.plot([], [], "o", label=f"hollow: not resolved{consequence}", **look)
+        crosses = ", or pale crosses" * any(one.look["marker"] not in Line2D.filled_markers for one in sampled)
+        ax.plot([], [], "o", label=f"hollow{crosses}: not resolved{consequence}", **look)
     beyond = np.concatenate([one.error[~(one.error <= top)] for one in sampled] or [np.empty(0)])
     if len(beyond):
         label = "paths diverged (NaN or infinity)" + " or nearly so" * bool(np.isfinite(beyond).any())

@@ -232,6 +232,6 @@ def _remarks(ax: Axes, errors: Axes, readings: Sequence[WorkPrecision]) -> None:
 def _ends(readings: Sequence[WorkPrecision], looks: style.Looks, top: float) -> Iterator[LabelledLine]:
     """The lines of errors whose ends are labelled with their step sizes."""
     for reading in readings:
-        h, seconds, error, _ = _found(reading, True)[_found(reading, True)[:, 2] <= top].T
+        h, seconds, error, half = _found(reading, True)[_found(reading, True)[:, 2] <= top].T
         if len(h):
-            yield LabelledLine(h, seconds, error, looks[reading.about.variant][1])
+            yield LabelledLine(h, seconds, error, half, looks[reading.about.variant][1])

@@ -24,21 +24,28 @@ class LabelledLine(NamedTuple):
     h: np.ndarray
     x: np.ndarray
     y: np.ndarray
+    half: np.ndarray  #: of the bars
     colour: str
 
 
 def step_labels(ax: Axes, lines: Iterable[LabelledLine], levels: Iterable[float] = ()) -> None:
     """Label the ends of lines on an axes whose place and limits are final.
 
-    Each label takes the place inside the axes that covers the fewest points of lines, other labels and horizontal
+    Each label takes the place inside the axes that covers the fewest points of lines, bars, other labels and horizontal
     lines at the heights `levels`.
     """
     lines = list(lines)
     scale = 72 / ax.figure.dpi
     paths = [scale * ax.transData.transform(np.column_stack([line.x, line.y])) for line in lines]
     frame = scale * np.array(ax.get_window_extent().extents)
+    low, high = ax.get_ylim()
+    bars = [
+        scale * ax.transData.transform([(x, max(y - half, low)), (x, min(y + half, high))])
+        for line in lines
+        for x, y, half in zip(line.x, line.y, line.half, strict=True)
+    ]
     across = [scale * ax.transData.transform([(x, level) for x in ax.get_xlim()]) for level in levels]
-    covered = np.concatenate([np.empty((0, 2)), *map(_dense, paths), *map(_dense, across)])
+    covered = np.concatenate([np.empty((0, 2)), *map(_dense, [*paths, *bars, *across])])
     taken: list[np.ndarray] = []
     for end in (0, -1):
         for line, path in zip(lines, paths, strict=True):
