@@ -61,15 +61,15 @@ def check(
 ) -> None:
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
-    from ..printing import cost_line, print_lines
+    from ..printing import cost_line, print_safely
     from ..running.remarks import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:
-        print_lines([cost_line(experiment, cost(experiment))])
-        print_lines(f"{experiment.called}: {line}" for line in remarks(experiment))
+        print_safely([cost_line(experiment, cost(experiment))])
+        print_safely(f"{experiment.called}: {line}" for line in remarks(experiment))
         for name, lines in reports(experiment).items():
-            print_lines([f"{name}:", *(f"  {line}" for line in lines)])
+            print_safely([f"{name}:", *(f"  {line}" for line in lines)])
 
 
 @app.command()

@@ -31,7 +31,7 @@ from .options import (
     stored,
 )
 from .signals import STOP
-from .streams import tell
+from .streams import for_whoever_reads, tell
 
 if TYPE_CHECKING:
     from ..running.checkpoint import Shard
@@ -142,7 +142,7 @@ def verify(
     spec names, seen from here or from ./experiments, or with --trust-code.
     """
     from .. import storage
-    from ..printing import print_lines, verified
+    from ..printing import print_safely, verified
     from ..running.verify import verify
     from .progress import ProgressLine
 
@@ -154,7 +154,7 @@ def verify(
             line.report_work(number, total, f"computing {chunk}")
 
         found = verify(file, None if everything else chunks, report, trust_code)
-    print_lines(f"{file}: {told}" for told in verified(found))
+    print_safely(f"{file}: {told}" for told in verified(found))
     if _any_failed(file.stem, storage.read(file)) or not found.sound:
         raise typer.Exit(CLAIM_FAILED)
 
@@ -241,7 +241,8 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
-        views.print_tables(results)
+        with for_whoever_reads():
+            views.print_tables(results)
         failed |= _any_failed(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done

@@ -95,13 +95,13 @@ def _tell_of_more(file: Path, folder: Path) -> None:
 
 def _list(folder: Path) -> None:
     """Print what results there are in a folder."""
-    from ..printing import print_lines, result_lines
+    from ..printing import print_safely, result_lines
     from ..running.finding import listed
 
     found, problems = listed(folder)
     if not found and not problems:
         end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
-    print_lines(result_lines(found))
+    print_safely(result_lines(found))
     for problem in problems:
         tell(f"spi: {problem}")
 

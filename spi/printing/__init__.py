@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from .text import fraction, is_odd, new_console, new_table, printable
+from .text import fraction, is_odd, new_console, new_table, print_lines, printable
 
 if TYPE_CHECKING:
     from ..schemes import Scheme  # a compiler comes with it
@@ -28,21 +28,19 @@ def as_csv(records: list[dict[str, Any]]) -> str:
     return DataFrame(plain, dtype=object).to_csv(index=False)
 
 
-def print_lines(lines: Iterable[str]) -> None:
-    """Print lines as long as they are."""
-    console = new_console(None)
-    for line in lines:
-        console.print(printable(line), markup=False, soft_wrap=True)
+def print_safely(lines: Iterable[str]) -> None:
+    """Print lines as long as they are, without what a terminal would take for commands."""
+    print_lines(new_console(None), map(printable, lines))
 
 
 def cost_line(experiment: Any, cost: Any) -> str:
     """That an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
-    takes = "time not known before" if math.isnan(cost.seconds) else f"about {cost.seconds:.2g} s once compiled"
+    seconds = f"{'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled"
+    takes = f"{cost.path_steps:.2g} steps of paths, {seconds}"
     return (
         f"{experiment.called}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
-        f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}{takes}, "
-        f"{cost.megabytes:.0f} MB"
+        f"{'time not known before' if math.isnan(cost.seconds) else takes}, {cost.megabytes:.0f} MB"
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from spi.ensemble.loop import integrated, states_at
 from spi.exact.gibbs import mean_divergence
-from spi.kinds.means import MeansPlan, lost_among
+from spi.kinds.blocks import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
