@@ -137,7 +137,7 @@ def best_fixed(plan: Any, state: State, accuracy: float) -> float:
 def _bias(known: Any, exponents: Any, levels: int, finest: int) -> float:
     from spi.kinds.answer.planner import bound
 
-    return float(bound(known, exponents, levels, finest).bias.max())
+    return float(bound(known, exponents, levels, finest).max())
 
 
 def asked(number: int, accuracies: list[float], finer: float, seconds: float) -> dict[str, Any]:

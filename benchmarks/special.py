@@ -11,7 +11,7 @@ from spi.ensemble.loop import arguments_of, grid, integrate, use_threads
 from spi.ensemble.observer import path_observer
 from spi.ensemble.streams import RandomStream
 from spi.expressions import parse_expression
-from spi.kinds.weak.study.sums import values_of_blocks
+from spi.kinds.samples import values_of_blocks
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS

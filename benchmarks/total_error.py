@@ -21,10 +21,9 @@ import numpy as np
 
 from spi.ensemble.loop import grid, limited_threads
 from spi.ensemble.points import points_of
+from spi.kinds.samples import Sample, values_of_blocks
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.estimators.kolmogorov.study import solution
-from spi.kinds.weak.estimators.multilevel.levels import Level
-from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import LEAST_PATHS, SCRAMBLES
 from spi.running.run import load
@@ -45,7 +44,7 @@ class Term(NamedTuple):
     """One of the independent means of which an estimate is the sum."""
 
     share: float  #: what it is multiplied by
-    level: Level
+    level: Sample
     variance: float  #: of a sample
     seconds: float  #: of a sample
 
@@ -76,13 +75,13 @@ def plan_of(scheme: str, finest: int) -> Any:
     return weak.plan(case, Part(scheme, "multilevel"))
 
 
-def samples(p: Any, level: Level, first: int, blocks: int) -> np.ndarray:
+def samples(p: Any, level: Sample, first: int, blocks: int) -> np.ndarray:
     """What is averaged, of some blocks of a level."""
     values, _ = values_of_blocks(p, level.grid, level.stream, first, blocks, (first + blocks) * LANES)
     return np.einsum("p,bpl->bl", level.weights[0], values[:, :, 0]).ravel()
 
 
-def term(p: Any, level: Level, share: float) -> Term:
+def term(p: Any, level: Sample, share: float) -> Term:
     """A term with its variance and time, the shortest of three measurements."""
     blocks, seconds = max(8, PILOT * 16 // level.steps), []
     for _ in range(3):
@@ -100,11 +99,11 @@ def plain(p: Any, w: np.ndarray) -> list[tuple[int, list[Term]]]:
     return found
 
 
-def level_of(p: Any, w: np.ndarray, exponent: int, stream: Any) -> Level:
+def level_of(p: Any, w: np.ndarray, exponent: int, stream: Any) -> Sample:
     """The steps 2^-exponent and, with extrapolation, 2 and more times as large ones on common paths."""
     steps = 2**exponent
     times = grid(1 / steps, steps, doublings=range(len(w)), by_reference=(0,) * len(w))
-    return Level(times, stream, w[np.newaxis], sum(steps >> i for i in range(len(w))))
+    return Sample(times, stream, w[np.newaxis], sum(steps >> i for i in range(len(w))))
 
 
 class Doubled(NamedTuple):

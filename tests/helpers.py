@@ -4,6 +4,7 @@ Kernels are found in the disk cache by the types of their arguments, so records 
 an edit of this file empties the cache of the tests (see conftest.py).
 """
 
+import contextlib
 import io
 import json
 import math
@@ -22,7 +23,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import add_noise_fields, add_scaled, drift_field
 from spi.ensemble.increments import first_lane
 from spi.ensemble.lanes import load_lane, store_lane
-from spi.ensemble.loop import grid, integrated, paths_of
+from spi.ensemble.loop import grid, integrate, integrated, paths_of
 from spi.ensemble.observer import STATES, last_states_only
 from spi.ensemble.pairs import area_count
 from spi.ensemble.protocol import area_pairs, dimension, drift_flow, noise_flow, noise_indices, noises, pieces
@@ -48,6 +49,7 @@ RELATIVES = {
     "splitting_drift_first",
     "splitting_joint",
     "splitting_joint_lie",
+    "splitting_joint_areas",
     "euler_maruyama_renormalised",
     "munthe_kaas_euler",
     "munthe_kaas_midpoint",
@@ -191,6 +193,28 @@ def final_states(scheme, model=RIGID_BODY, *, h, steps, blocks, first_block=0, s
     times, end = grid(h, steps, **options), (first_block + blocks) * LANES
     states, _ = integrated(scheme, model, initial, times, noise, first_block, blocks, end)
     return paths_of(states, dimension(model))
+
+
+@contextlib.contextmanager
+def loop_in_python():
+    """Within it the loop over time is not compiled: of few steps of few paths that takes less time."""
+
+    def in_python(*arguments):
+        with uncompiled(), np.errstate(all="ignore"):
+            getattr(integrate, "py_func", integrate)(*arguments)
+
+    def replace(function, by):
+        for name, module in list(sys.modules.items()):
+            if name.startswith("spi.") and vars(module).get("integrate") is function:
+                module.integrate = by
+
+    replace(integrate, in_python)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("spi.kinds.strong.study._TIMED_STEPS", 1)
+            yield
+    finally:
+        replace(in_python, integrate)
 
 
 # --- schemes and flows without the ensemble --------------------------------------------------------------------------

@@ -7,8 +7,9 @@ from spi.running.load import load
 from spi.storage.records import Part
 
 BODY = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
-#: A body with y_3 = 1 turns about its third axis by the angle W(t); with such moments nothing else moves it.
-AXIS = "{name: rigid_body, inertia: [1e12, 1e12, 1e12], noise_inertia: [1, 1, 1], sigma: [0, 0, 1]}"
+#: A body with y_3 = 1 turns about its third axis by the angle W(t); with such moments and strengths nothing
+#: else moves it, and the kernel is that of other tests.
+AXIS = "{name: rigid_body, inertia: [1e12, 1e12, 1e12], noise_inertia: [1, 1, 1], sigma: [1e-12, 1e-12, 1]}"
 SPEC = f"""\
 title: A title
 kind: statistics

@@ -21,18 +21,14 @@ from spi.models.zeitlin import Noise, Zeitlin
 from spi.models.zeitlin.kernels import tables
 from spi.numerics.rng import LANES
 from spi.schemes import SCHEMES
-from spi.schemes.splitting import splitting
-from spi.schemes.stages import flows, substeps
+from spi.schemes.stages import substeps
 
 #: Sizes that are prime and not; of 9 and 15 modes lie on several lines.
 SIZES = (5, 7, 9, 15)
 
-HALF_NOISE = splitting(
-    flows("noise", fraction=1 / 2), flows("drift", "symmetric"), flows("noise", "backwards", fraction=1 / 2)
-)
 #: The schemes by their numbers in the kernel.
-STEPPERS = {name: SCHEMES[name].record for name in ("splitting", "splitting_order2", "splitting_symmetric")}
-STEPPERS |= {"half_noise": HALF_NOISE, "euler_maruyama": SCHEMES["euler_maruyama"].record}
+_NAMES = "splitting", "splitting_order2", "splitting_symmetric", "euler_maruyama"
+STEPPERS = {name: SCHEMES[name].record for name in _NAMES}
 
 #: What the kernel is asked.
 DRIFT_FLOW, NOISE_FLOW, DRIFT_FIELD, NOISE_FIELDS, ITO_CORRECTION, CASIMIRS, ENERGY, STEPS = range(8)
@@ -70,10 +66,8 @@ def _ask(what, schemes, model, k, t, width, times, coins, y, out, work):
             advance_large(schemes[1], model, width, t, times[n], coins[n], y, work, out)
         elif k == 2:
             advance_large(schemes[2], model, width, t, times[n], coins[n], y, work, out)
-        elif k == 3:
-            advance_large(schemes[3], model, width, t, times[n], coins[n], y, work, out)
         else:
-            advance_large(schemes[4], model, width, t, times[n], coins[n], y, work, out)
+            advance_large(schemes[3], model, width, t, times[n], coins[n], y, work, out)
     return 0.0
 
 

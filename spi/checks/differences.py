@@ -5,7 +5,7 @@ import numpy as np
 # Central differences of eighth order: with steps of 0.01 they err by about 1e-14 where derivatives are of size 1.
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 STEP = 0.01
-STEPS = STEP, STEP / 10, STEP / 100
+STEPS = STEP, STEP / 10, STEP / 100, STEP / 10**4, STEP / 10**6
 EXACT = 1e-9  #: relative: of what is equal but for roundings
 DIFFERENCES = 1e-6  #: relative: of what has differences in it
 
@@ -35,12 +35,14 @@ def size_of(y):
 def derivatives_along(f, y, v):
     """The derivative of f at y along v by steps from large to small, each with the size of its roundings.
 
-    Where f ends near y, as a logarithm does, or bends there, the smaller steps are right; else the largest.
+    Where f ends near y, as a logarithm does, bends there or oscillates fast, the smaller steps are right; else the
+    largest.
     """
     scale = size_of(y) / size_of(v)
-    size = 1e-6 * np.linalg.norm(f(y)) / scale
+    line = along(y, v)
     for step in STEPS:
-        yield derivative(lambda s: f(along(y, v)(s * scale)), step) / scale, size * (STEP / step)
+        largest = max(np.linalg.norm(f(y)), np.linalg.norm(f(line(max(STENCIL) * step * scale))))
+        yield derivative(lambda s: f(line(s * scale)), step) / scale, 1e-6 * largest / scale * (STEP / step)
 
 
 def differ_from_derivative(found, f, y, v, *others):

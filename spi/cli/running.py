@@ -31,7 +31,7 @@ from .options import (
     stored,
 )
 from .signals import STOP
-from .streams import tell
+from .streams import for_whoever_reads, tell
 
 if TYPE_CHECKING:
     from ..running.checkpoint import Shard
@@ -241,7 +241,8 @@ def _show_each(experiments: "list[Experiment]", compute: "Callable[[Experiment, 
         with ProgressLine(experiment.name) as line:
             path = compute(experiment, line.watch)
         results = storage.read(path)
-        views.print_tables(results)
+        with for_whoever_reads():
+            views.print_tables(results)
         failed |= _any_failed(experiment.name, results)
         if number == len(experiments):
             STOP.ignore()  # all is done

@@ -2,8 +2,11 @@
 
 import codecs
 import io
+import os
 import sys
 import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import typer
 
@@ -22,8 +25,11 @@ def takes_all_characters() -> bool:
 
 
 def write_what_the_terminal_can() -> None:
-    """Let nothing that is written fail because of the encoding of the output."""
+    """Let nothing that is written fail because of the encoding of the output, or because an output is closed."""
     codecs.register_error("spi", _instead)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:  # this takes the number of the file, so that no other file gets it
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="spi")
@@ -38,6 +44,16 @@ def _instead(error: UnicodeError) -> tuple[str, int]:
 def _ascii(character: str) -> str:
     plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
     return _INSTEAD.get(character) or plain or "?"
+
+
+@contextmanager
+def for_whoever_reads() -> Iterator[None]:
+    """Within it a reader of standard output that has seen enough, such as `head`, does not end the program."""
+    try:
+        yield
+        sys.stdout.flush()
+    except (BrokenPipeError, SystemExit):  # which rich makes of it
+        drop_unwritable_output()
 
 
 def drop_unwritable_output() -> None:

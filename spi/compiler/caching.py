@@ -9,6 +9,8 @@ import contextlib
 import copy
 import hashlib
 import inspect
+import io
+import os
 import sys
 from pathlib import Path
 
@@ -51,6 +53,34 @@ class _Kept(CompileResultCacheImpl):
         )
 
 
+class _WithDigest(IndexDataCacheFile):
+    """Files that end with their SHA-256.  One that is damaged counts as missing: what it had is compiled anew."""
+
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath):
+        memory = io.BytesIO()
+        yield memory
+        data = memory.getvalue()
+        with super()._open_for_write(filepath) as file:
+            file.write(data + hashlib.sha256(data).digest())
+
+    def _load_index(self):
+        return super()._load_index() if _is_whole(self._index_path) else {}
+
+    def _load_data(self, name):
+        if not _is_whole(path := self._data_path(name)):
+            raise OSError(f"{path} is damaged")  # which Numba takes for a file that is missing
+        return super()._load_data(name)
+
+
+def _is_whole(path):
+    try:
+        data = Path(path).read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(data[:-32]).digest() == data[-32:]
+
+
 class SharedCache(FunctionCache):
     """Numba's disk cache of the compiled versions of one function, into which several processes may write at once.
 
@@ -63,15 +93,27 @@ class SharedCache(FunctionCache):
     """
 
     _impl_class = _Kept
+    _told = False  #: whether it has been said that kernels cannot be kept
+
+    def __init__(self, function):
+        super().__init__(function)
+        self._cache_file = self._files()
 
     def load_overload(self, types, context):
         place = self._place(types)
         return None if place is None else super(SharedCache, place).load_overload(types, context)
 
     def save_overload(self, types, result):
+        """Keep a compiled version; where that is impossible, as on a full disk, say so once and go on without."""
         if (place := self._place(types)) is not None:
-            with _alone_in(Path(place.cache_path)):
-                super(SharedCache, place).save_overload(types, result)
+            try:
+                with _alone_in(Path(place.cache_path)):
+                    super(SharedCache, place).save_overload(types, result)
+            except OSError as error:
+                if not SharedCache._told:
+                    why = os.strerror(error.errno).lower() if error.errno else error
+                    print(f"spi: {kernels_folder()}: {why}; compiled kernels cannot be saved", file=sys.stderr)
+                SharedCache._told = True
 
     def holds(self, dispatcher, types):
         """Whether there is an entry for these types of arguments."""
@@ -91,9 +133,11 @@ class SharedCache(FunctionCache):
             return None
         place, name = copy.copy(self), hashlib.sha256(repr(sorted(foreign)).encode()).hexdigest()[:16]
         place._cache_path = str(Path(self.cache_path, f"own_{name}"))
-        stamp = self._cache_file._source_stamp
-        place._cache_file = IndexDataCacheFile(place._cache_path, self._impl.filename_base, stamp)
+        place._cache_file = place._files()
         return place
+
+    def _files(self):
+        return _WithDigest(self._cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp())
 
 
 @contextlib.contextmanager

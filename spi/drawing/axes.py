@@ -1,22 +1,32 @@
 """What figures of errors against step sizes have in common: their axes, reference slopes and legends."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.markers import CARETUP
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from spi.storage.records import INTERVAL as INTERVAL  # which tables and figures ask for here
 from spi.storage.records import Description
+from spi.storage.stored import Stored
 
 from . import page, style
 
 SLOPE = "#777777"
+
+#: What the axes of errors are called, by what is measured.
+ERRORS = {
+    "strong": r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$",
+    "weak": r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$",
+}
+UNRESOLVED = "#999999"
 
 PANEL = (5.0, 4.0)  # inches, without the legend under it and the title above
 HUGE = 1e100  # a value beyond that would make axes that cannot be drawn
@@ -39,6 +49,32 @@ def panel_grid(count: int) -> tuple[int, int, tuple[float, float]]:
     """(columns, lines, inches of one) of so many panels of errors."""
     columns, size = page.current().panels(2 if count == 4 else min(count, 3), PANEL, LEAST)
     return columns, math.ceil(count / columns), size
+
+
+def case_panels(
+    title: str,
+    cases: Sequence[Sequence[Stored]],
+    facts: list[dict[str, str]],
+    entries: int,
+    heights: Sequence[float] = (1.0,),
+) -> tuple[Figure, list[list[Axes]]]:
+    """A figure with the axes of each case, from top to bottom, of such heights in those of a panel.
+
+    `facts` are those of each case, and `entries` is how many lines of a legend lie under the axes of a case.
+    """
+    shared, own = style.split_facts(facts)
+    columns, lines, size = panel_grid(len(cases))
+    ratios, fig = [size[1] * height for height in heights], Figure()
+    style.dress(fig, columns * size[0], lines * (sum(ratios) + legend_line() * entries), title, shared)
+    grid = fig.subplots(len(ratios) * lines, columns, squeeze=False, height_ratios=ratios * lines)
+    each = range(0, len(ratios) * lines, len(ratios))
+    axes = [list(grid[first : first + len(ratios), column]) for first in each for column in range(columns)]
+    for ax in (ax for unused in axes[len(cases) :] for ax in unused):
+        ax.remove()
+    for (ax, *_), readings, of_case in zip(axes, cases, own, strict=False):
+        if len(cases) > 1:
+            ax.set_title(panel_title(readings[0].about, of_case))
+    return fig, axes[: len(cases)]
 
 
 def error_axes(ax: Axes, h: np.ndarray) -> None:
@@ -96,6 +132,18 @@ def limits(values: np.ndarray) -> tuple[float, float]:
     while math.floor(high) - math.ceil(low) < 1:
         low, high = low - 0.05, high + 0.05
     return 10**low, 10**high
+
+
+def note_pale(ax: Axes) -> None:
+    """An entry of the legend for points that are drawn pale."""
+    look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none", "linestyle": "none"}
+    ax.plot([], [], marker="o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
+
+
+def note_diverged(ax: Axes, nearly: bool = True) -> None:
+    """An entry of the legend for marks at the upper edge, of paths that diverged, or perhaps only nearly so."""
+    label = "paths diverged (NaN or infinity)" + " or nearly so" * nearly
+    ax.plot([], [], marker=CARETUP, label=label, color="black", linestyle="none")
 
 
 def legend_under(ax: Axes) -> Legend:

@@ -235,8 +235,12 @@ def integrated(*what):
 
 
 def thread_count():
-    """How many threads :func:`integrate` uses."""
-    return get_num_threads()
+    """How many threads :func:`integrate` uses; OSError if Numba has no library to start them."""
+    try:
+        return get_num_threads()
+    except ValueError as error:
+        why = " ".join(str(error).split())
+        raise OSError(f"Numba cannot start threads ({why}); unset NUMBA_THREADING_LAYER") from error
 
 
 def use_threads(threads):

@@ -70,7 +70,7 @@ def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
     if squares:
         levels[1:, 0], levels[1:, 1] = np.cumsum(steps[1:]) - steps[1:], 1
     start = np.empty((1, len(first) + 1, LANES))
-    start[0] = np.reshape((*first, 1.0 / math.hypot(*initial)), (-1, 1))
+    start[0] = np.reshape((*first, 1.0 / (math.hypot(*initial) or 1.0)), (-1, 1))  # sizes of those at 0 are absolute
     decay = np.multiply.outer(times.reference_step * 2.0**times.doublings, rates or np.zeros(len(first)))
     extremes = np.zeros((blocks, count, len(first) + 2 * sizes, LANES))
     if sizes:

@@ -31,6 +31,7 @@ LEVELS = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512)  #: rings on a
 MOST = 5_000_000  #: points of a level
 _SLICE = 2**17  #: points taken at once
 _ROUNDING = 1e-14
+_RESOLVED = 0.01  #: by such a part at most does the integral of exp(-H/T) change between the finest levels
 _SIDE, _POINTS, _TURN = 2**10, 2**21, 2**7  #: on a side of a grid, on a line, and on a turn of it
 _FAR = 7.0  #: standard deviations to which they go
 
@@ -83,20 +84,30 @@ class Quadrature:
 
     def expectation(self, f):
         """(E f(y), an estimate of its error) of a function that takes (d, n) to (n,)."""
-        found, change = [], []
+        found, change, masses, resolved = [], [], [], False
         for level in self.levels:
-            total, size, mass = 0.0, 0.0, 0.0
-            for part in self._parts(level):
-                y, logarithm = self._weighted(*part)
-                weight, value = np.exp(logarithm - self._shift), np.broadcast_to(f(y), y.shape[1])
-                total, size, mass = total + weight @ value, size + weight @ np.abs(value), mass + weight.sum()
-            found.append(total / mass)
-            rounding = _ROUNDING * size / mass
-            if len(found) > 1:
-                change.append(abs(found[-1] - found[-2]))
-            if len(found) > 2 and max(change[-2:]) <= 10 * rounding:
+            with np.errstate(all="ignore"):
+                total, size, mass = self._sums(f, level)
+                found.append(total / mass)
+                masses.append(mass)
+                rounding = _ROUNDING * size / mass
+                if len(found) > 1:
+                    change.append(abs(found[-1] - found[-2]))
+                    resolved = abs(mass - masses[-2]) <= _RESOLVED * mass
+            if len(found) > 2 and resolved and max(change[-2:]) <= 10 * rounding:
                 break
+        if not resolved:
+            raise ValueError("quadrature does not resolve exp(-H/T), which is not integrable or too narrow")
         return float(found[-1]), float(max(change[-1], rounding))
+
+    def _sums(self, f, level):
+        """The sums of f, of |f| and of 1 with the weights of the law."""
+        total, size, mass = 0.0, 0.0, 0.0
+        for part in self._parts(level):
+            y, logarithm = self._weighted(*part)
+            weight, value = np.exp(logarithm - self._shift), np.broadcast_to(f(y), y.shape[1])
+            total, size, mass = total + weight @ value, size + weight @ np.abs(value), mass + weight.sum()
+        return total, size, mass
 
     def probabilities(self, f, edges):
         """(bins,) the probabilities that f(y) is in each bin, of which the last contains its upper edge.
@@ -244,8 +255,8 @@ class Quadrature:
 def mean_divergence(model, temperature, point):
     """-(1/(2 T^2)) sum_k sigma_k^2 E (X_k H)^2 under the Gibbs law exp(-H/T) on the Casimir surface through a state.
 
-    X_k = B grad Ĥ_k; `model` is that without friction.  None where the surface is no single sphere, or what is there
-    depends on time.
+    It is the sum of the Lyapunov exponents.  X_k = B grad Ĥ_k; `model` is that without friction.  None where the
+    surface is no single sphere, what is there depends on time, or the law is not known, as that of H = log(y3).
     """
     surface = spheres(model, point)
     if surface is None or len(surface.triples) > 1 or hasattr(model, "time"):
@@ -257,4 +268,7 @@ def mean_divergence(model, temperature, point):
         slopes = [sum(a * b for a, b in zip(gradient, field, strict=True)) for field in fields]
         return sum((sigma * slope) ** 2 for sigma, slope in zip(strengths(model), slopes, strict=True))
 
-    return -law_of(model, point, temperature).expectation(partial(at_states, rate))[0] / (2 * temperature**2)
+    try:
+        return -law_of(model, point, temperature).expectation(partial(at_states, rate))[0] / (2 * temperature**2)
+    except ValueError:
+        return None

@@ -76,8 +76,22 @@ class FigureModule(Protocol):
         """The matplotlib figure of the results of each case."""
 
 
-class Kind:
-    """The modules of a kind of experiment, ``kind.keys`` and so on; `package` is the dotted name of its folder."""
+class Folder:
+    """The modules of a folder, imported when they are first needed; `package` is its dotted name."""
+
+    MODULES: tuple[str, ...]
+
+    def __init__(self, package: str):
+        self.package = package
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in self.MODULES:
+            raise AttributeError(f"{self.package} has no module {name!r}, only {', '.join(self.MODULES)}")
+        return import_module(f"{self.package}.{name}")
+
+
+class Kind(Folder):
+    """The modules of a kind of experiment, ``kind.keys`` and so on."""
 
     keys: KeysModule
     study: StudyModule
@@ -87,14 +101,6 @@ class Kind:
     figure: FigureModule
 
     MODULES = ("keys", "study", "results", "claims", "table", "figure")
-
-    def __init__(self, package: str):
-        self.package = package
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in self.MODULES:
-            raise AttributeError(f"a kind of experiment has no module {name!r}, only {', '.join(self.MODULES)}")
-        return import_module(f"{self.package}.{name}")
 
 
 #: name in a spec file -> kind

@@ -1,21 +1,24 @@
-"""Plans whose paths are summed up block after block."""
+"""Plans whose paths are summed up block after block, also those whose results are means at several times."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.compiler.inlining import is_loaded
 from spi.ensemble import loop
 from spi.ensemble.loop import thread_count
+from spi.ensemble.moments import add_moments
 from spi.ensemble.protocol import dimension
 from spi.numerics.rng import LANES
+from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
+from spi.statistics.powers import mean_over_paths
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 
-from .plans import KernelCall, PathsPlan, State
+from .plans import Done, KernelCall, PathsPlan, Plan, State
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -41,17 +44,12 @@ class _Batch(NamedTuple):
     added: list[tuple[Chunk, Any]]
 
 
-class Blockwise(Protocol):
-    """How a plan advances that sums up paths block after block."""
-
-    def kernel_calls(self) -> list[KernelCall]:
-        """The calls that have all kernels compiled, see :class:`Plan`."""
-
-    def empty(self, number: int) -> Any:
-        """The sums over no paths of a path set."""
+class Blockwise(Plan):
+    """The head of every plan that sums up paths block after block."""
 
     def most_blocks(self, number: int) -> int:
         """How many blocks of a path set a batch may have, because of memory."""
+        raise NotImplementedError
 
     @property
     def most_at_once(self) -> int:
@@ -60,12 +58,14 @@ class Blockwise(Protocol):
 
     def rows(self, number: int, first: int, blocks: int, end: int) -> Any:
         """What `blocks` blocks of a path set contribute, from block `first` on; paths from number `end` on are idle."""
+        raise NotImplementedError
 
     def added(self, sums: Any, rows: Any, at: slice, first: int, end: int) -> Any:
         """The sums with the rows `at`, of which the first is that of block `first`; times are added elsewhere.
 
         One row after the other, so that the bits do not depend on how blocks are divided into batches.
         """
+        raise NotImplementedError
 
     def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
         """The sums with the time that `blocks` blocks took, from block `first` on."""
@@ -125,3 +125,32 @@ class BlocksPlan(PathsPlan, Blockwise):
         paths = state.tally().leading(state.path_sets[0])
         case = self.case.model_copy(update={"samples": paths})
         return state.of(replace(self, samples=paths, case=case)) if paths else None
+
+
+def lost_among(lost: np.ndarray, first: int, end: int) -> int:
+    """How many of the paths `lost` (blocks, LANES) are before number `end`, the first block being number `first`."""
+    counted = first * LANES + np.arange(lost.size).reshape(lost.shape) < end
+    return int((lost & counted).sum())
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeansPlan(BlocksPlan):
+    """The head of every plan whose results are means over paths of values at several times.
+
+    Its sums have `values` (2, T, columns, GROUPS), by jackknife groups, of values and of their squares.
+    """
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block, and nothing summed up."""
+        one, no_pairs = np.zeros((1, 1, 1, LANES)), (np.zeros(0, int), np.zeros(0, int), np.zeros((1, 1, 0, GROUPS)))
+        adding = KernelCall(add_moments, (one, 0, 0, np.zeros((2, 1, 1, GROUPS)), *no_pairs, (0, 0)))
+        return [*super().kernel_calls(), adding]
+
+    def progress(self, state: State) -> Done:
+        """Paths done, all paths, and the standard error of the first mean at the last time."""
+        known = state.so_far()
+        if not known.paths:
+            return Done(0, self.samples, float("nan"))
+        counts = group_counts(known.paths)
+        mean, without = mean_over_paths(known.values[0], counts)
+        return Done(known.paths, self.samples, float(jackknife_stderr(mean, without, counts)[-1, 0]))

@@ -9,15 +9,18 @@ multilevel estimator does.  When there are none, it **finalises**: it measures t
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from spi.ensemble.areas import fourier_terms
 from spi.ensemble.given import draw_paths
 from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
-from spi.ensemble.loop import Grid, arguments_of, integrate, thread_count
+from spi.ensemble.loop import Grid, arguments_of, grid, integrate, thread_count
+from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large
 from spi.ensemble.random_states import RandomState, first_states
+from spi.ensemble.streams import brownian
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
@@ -54,86 +57,39 @@ class KernelCall(NamedTuple):
     arguments: tuple
 
 
-class Plan(Protocol):
-    """One part of an experiment, ready to run."""
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """One part of an experiment, ready to run; what is not implemented here differs from kind to kind."""
 
-    @property
-    def case(self) -> Any:
-        """The keys of the case, a subclass of ``spi.specs.cases.BaseCase``."""
-
-    @property
-    def part(self) -> Part:
-        """Which part of the case it is."""
+    case: Any  #: the keys of the case, a subclass of ``spi.specs.cases.BaseCase``
+    part: Part
 
     def cost(self) -> Cost:
         """What the part would cost."""
-
-    def deciding(self, number: int | None) -> dict[str, Any]:
-        """What decides the sums over the paths of a path set, as plain data, but for how many paths there are.
-
-        For None what decides all else that is known of the part.  Sums serve wherever this is the same.
-        """
-
-    def size(self, number: int) -> int:
-        """How much of what is decided is wanted: the paths of a path set, or the steps of the only path."""
-
-    def adopted(self, number: int, sums: Sums) -> Sums | None:
-        """Sums of the same paths as those of a path set, as this part goes on with them; None if it cannot."""
-
-    def kernel_calls(self) -> list[KernelCall]:
-        """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
-
-        They are made before the plan is run, several at a time, so that nothing needs to be compiled later.  What is
-        not among them is compiled when it is needed.
-        """
-
-    def initial_extra(self) -> Any:
-        """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""
+        raise NotImplementedError
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """The paths that are wanted for now; `extra` is what is known besides sums over paths."""
+        raise NotImplementedError
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths of a path set."""
+        raise NotImplementedError
 
-    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Sums]]]:
+    def advance(self, chunks: Sequence[Chunk], known: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
         """Compute consecutive chunks of one path set, of the first of which `known` may be known already.
 
         Yields after each batch of about half a second what it added: chunks with what is now known of them.
         """
-
-    def next_allocation(self, state: State) -> Any | None:
-        """Once all chunks are in: what is then known besides them, if that asks for more; None if nothing is left."""
-
-    def finalise(self, state: State) -> Iterator[Any]:
-        """Measure, or find, what is left when all paths are done; yields `extra` after each step of it."""
+        raise NotImplementedError
 
     def progress(self, state: State) -> Done:
         """How far a state is."""
+        raise NotImplementedError
 
     def results(self, state: State) -> Stored:
         """The results, from the final state; nothing is computed at length or measured here."""
-
-    def so_far(self, state: State) -> State | None:
-        """The state of a plan of fewer paths, steps or values, all of which are known; None if none are."""
-
-    def all_results(self, state: State) -> tuple[Stored, ...]:
-        """Those of all levels of extrapolation that the paths serve, the results first."""
-
-
-def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
-    """The sums over one chunk, computed from its first path on."""
-    for added in plan.advance([chunk], None):  # each time with more of its paths
-        ((_, sums),) = added
-    return sums
-
-
-@dataclass(frozen=True, kw_only=True)
-class PartPlan:
-    """The head of every plan for one scheme of one case."""
-
-    case: Any  #: the keys of the case, a subclass of ``spi.specs.cases.BaseCase``
-    part: Part
+        raise NotImplementedError
 
     @property
     def model(self) -> Any:
@@ -171,7 +127,11 @@ class PartPlan:
         return stream_of(self.case)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """The keys of the case that decide paths, with those of its compositions that the part uses, and the part."""
+        """What decides the sums over the paths of a path set, as plain data, but for how many paths there are.
+
+        For None what decides all else that is known of the part.  Sums serve wherever this is the same: the keys of the
+        case that decide paths, with those of its compositions that the part uses, and the part.
+        """
         used = {self.part.scheme, getattr(self.case, "reference_scheme", None)}
         rows = self.case.model_dump(include={"compositions"}).get("compositions", {})
         own: dict[str, Any] = {"compositions": {name: flows for name, flows in rows.items() if name in used}}
@@ -186,16 +146,12 @@ class PartPlan:
         }
 
     def size(self, number: int) -> int:
-        """The number of paths that are wanted at first."""
+        """How much of what is decided is wanted: the paths of a path set at first, or the steps of the only path."""
         return self.path_sets(self.initial_extra())[number].samples
 
     def adopted(self, number: int, sums: Sums) -> Sums | None:
-        """The sums as they are."""
+        """Sums of the same paths as those of a path set, as this part goes on with them; None if it cannot."""
         return sums
-
-    def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths that are wanted for now, see :class:`Plan`."""
-        raise NotImplementedError
 
     def description(self) -> Description:
         """What is integrated."""
@@ -206,7 +162,11 @@ class PartPlan:
         return {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
-        """None."""
+        """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
+
+        They are made before the plan is run, several at a time, so that nothing needs to be compiled later.  What is
+        not among them is compiled when it is needed.
+        """
         return []
 
     def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
@@ -218,20 +178,33 @@ class PartPlan:
         drawing = KernelCall(draw_paths, (stream.keys, 1.0, 0, 0, np.empty((1, 1, 1))))
         return [*calls, drawing] if isinstance(self.initial, RandomState) else calls
 
+    def arguments_of_steps(self, h: float, steps: int, blocks: int, observed: bool = True, sizes: int = 1) -> tuple:
+        """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
+
+        With further `sizes` there are also half as many steps of size 2h, and so on, of the same Brownian paths.
+        """
+        case, reference = self.case, self.case.reference_record(self.part.eps)
+        paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
+        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
+        times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
+        observer = path_observer(self.model, self.initial, times, blocks) if observed else None
+        what = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
+        return arguments_of(*what)
+
     def initial_extra(self) -> Any:
-        """Nothing."""
+        """What is known besides sums over paths before anything is done: a ``NamedTuple`` with `seconds`."""
         return Nothing()
 
     def next_allocation(self, state: State) -> Any | None:
-        """Nothing is left."""
+        """Once all chunks are in: what is then known besides them, if that asks for more; None if nothing is left."""
         return None
 
     def so_far(self, state: State) -> State | None:
-        """The state itself once all paths are there."""
+        """The state of a plan of fewer paths, steps or values, all of which are known; None if none are."""
         return None if state.missing() else state
 
     def finalise(self, state: State) -> Iterator[Any]:
-        """Nothing is left."""
+        """Measure, or find, what is left when all paths are done; yields `extra` after each step of it."""
         yield from ()
 
     @property
@@ -250,13 +223,19 @@ class PartPlan:
         return slice(before, before + counts(self))
 
     def all_results(self, state: State) -> tuple[Stored, ...]:
-        """Those of each level of extrapolation."""
-        of_each: Any = self.each
-        return tuple(one.results(state) for one in of_each)
+        """Those of all levels of extrapolation that the paths serve, the results first."""
+        return tuple(one.results(state) for one in self.each)
+
+
+def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
+    """The sums over one chunk, computed from its first path on."""
+    for added in plan.advance([chunk], None):  # each time with more of its paths
+        ((_, sums),) = added
+    return sums
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathsPlan(PartPlan):
+class PathsPlan(Plan):
     """The head of every plan of so many paths of one scheme that are integrated on one grid."""
 
     samples: int  #: number of paths

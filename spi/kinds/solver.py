@@ -48,16 +48,12 @@ def reported(report: np.ndarray) -> dict[str, Any]:
     columns = report_columns(report)
     solver = {name: columns[name] for name in Solver.__annotations__ if name in columns}
     judged = [columns[name] for name in REPORT[3:SUMMED] if name in columns]
+    shares = [_ratio(accepted, of, np.nan) for of, accepted in zip(judged[::2], judged[1::2], strict=True)]
     return {
         "solver": Solver(**solver) if solver else None,
-        "acceptance": _acceptance(*judged) if judged else None,
+        "acceptance": Acceptance(noise_accepted=shares[0], drift_accepted=shares[1]) if shares else None,
         "largest_angle": columns.get("largest_angle"),
     }
-
-
-def _acceptance(noise: np.ndarray, noise_accepted: np.ndarray, drift: np.ndarray, accepted: np.ndarray) -> Acceptance:
-    shares = _ratio(noise_accepted, noise, np.nan), _ratio(accepted, drift, np.nan)
-    return Acceptance(noise_accepted=shares[0], drift_accepted=shares[1])
 
 
 def acceptance_note(acceptance: Acceptance | None, i: int = -1) -> str:

@@ -28,11 +28,11 @@ def as_csv(records: list[dict[str, Any]]) -> str:
 def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
     """Print that an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
-    takes = "time not known before" if math.isnan(cost.seconds) else f"about {cost.seconds:.2g} s once compiled"
+    seconds = f"{'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled"
+    takes = f"{cost.path_steps:.2g} steps of paths, {seconds}"
     new_console(file).print(
         f"{printable(experiment.called)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
-        f"{cost.path_steps:.2g} steps of paths, {'at most ' * cost.at_most}{takes}, "
-        f"{cost.megabytes:.0f} MB",
+        f"{'time not known before' if math.isnan(cost.seconds) else takes}, {cost.megabytes:.0f} MB",
         markup=False,
         soft_wrap=True,
     )

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import IO, TYPE_CHECKING, Any
 
@@ -50,6 +50,25 @@ def new_table(title: str, headings: Iterable[str], left: int = 0, labels: int | 
     return table
 
 
+def error_table(
+    title: str, headings: Iterable[str], left: int, parts: Iterable[tuple[Iterable[str], Iterable[Sequence[Any]]]]
+) -> "Table":
+    """A table of errors with remarks in the last column, the first `left` columns left-justified.
+
+    Each part has labels, for its first lines, and the further cells of each line.
+    """
+    from rich.text import Text
+
+    table = new_table(title, headings, left, labels=0)
+    table.columns[-1].justify = "left"
+    for labels, lines in parts:
+        names = iter(labels)
+        for cells in lines:
+            table.add_row(Text(next(names, "")), *cells)
+        table.add_section()
+    return table
+
+
 def error_and_remark(record: dict[str, Any], half: float) -> tuple["Text", "Text"]:
     """The cells of an error with half its interval, in brackets if it is not resolved, and of what is to be said."""
     from rich.text import Text
@@ -82,6 +101,12 @@ def print_whole(console: "Console", table: "Table") -> None:
     console.size = ConsoleDimensions(max(size.width, needed), size.height)
     console.print(table)
     console.size = size
+
+
+def print_lines(console: "Console", lines: Iterable[str], style: str | None = None) -> None:
+    """Print lines as they are, however long."""
+    for line in lines:
+        console.print(line, style=style, markup=False, soft_wrap=True)
 
 
 def room(console: "Console") -> float:

@@ -18,6 +18,8 @@ from ..models.zeitlin.lattice import modes
 from ..systems import variables
 
 _MOST_COMPONENTS = 24  #: of states of which it is found where noises take them
+_MOST = 4  # of the Casimirs C_2, C_3, ...
+_SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be compared with
 
 
 def remarks(experiment: specs.Experiment) -> list[str]:
@@ -70,17 +72,16 @@ def _of_driver(case: specs.BaseCase) -> Iterator[str]:
         yield f"the noises are driven by another process than Brownian motion: {case.driver}"
 
 
-_MOST = 4  # of the Casimirs C_2, C_3, ...
-_SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be compared with
-
-
 def cell(n: int) -> float:
     """The side of a cell, 2 pi / sqrt(N)."""
     return 2 * math.pi / math.sqrt(n)
 
 
 def matrix_of(y: np.ndarray) -> np.ndarray:
-    """W of a state, the Hermitian N x N matrix of ``spi/models/zeitlin/matrices.py``."""
+    """W of a state, the Hermitian N x N matrix of ``spi/models/zeitlin/matrices.py``.
+
+    By NumPy and not by the functions there, so that `spi check` compiles nothing for it.
+    """
     n = size_of(y)
     m1, m2 = np.array(modes(n)).T
     omega = np.zeros((n, n), complex)
@@ -110,7 +111,12 @@ def ratios(y: np.ndarray, count: int) -> list[float]:
 
 
 def resolution(case: Any) -> list[str]:
-    """What is to be said of the resolution of a case, if its model is a truncated fluid."""
+    """What a vorticity on the torus modulo N resolves, if the model of a case is such a fluid.
+
+    The bracket sin(2 pi (m x k) / N) N / (2 pi) is that of a fluid where m x k is small beside N: matrices of N x N
+    entries hold cells of area (2 pi)^2 / N.  How much finer a state is shows in its Casimirs: C_k = tr W^k / N is the
+    mean of omega^k where the cells are small enough, and less in modulus where a vortex fills few of them.
+    """
     model = undamped(case.model)
     if not isinstance(model, Zeitlin):
         return []

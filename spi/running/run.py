@@ -119,7 +119,7 @@ def run(
     checkpoint = session.checkpoint
     if not fresh:
         checkpoint.resume()
-    watch.report_beginning(experiment.title, session.cost())
+    watch.report_beginning(experiment.title, cost_of(experiment, [state.plan for state in checkpoint.states]))
     with checkpoint.kept():
         if checkpoint.missing():
             session.compile()
@@ -158,10 +158,6 @@ class Session:
     def check_replaceable(self) -> None:
         """StorageError if there are results that may not be replaced."""
         storage.check_replaceable(self.target, identity(self.experiment), self.checkpoint.sizes)
-
-    def cost(self) -> Cost:
-        """What all of it would cost."""
-        return cost_of(self.experiment, [state.plan for state in self.checkpoint.states])
 
     def compile(self) -> None:
         """Compile what is missing of all kernels."""

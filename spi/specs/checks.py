@@ -134,7 +134,7 @@ def check_flows(case: Any) -> None:
         if method == "munthe_kaas" and not lie_poisson(undamped(case.model)):
             raise wrong("is 'munthe_kaas', which needs a bracket that is linear", "use midpoint", "model", "inner")
         return
-    able = [name for name, row in SCHEMES.items() if row.composition is None and not row.multiscale]
+    able = [name for name, row in SCHEMES.items() if not (row.composition or row.multiscale or judges(row.record))]
     able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
     part, k = lacking[0]
     formula, why = inexact(undamped(case.model)).get(part, {}).get(k, (f"{part}[{k}]", "as the model says"))

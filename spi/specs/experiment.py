@@ -127,10 +127,10 @@ def load(
     last = _last(partial(kinds.profiles[file.kind].model_validate, context=context), told, overrides, faults)
     faults.raise_all()
     read = partial(_cases, kinds.cases[file.kind], named, document, owners, faults)
-    each = [read(above) for above in ([], *profiles.values())]
-    cases = read(profiles.get(profile, []) + last)
+    each = {name: read(above) for name, above in {"": [], **profiles}.items()}
+    cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
     faults.raise_all()
-    used = {name for built in (*each, cases) for case in built for name in case.schemes_used}
+    used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
     omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
@@ -160,7 +160,7 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.cases)}")
-    document.data = kinds.asked(document.data)
+    document.data = kinds.asked(document)
     if isinstance(document.data, dict) and "kind" not in document.data and {"algebra", "bracket"} & {*document.data}:
         document.fail((), f"is a system, no experiment; an experiment has it as model: {{system: {Path(path).name}}}")
     return document

@@ -132,6 +132,10 @@ def _line(error: BaseException) -> str:
     return f", line {lines[-1]}" if lines else ""
 
 
+# ---------------------------------------------------------------------------------------------------------------------
+# Arrays
+# ---------------------------------------------------------------------------------------------------------------------
+
 _MOST_OF_ARRAYS = 9_000_000  # bytes: 1024 x 1024 numbers
 _MOST_UNPACKED = 90_000_000  # of an array of increments
 _RIGHT = "give a file that numpy.save wrote, of real or complex numbers in one or two dimensions"

@@ -10,6 +10,7 @@ import csv
 import hashlib
 import io
 import math
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -64,8 +65,7 @@ class OfGibbs(Keys):
         for i, j in np.argwhere(np.triu(matrix)).tolist():
             terms.append((i, j, float(matrix[i, j] if i < j else 0.5 * matrix[i, i])))
         law = Gibbs(surface, tuple(terms), least_on(surface, b, matrix))
-        y = surface.onto(np.random.default_rng(2).standard_normal((len(surface.point), _TRIALS)))
-        rate = float(np.exp(law.least - law.energy(y)).mean())
+        rate = float(np.exp(law.least - law.energy(_trials(surface))).mean())
         if rate < LEAST_ACCEPTANCE:
             what = f"is {quantity(self.temperature)}, at which about {rate:.1g} of the attempts at a state are accepted"
             right = f"must be so far from 0 that {LEAST_ACCEPTANCE:g} are; or give states of your own by law: points"
@@ -164,6 +164,12 @@ def random_state(data: dict[str, Any], model: Any, files: Files) -> Any:
 def _check_length(values: tuple, model: Any, key: str) -> None:
     if len(values) != dimension(model):
         raise wrong(f"has {entries_in(len(values))}", f"must have {dimension(model)}, the dimension of the model", key)
+
+
+@lru_cache(1)  # the cases of a sweep often share it
+def _trials(surface: Spheres) -> Any:
+    """States of the uniform law on a surface."""
+    return surface.onto(np.random.default_rng(2).standard_normal((len(surface.point), _TRIALS)))
 
 
 def _surface(model: Any, point: tuple[float, ...], key: str) -> Spheres:

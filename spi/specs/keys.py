@@ -256,15 +256,19 @@ def _complex_modes(value: Any) -> Any:
 NAME = "^[A-Za-z0-9_]+$"  #: of what a user names
 
 
-def _by_name(value: Any) -> Any:
+def by_name(value: Any) -> Any:
     """The mapping of names that a text stands for, with the name phi; other values as they are."""
 
     def check(name: str) -> None:
         if not re.match(NAME, name):
             raise wrong("is not a valid name", "must consist of letters, digits and _", name)
 
-    every(check, ((name,) for name in value) if isinstance(value, dict) else ())
-    return {"phi": value} if isinstance(value, str) else value
+    if isinstance(value, str):
+        return {"phi": value}
+    if not isinstance(value, dict):
+        raise wrong(f"is {shown(value)}", "must be a mapping, as in {phi: y1^2, psi: y2}, or the text of one named phi")
+    every(check, ((name,) for name in value))
+    return value
 
 
 def _listed(value: Any) -> Any:
@@ -293,5 +297,5 @@ Samples = Annotated[int, Ge(1), Le(10**15)]
 SchemeName = Annotated[str, Field(json_schema_extra={"anyOf": [{"enum": list(SCHEMES)}, {"pattern": NAME}]})]
 Schemes = Annotated[tuple[SchemeName, ...], MinLen(1)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
-Functions = Annotated[_ByName, BeforeValidator(_by_name, json_schema_input_type=_ByName | str)]
+Functions = Annotated[_ByName, BeforeValidator(by_name, json_schema_input_type=_ByName | str)]
 CaseName = Annotated[str, Field(pattern="^[A-Za-z0-9_-]+$")]

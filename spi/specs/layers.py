@@ -77,8 +77,11 @@ class Layers(NamedTuple):
         file = pydantic.TypeAdapter(one_of([file for _, file in both.values()], "kind", cases))
         return cls(dict(cases), {kind: profile for kind, (profile, _) in both.items()}, file)
 
-    def asked(self, data: Any) -> Any:
-        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached."""
+    def asked(self, document: Document) -> Any:
+        """What a file holds, of kind answer where it names an accuracy and not how it is to be reached.
+
+        SpecError where it names half of that."""
+        data = document.data
         of_file = data if isinstance(data, dict) else {}
         case_class = self.cases.get(str(of_file.get("kind")))
         if case_class is None or case_class.unless_asked is None:
@@ -86,9 +89,18 @@ class Layers(NamedTuple):
         cases = of_file.get("cases")
         within = [case for case in (cases if isinstance(cases, list) else ()) if isinstance(case, dict)]
         named = {*of_file}.union(*within)
-        return (
-            data if "accuracy" not in named or named.intersection(case_class.unless_asked) else {**data, "kind": ANSWER}
-        )
+        if "accuracy" not in named:
+            return data
+        if beside := ", ".join(named.intersection(case_class.unless_asked)):
+            if "steps" not in named:
+                right = f"leave out {beside}, and steps and samples are chosen, or add steps and reference_step"
+                document.fail(("accuracy",), f"is beside {beside}, but without steps; {right}")
+            return data
+        answer = self.cases[ANSWER].model_fields
+        if lost := ", ".join(key for key in of_file if key in case_class.model_fields and key not in answer):
+            what = "asks for an answer, whose scheme, steps and samples are chosen"
+            document.fail(("accuracy",), f"{what}; leave out {lost}, or accuracy")
+        return {**data, "kind": ANSWER}
 
     def context(self, data: Any, overrides: Iterable[str] = ()) -> str | None:
         """In which the layers of a file are read: SWEPT where words may stand for numbers."""
@@ -134,7 +146,7 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     Models, initial states and what depends on several keys are not looked at: that can take seconds for one file.
     """
     try:
-        data = kinds.asked(Document(text_of(path), str).data)
+        data = kinds.asked(Document(text_of(path), str))
         file = kinds.file.validate_python(data, context=kinds.context(data))
     except (SpecError, ValidationError):
         return None

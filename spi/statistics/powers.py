@@ -42,7 +42,8 @@ def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, n
 
 def standard_deviation(mean: np.ndarray, mean_square: np.ndarray) -> np.ndarray:
     """The standard deviation of a quantity, from the means of it and of its square."""
-    return np.sqrt(np.maximum(mean_square - mean**2, 0.0))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.sqrt(np.maximum(mean_square - mean**2, 0.0))
 
 
 def kurtosis(powers: np.ndarray, variance: np.ndarray) -> np.ndarray:

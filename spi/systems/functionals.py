@@ -10,6 +10,7 @@ from .brackets import DIGITS, NOTHING
 from .symbolics import Symbolics, numeric
 
 Functional = dict[int, mpmath.mpf]  #: a linear function of y, the factor of each component that occurs in it
+Entries = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number of a matrix; a last column is that of 1
 
 
 class NoExactFlow(ValueError):
@@ -91,9 +92,6 @@ def form_text(functional: Functional, names: Sequence[str]) -> str:
     """A linear function in words."""
     parts = [names[i] if abs(c - 1) < NOTHING else f"{mpmath.nstr(c, 6)}*{names[i]}" for i, c in functional.items()]
     return " + ".join(parts)
-
-
-Entries = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number of a matrix; a last column is that of 1
 
 
 class Quadratic(NamedTuple):

@@ -38,6 +38,7 @@ from .functionals import Entries
 from .splitting import connected
 
 _BEARABLE, _MOST_LOSS = 30.0, 1e4  # see :func:`loss`: roundings of 1e-16 become so many times larger
+_NEAR = mpmath.mpf(10) ** -2  # relative: so near are eigenvalues whose spaces may be moved together
 
 
 class Block(NamedTuple):
@@ -105,9 +106,6 @@ def _turn(entries: Entries, order: Sequence[int]) -> tuple[Entries, mpmath.mpf] 
     if abs(square) < CLOSE**2 * size**2 or mpmath.mnorm(cube + square * matrix, "f") > TINY * size**3:
         return None
     return entries, square
-
-
-_NEAR = mpmath.mpf(10) ** -2  # relative: so near are eigenvalues whose spaces may be moved together
 
 
 def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int]) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from model_cases import MODELS_UNDER_TEST, around_the_origin
 from own_models import OSCILLATOR
+from yaml_cases import made
 
 from spi.checks.model_checks import check_model
 from spi.checks.states import states_around, states_on_surface
@@ -70,6 +71,19 @@ def test_hyperbolic_flows_pass(rate):
 def test_the_heavy_top_passes(inertia):
     record = modules.stored("checked", TOP).HeavyTop(inertia, weight=10.0)
     assert check_model(record, states_around(INITIAL["HeavyTop"], record)) == []
+
+
+@pytest.mark.parametrize("rate", [1e4, 1e6])
+def test_a_function_that_oscillates_fast_passes(rate):
+    """Also beside a component that is much larger."""
+    record = made(f"{{bracket: {{q p: 1}}, variables: [q, p], hamiltonian: p^2/2 - cos({rate}*q), noises: [q]}}").record
+    for y in ((1.0, 0.5), (1e-6, 1.0)):
+        assert check_model(record, [y], written=False) == []
+
+
+def test_a_derivative_that_vanishes_passes():
+    record = made("{bracket: {q p: 1}, variables: [q, p], hamiltonian: cosh(q^2) + p^4, noises: [q^4]}").record
+    assert check_model(record, [(0.0, 0.0), (0.0, 1.0)], written=False) == []
 
 
 _DERIVATIVES = "its derivatives at t = 0, added up over k, are not structure(drift_gradient)"

@@ -6,13 +6,14 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from damage import call
 from strong_results import strong, strong_group
 
 from spi import cli, storage
-from spi.cli import progress
+from spi.cli import progress, running, streams
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 TINY = ["--set", "final_time=1/8", "--set", "step=1/8", "--set", "schemes=[splitting]"]
@@ -101,6 +102,35 @@ def test_an_output_that_cannot_be_written_ends_in_one_line():
         done = program("list", out=full)
     assert done.returncode == 1
     assert done.stderr.count(b"\n") == 1 and done.stderr.startswith(b"spi: ")
+
+
+def test_a_closed_output_is_no_mistake(monkeypatch):
+    for name in ("stdout", "stderr"):
+        monkeypatch.setattr(sys, name, None)  # as Python has it after >&-
+    assert call("list", "models")[0] == 0  # in outputs of its own
+    streams.write_what_the_terminal_can()
+    streams.tell("into nothing")
+    print("into nothing", flush=True)
+    for stream in (sys.stdout, sys.stderr):
+        stream.close()
+
+
+def test_a_reader_that_has_seen_enough_ends_no_run(monkeypatch):
+    """`spi run a b | head` computes b as well."""
+    computed = []
+
+    def compute(experiment, watch):
+        computed.append(experiment.name)
+        storage.write("r.h5", strong(strong_group("splitting")))
+        return Path("r.h5")
+
+    monkeypatch.setattr(running.STOP, "ignore", lambda: None)
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as nobody_reads:
+        monkeypatch.setattr(sys, "stdout", nobody_reads)
+        running._show_each([SimpleNamespace(name=name) for name in "ab"], compute)
+    assert computed == ["a", "b"]
 
 
 def test_control_characters_do_not_reach_the_terminal():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from damage import call
+from helpers import loop_in_python
 from own_models import OSCILLATOR
 from strong_results import strong, strong_group
 
@@ -102,7 +103,8 @@ def test_code_in_a_results_file_is_run_by_nobody_unasked(tmp_path, monkeypatch):
     model = "{python: model.py, name: Oscillator}"
     text = BODY.replace(BODY.split("model: ")[1].split("\n")[0], model).replace("[cos(1.1), 0, sin(1.1)]", "[1, 0]")
     Path("sent/s.yaml").write_text(text)
-    path = runner.run(runner.load("sent/s.yaml"), "sent")
+    with loop_in_python():
+        path = runner.run(runner.load("sent/s.yaml"), "sent")
     code = with_code(path, "first")
     for command in (["run"], ["check"], ["model"], ["merge"], ["run", "--as", "weak"]):
         done, out, err = call(command[0], path, *command[1:])

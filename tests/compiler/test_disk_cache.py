@@ -1,5 +1,6 @@
 """Kernels are found in the disk cache, and never stale."""
 
+import errno
 import json
 import os
 import shutil
@@ -13,6 +14,7 @@ from helpers import compiled_only
 from own_models import OSCILLATOR
 
 import spi
+from spi.compiler import caching
 
 #: A small kernel that asks a model.
 ENERGY_KERNEL = """
@@ -99,6 +101,37 @@ def test_kernels_are_found_in_the_cache_and_never_stale(tmp_path):
         # Numba itself would not notice the edit of the model: the kernel lies in another file.
         assert (np.abs(np.subtract(after["states"], cold["states"])).max() > 0.1) == compiles
     assert len([folder for folder in (tmp_path / "cache").iterdir() if folder.name != "modules"]) == 2
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+@pytest.mark.parametrize(
+    "damage", [lambda data: b"", lambda data: bytes(len(data)), lambda data: data[:40] + b"x" + data[41:]]
+)
+def test_a_damaged_file_of_the_cache_counts_as_missing(tmp_path, ending, damage):
+    """Else a flipped bit would end every run with a traceback, or be executed."""
+    files = caching._WithDigest(str(tmp_path), "kernel", "stamp")
+    for _ in range(2):
+        assert files.load("key") is None
+        files.save("key", list(range(20)))
+        assert files.load("key") == list(range(20))
+        (file,) = tmp_path.glob(f"*.{ending}")
+        file.write_bytes(damage(file.read_bytes()))
+
+
+def test_a_cache_that_cannot_be_written_is_told_once_and_stops_nothing(tmp_path, monkeypatch, capsys):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "as the system says it")
+
+    monkeypatch.setattr(caching.FunctionCache, "save_overload", full)
+    monkeypatch.setattr(caching.SharedCache, "_told", False)
+    cache = caching.SharedCache(run)
+    cache._cache_path = str(tmp_path)
+    for _ in range(2):
+        cache.save_overload((), None)
+    assert (
+        capsys.readouterr().err
+        == f"spi: {spi.kernels_folder()}: no space left on device; compiled kernels cannot be saved\n"
+    )
 
 
 @pytest.mark.slow

@@ -61,7 +61,7 @@ RESULTS = {
 }
 
 
-@pytest.mark.share(5)
+@pytest.mark.share(3)
 @pytest.mark.parametrize("what", RESULTS)
 @pytest.mark.parametrize(("width", "font"), [("one", "serif"), ("two", "sans"), ("130mm", "serif")])
 def test_no_text_lies_on_another(what, width, font):

@@ -1,17 +1,20 @@
-"""Increments over sub-steps: one Brownian path with those over whole steps, whatever the step size."""
+"""Increments over sub-steps: one Brownian path with those over whole steps, whatever the step size.
+
+The loop is plain Python where it only hands out increments; compiled paths of schemes with sub-steps follow from them.
+"""
 
 import itertools
 
 import numpy as np
 import pytest
 from helpers import (
-    COMPILED,
     INITIAL,
     LANES,
     RIGID_BODY,
     Increments,
     SubIncrements,
     composed,
+    loop_in_python,
     random_states,
     simulate,
     take_step,
@@ -33,15 +36,17 @@ PALINDROME = splitting(flows("drift", fraction=1 / 2), flows("noise", "symmetric
 
 def over(n, part, model=RIGID_BODY, **options):
     """The increments over sub-step `part` of n: a list of levels, each an array [step, noise, path]."""
-    return simulate(SubIncrements(n, part), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
+    with loop_in_python():
+        return simulate(SubIncrements(n, part), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
 
 
 def whole(model=RIGID_BODY, **options):
     """The increments over whole steps as schemes without sub-steps get them."""
-    return simulate(Increments(), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
+    with loop_in_python():
+        return simulate(Increments(), model, snapshots=0, initial=(7.0, 8.0, 9.0), **options)[0]
 
 
-OPTIONS = {"h": 2.0**-7, "steps": 32 if COMPILED else 8, "doublings": (0, 1, 2, 3), "first_block": 2}
+OPTIONS = {"h": 2.0**-7, "steps": 8, "doublings": (0, 1, 2, 3), "first_block": 2}
 
 
 def test_whole_steps_have_the_increments_of_schemes_without_sub_steps():
@@ -89,8 +94,7 @@ def test_reference_steps_are_halved_by_bridges_of_the_stream_of_bridges():
 
 
 def test_sub_steps_are_independent_with_the_right_variances():
-    steps = 4096 if COMPILED else 256
-    options = {"h": 0.25, "steps": steps}
+    options = {"h": 0.25, "steps": 64}
     found = np.array([over(FINEST, part, **options)[0] for part in range(FINEST)])  # [part, step, noise, path]
     columns = found.transpose(0, 2, 1, 3).reshape(FINEST * 3, -1)
     paths = columns.shape[1]
@@ -102,7 +106,7 @@ def test_sub_steps_are_independent_with_the_right_variances():
 
 
 def test_each_increment_is_clipped_by_the_bound_for_its_own_length():
-    options = {"h": 2.0**-4, "steps": 64 if COMPILED else 16, "doublings": (0, 2, 3), "blocks": 2}
+    options = {"h": 2.0**-4, "steps": 16, "doublings": (0, 2, 3), "blocks": 2}
     for n in (1, 2, 8):
         pairs = zip(over(n, 0, **options), over(n, 0, truncate=True, **options), strict=True)
         for s, (plain, clipped) in zip(options["doublings"], pairs, strict=True):

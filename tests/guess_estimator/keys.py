@@ -20,8 +20,3 @@ class Keys(BaseKeys):
 def check(case: Any) -> None:
     """There must be a guess."""
     need(case, "guess", "per_step")
-
-
-def can_do(case: Any, scheme: str) -> bool:
-    """It says something of every scheme."""
-    return True

@@ -8,7 +8,7 @@ import numpy as np
 
 from spi.kinds.plans import Cost, Done, State
 from spi.kinds.weak.results import Unsampled, WeakErrors
-from spi.kinds.weak.study.plans import WeakPlan
+from spi.kinds.weak.study import WeakPlan
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order, Part
 

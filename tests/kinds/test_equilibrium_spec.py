@@ -27,6 +27,10 @@ MODEL = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigm
         (["step_count: 640\n", ""], r"1: step_count: missing key 'step_count'; add step_count: .*"),
         ([SCHEMES, "[ap_splitting]\neps: 0.1"], r"7: schemes: has a multiscale scheme; use schemes without eps"),
         ([SCHEMES, "[splitting, midpoint]"], r"7: schemes: has 'midpoint', which needs bounded increments; .*"),
+        (
+            [SCHEMES, "[splitting]\nnoise: {kind: fractional, hurst: 0.7}"],
+            r"8: noise.kind: is that of a process whose increments are all made at once, .*; use another process, .*",
+        ),
         ([SCHEMES, "[splitting, splitting]"], r"7: schemes: has 'splitting' twice; remove one"),
         (["[1/8, 1/4]", "[1/8, 2^-3]"], r"5: steps: has '0.125' twice; remove one"),
         (

@@ -8,6 +8,7 @@ from statistics_cases import BODY, results_of, study_of, written
 
 from spi.exact.kolmogorov import exact_expectations
 from spi.kinds.statistics.figure import draw
+from spi.kinds.statistics.references import known_means
 from spi.specs import SpecError
 
 
@@ -92,6 +93,8 @@ def test_a_finer_run_tells_the_weak_error(case_of):
         ("density={of: [square, psi]}", "is 'psi', not the name of a function"),
         ("density={times: [1/16]}", "none of the times of the statistics"),
         ("density={cells: 1000}", "cells"),
+        ("functions={square: {maxximum: y1}}", "is not a known functional; did you mean 'maximum'?"),
+        ("functions=[y1]", "must be a mapping, as in {phi: y1^2, psi: y2}"),
     ],
 )
 def test_mistakes_are_one_line(case_of, tmp_path, override, message):
@@ -128,6 +131,19 @@ def test_a_figure_shows_the_panels_that_are_named(case_of):
         axes = draw("A title", [[reading]]).axes
         counts.append(len([ax for ax in axes if ax.get_label() != "<colorbar>"]))
     assert min(counts) > 0 and sum(counts[1:]) == counts[0]
+
+
+def test_at_a_temperature_the_gibbs_law_stays(case_of):
+    """Its means by plain sums over heights and longitudes, with the sign of 1/T as a control."""
+    case = case_of("functions={square: y1^2, energy: H}", "temperature=0.4", "reference={square: stationary}")
+    z, longitude = np.meshgrid(np.linspace(-1, 1, 4001)[1::2], np.arange(200) * np.pi / 100)
+    across = np.sqrt(1 - z**2)
+    y = np.array([across * np.cos(longitude), across * np.sin(longitude), z])
+    energy = sum(one**2 / (2 * inertia) for one, inertia in zip(y, (2, 1, 2 / 3), strict=True))
+    means = [np.average(y[0] ** 2, weights=np.exp(sign * energy / 0.4)) for sign in (-1, 1)]
+    value, error = known_means(case)
+    assert np.abs(value[0] - means[0]).max() < 1e-6 < 0.1 < abs(means[1] - means[0]) and error[0].max() < 1e-9
+    assert np.isnan(value[1]).all()
 
 
 def test_the_uniform_law_of_the_sphere_stays(case_of):

@@ -1,6 +1,7 @@
 """The strong study against plain NumPy, and on what its results may not depend; all seeds are fixed."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,23 @@ def test_standard_errors_are_those_of_a_root_of_a_mean(samples):
     delta = distance.std(ddof=1) / (2 * math.sqrt(distance.mean() * case.samples))
     groups = np.count_nonzero(group_counts(case.samples))
     assert abs(found["error_final_stderr"][0] / delta - 1) < 3 / math.sqrt(2 * (groups - 1)) + 0.1
+
+
+def test_a_scheme_that_is_named_as_the_reference_is_its_own():
+    """The order is the same; named for another scheme the reference is not allowed for."""
+    case = case_of("schemes=[splitting]")
+    state = finished(strong.plan(case, Part("splitting")))
+    orders = [
+        replace(state.plan, case=case.model_copy(update={"reference_scheme": name})).results(state).order.order
+        for name in (None, "splitting", "midpoint")
+    ]
+    assert orders[0] == orders[1] < orders[2]
+
+
+def test_paths_that_begin_at_0():
+    found, attributes = study(case_of("schemes=[euler_maruyama]", "initial=[0, 0, 0]"), "euler_maruyama")
+    assert not found["error"].any() and not found["casimir_drift"].any()
+    assert attributes["note"] == "errors of 0 have no order"
 
 
 def test_seeds_matter_and_orders_of_schemes_do_not():

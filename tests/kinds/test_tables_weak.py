@@ -109,6 +109,15 @@ def test_without_what_may_be_missing(results):
     assert "levels: " not in text and "errors are not corrected for what it lacks, as theory states no order" in text
 
 
+def test_one_path_and_levels_that_cost_the_same(results):
+    plain, multilevel = results.groups[:2]
+    plain.variables["error_stderr"][1][...], plain.attributes["samples"] = math.nan, 1
+    multilevel.attributes["level_cost_rate"] = -0.01
+    text = printed(weak(plain, multilevel))
+    assert "    one path has no standard error: not resolved\n" in text and "nan" not in text
+    assert "cost h^0.01\n" in text
+
+
 def test_nothing_finite():
     groups = [weak_group("splitting", name, prefixes=name == "plain") for name in ("plain", "multilevel", "kolmogorov")]
     for value in (math.nan, math.inf):

@@ -20,6 +20,7 @@ from weak_cases import (
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED
 from spi.exact.kolmogorov import expectations
+from spi.kinds.weak.estimators.kolmogorov.study import _order
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 
@@ -191,3 +192,7 @@ def test_orders_without_sampling(scheme, order, other):
     assert np.array_equal(found["error"], direct.weak_error)
     assert np.array_equal(found["expectation"], direct.value)
     assert np.array_equal(found["limit"], direct.limit)
+
+
+def test_errors_of_0_have_no_order():
+    assert np.isnan(_order(np.array([0.5, 0.25, 0.125]), np.zeros(3), np.zeros(3)).order)

@@ -9,8 +9,9 @@ from helpers import COMPILED, LANES, compiled_only, final_states
 from weak_cases import FUNCTIONS, after_blocks, case_of, plan_of, shares_of_levels
 
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED
-from spi.kinds.weak.estimators.multilevel import differences, plans
-from spi.kinds.weak.estimators.multilevel.differences import DifferencesPlan
+from spi.kinds import samples
+from spi.kinds.weak.estimators.multilevel import study as differences
+from spi.kinds.weak.estimators.multilevel.study import DifferencesPlan
 from spi.numerics.rng import BRIDGES, DIFFERENCES, HALVES, LEVELS, POINTS
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import ROUND
@@ -164,8 +165,8 @@ def test_the_variance_falls_linearly_and_doubles_with_one_side_of_the_coins(weig
 def quantities(p, number, stream=None, blocks=ROUND):
     """[difference, its second quantity], each [block, function, sample], of a level, perhaps on other paths."""
     levels = [level if stream is None else level._replace(stream=stream) for level in p.levels]
-    rows = replace(p, levels=tuple(levels)).rows(number, 0, blocks, blocks * LANES)
-    return np.einsum("qp,bpfl->qbfl", rows.weights, rows.values)
+    values = replace(p, levels=tuple(levels)).values(number, 0, blocks, blocks * LANES)
+    return np.einsum("qp,bpfl->qbfl", p.levels[number].weights, values)
 
 
 @pytest.mark.slow
@@ -189,7 +190,7 @@ def made_up_values(p, times, stream, first, blocks, end):
 
 def test_the_pilot_chooses_what_takes_less_work(monkeypatch):
     monkeypatch.setattr(differences, "values_of_blocks", made_up_values)
-    monkeypatch.setattr(plans, "values_of_blocks", made_up_values)
+    monkeypatch.setattr(samples, "values_of_blocks", made_up_values)
     p = plan_of(case_of(*COARSE, *HALVED), "splitting", "multilevel")
     assert len(plan_of(case_of(*COARSE), "splitting", "multilevel").levels) == len(p.levels) - 4  # it would not pay
     state = after_blocks(p, ROUND)

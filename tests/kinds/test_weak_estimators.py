@@ -20,7 +20,7 @@ LINE = '    "guess": Estimator("spi.kinds.weak.estimators.guess"),\n'
 def test_every_estimator_has_what_is_asked_of_it(name):
     keys, study = ESTIMATORS[name].keys, ESTIMATORS[name].study
     assert keys.Keys.model_fields and keys.LABEL and len(keys.LOOK) == 2
-    assert callable(keys.check) and callable(keys.can_do) and callable(study.plan)
+    assert callable(keys.check) and callable(study.plan)
     with pytest.raises(AttributeError, match="plots"):
         _ = ESTIMATORS[name].plots
 

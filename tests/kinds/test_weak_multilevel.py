@@ -1,6 +1,7 @@
 """Multilevel sampling of weak errors against sums written out in NumPy, and how it spends its samples."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -154,6 +155,9 @@ def test_allocation_is_the_least_work_for_the_variance(scheme, wish):
     for share in (0.5, 1.0):
         blocks = p.allocation(pilot, share)
         assert np.all(blocks % ROUND == 0)
+        if "seconds" not in wish:  # a target that no run reaches
+            tiny = replace(p, case=p.case.model_copy(update={"standard_error": 1e-300}))
+            assert (tiny.allocation(pilot, share) > 1e6 * blocks).all()
         ratio = blocks[:-1] / np.sqrt(variance / cost)
         # rounded up to whole rounds
         assert np.all(np.abs(ratio / ratio[np.argmax(blocks[:-1])] - 1) < 1.01 * ROUND / (blocks[:-1] - ROUND) + 0.01)

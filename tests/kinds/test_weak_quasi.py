@@ -9,7 +9,7 @@ from weak_cases import case_of, plan_of
 from spi.ensemble.loop import limited_threads
 from spi.exact.kolmogorov import expectations
 from spi.expressions import functions_of
-from spi.kinds.weak.study.sums import values_of_blocks
+from spi.kinds.samples import values_of_blocks
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 from spi.specs import SpecError
@@ -140,7 +140,7 @@ def test_only_the_largest_step_depends_on_points_and_bits_do_not_on_batches():
     plan, other = (plan_of(coarse(f"coarse={how}"), SCHEME, "multilevel") for how in ("quasi", "independent"))
     assert [plan.deciding(j) == other.deciding(j) for j in range(len(plan.levels))] == [True] * plan.base + [False]
     assert plan_of(coarse("construction=steps"), SCHEME, "multilevel").deciding(plan.base) != plan.deciding(plan.base)
-    few, more = (plan.rows(plan.base, 0, blocks, blocks * 64).values for blocks in ((3, 8) if COMPILED else (1, 2)))
+    few, more = (plan.rows(plan.base, 0, blocks, blocks * 64) for blocks in ((3, 8) if COMPILED else (1, 2)))
     assert np.array_equal(few, more[: len(few)])
 
 

@@ -138,7 +138,7 @@ def energy_error(name, h, time, every=25.0):
 
 @pytest.mark.share(1)
 @pytest.mark.skipif(not COMPILED, reason="thousands of steps")
-@pytest.mark.parametrize(("name", "order"), [("splitting", 1), ("splitting_symmetric", 2), ("half_noise", 2)])
+@pytest.mark.parametrize(("name", "order"), [("splitting", 1), ("splitting_symmetric", 2)])
 def test_energy_without_noise(name, order):
     """The error is of order h^p and does not grow with time, over 10^4 steps of the largest h."""
     coarse, fine = energy_error(name, 0.25, 2500.0), energy_error(name, 0.0625, 2500.0)

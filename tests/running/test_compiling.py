@@ -211,7 +211,7 @@ def test_the_calls_of_a_plan_are_all_that_has_to_be_compiled(names):
     assert not any(any(counts) for plans in missed.values() for counts in plans), missed
 
 
-MODEL = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 0, 0]}"
+MODEL = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}"
 _HEAD = f"""
 title: t
 model: {MODEL}

@@ -13,7 +13,7 @@ if not COMPILED:
 
 
 @pytest.mark.share(1)
-@pytest.mark.parametrize("kind", sorted(RUNS))
+@pytest.mark.parametrize("kind", RUNS)  # the first needs kernels that others need
 def test_a_run_that_is_killed_again_and_again_comes_to_the_same_end(tmp_path, kind, monkeypatch):
     names = "ensemble.loop.BATCH_SECONDS", "statistics.tallies.CHUNK_WORK", "running.checkpoint._SHARE"
     for name in names:

@@ -4,7 +4,7 @@ import mpmath
 import multiscale_cases
 import numpy as np
 import pytest
-from helpers import COMPILED, LANES, RIGID_BODY, Increments, compiled_only, final_states, simulate
+from helpers import COMPILED, LANES, RIGID_BODY, Increments, compiled_only, final_states, loop_in_python, simulate
 from mpmath import mpf
 from multiscale_cases import (
     EXPLICIT,
@@ -151,7 +151,8 @@ def test_every_path_and_every_step_size_has_its_own_processes_which_begin_at_zer
     """Through the ensemble, against steps of one block at a time with the ensemble's increments."""
     scheme, doublings = AsymptoticPreserving(0.3, IMPLICIT), (0, 1, 1, 3)
     setting = {"h": 2.0**-6, "steps": 16, "doublings": doublings, "blocks": 2, "first_block": 3}
-    found = final_states(scheme, **setting)
+    with loop_in_python():
+        found = final_states(scheme, **setting)
     drawn, _ = simulate(Increments(), snapshots=0, **setting)
     for doubling, y, dW in zip(doublings, found, drawn, strict=True):
         for block in range(2):

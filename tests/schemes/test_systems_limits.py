@@ -104,7 +104,7 @@ def strong_case(name, sigma, scheme, final_time):
     )
 
 
-@pytest.mark.share(2)
+@pytest.mark.share(1)
 @compiled_only
 @pytest.mark.parametrize(("name", "sigma", "scheme", "final_time", "order"), ORDERS)
 def test_strong_orders(name, sigma, scheme, final_time, order):

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers import loop_in_python
 
 from spi import storage
 from spi.kinds.strong.study.errors import expected_order
@@ -264,7 +265,8 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path):
 def test_an_order_that_no_theory_states_is_measured(spec, tmp_path):
     """Without noise compositions may have any order."""
     experiment = spec(TEXT, "sigma: [1, 1, 1]", "sigma: [0, 0, 0]", SCHEMES_LINE, "schemes: [mine]")
-    results = storage.read(run(experiment, tmp_path))
+    with loop_in_python():
+        results = storage.read(run(experiment, tmp_path))
     text = io.StringIO()
     views.print_tables(results, text)
     assert re.search(r"^mine: order .*\(measured; theory states none\)", text.getvalue(), re.MULTILINE)

@@ -782,6 +782,17 @@ def test_bad_expression_elsewhere(spec):
         ),
         (
             "functions:\n  phi: sin(2*pi*y1) + sin(2*pi*y2)\n  energy: y1^2\n",
+            "functions: [y1, y2]\n",
+            "8: functions: is a list; must be a mapping, as in {phi: y1^2, psi: y2}, or the text of one named phi",
+        ),
+        (
+            "steps: [1/8, 1/4]\nreference_step: 2^-6\n",
+            "accuracy: 1e-3\n",
+            "5: accuracy: is beside estimators, but without steps; leave out estimators, and steps and samples are "
+            "chosen, or add steps and reference_step",
+        ),
+        (
+            "functions:\n  phi: sin(2*pi*y1) + sin(2*pi*y2)\n  energy: y1^2\n",
             "",
             "1: functions: missing key 'functions'; "
             "add functions: test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi",

@@ -16,6 +16,7 @@ from spi.statistics.estimators import (
     root_mean_square,
     samples_needed,
 )
+from spi.statistics.powers import standard_deviation
 
 H = 2.0 ** -np.arange(3, 9)
 REFERENCE = 2.0**-11
@@ -230,3 +231,7 @@ def test_intervals_of_orders_contain_the_order_as_often_as_they_say(samples):
         inside += fit.low <= p <= fit.high
     # 0.95 +- 4 binomial standard errors of 0.011, and half a percent of bias, as errors are far from normal
     assert 0.90 < inside / repetitions < 0.985
+
+
+def test_values_that_overflow_have_no_standard_deviation():
+    assert np.isnan(standard_deviation(np.array([1e300]), np.array([np.inf]))).all()

@@ -251,7 +251,9 @@ def test_degrees(name, expected):
     assert degrees(name) == expected
 
 
-@pytest.mark.parametrize("name", ["sl(3)", "sl(4)", "su(3)", "su(4)", "sp(4)"])
+@pytest.mark.parametrize(
+    "name", ["sl(3)", "su(3)", "sp(4)", *(pytest.param(name, marks=pytest.mark.slow) for name in ("sl(4)", "su(4)"))]
+)
 def test_traces_of_powers_are_casimir_functions(name):
     """As many as there are, all independent; one with a factor changed is none."""
     found = define(definition(f"{{algebra: '{name}', hamiltonian: y1}}"))

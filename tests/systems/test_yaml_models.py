@@ -16,6 +16,7 @@ from spi.ensemble.long_flows import drift_phases, drift_turned, noise_phases, no
 from spi.ensemble.protocol import drift_flow, drift_gradient, noise_flow
 from spi.models import MaxwellBloch, RigidBody, SineEuler
 from spi.numerics.angles import ANY_ANGLES
+from spi.running.load import load
 
 SPLITTING = SCHEMES["splitting"].record
 
@@ -181,12 +182,14 @@ def test_where_nothing_can_be_kept_it_is_made_each_time(folder, monkeypatch):
     assert list(folder.iterdir()) == []
 
 
-LONG = (Path(__file__).parents[2] / "experiments" / "systems" / "sine_euler_5.yaml").read_text().partition("sigma:")[0]
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+LONG = (EXPERIMENTS / "systems" / "sine_euler_5.yaml").read_text().partition("sigma:")[0]
 
 
 def test_long_flows_are_divided_into_sines_and_what_is_done_with_them():
     """Both ways give the same bits; flows that are short are whole."""
-    model = record(LONG)
+    (case,) = load(EXPERIMENTS / "sine_euler_5_strong.yaml").cases  # is made once in a whole run
+    model = case.model
     count = type(model).phases
     assert count > 0 and not hasattr(type(record(RIGID_BODY)), "phases")
     y, t = tuple(np.random.default_rng(3).uniform(-1.0, 1.0, 25).tolist()), 0.3

@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damage import call
-from helpers import COMPILED, LANES, SCHEMES, take_steps
+from helpers import COMPILED, LANES, SCHEMES, take_step, take_steps
 from own_models import check_other_processes
 
 from spi import systems
-from spi.compiler.inlining import uncompiled
-from spi.ensemble.protocol import drift_flow, noise_flow
-from spi.numerics.angles import ANY_ANGLES
 from spi.running import run as runs
 from spi.specs import SpecError
 
@@ -259,19 +256,18 @@ cases:
 
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")
 def test_two_systems_of_one_name_and_the_same_fields_in_one_process(spec):
-    """With the kernels of one the paths of the other would leave its level set; by the flows, uncompiled."""
+    """The kernels of one are not those of the other: as the same steps, uncompiled."""
     first, second = (case.model for case in spec(TWO).cases)
     assert type(first).__qualname__ == type(second).__qualname__ and first == second  # as tuples of numbers
-    y, dW = (0.3, -0.2, 1.1), np.full((5, 1, LANES), 0.3)
-    for model in (first, second):
-        z, _ = take_steps(SCHEMES["splitting"].record, model, 0.1, dW, np.repeat(np.array(y)[:, np.newaxis], LANES, 1))
-        expected = y
-        with uncompiled():
-            for _ in range(5):
-                expected = noise_flow(model, 0, 0.3, expected, ANY_ANGLES)
-                for k in range(2):
-                    expected = drift_flow(model, k, 0.1, expected, ANY_ANGLES)
-        assert np.allclose(z[:, 0], expected, rtol=1e-13, atol=1e-14)
+    scheme, y, dW = (
+        SCHEMES["euler_maruyama"].record,
+        np.repeat([[0.3], [-0.2], [1.1]], LANES, 1),
+        np.full((1, LANES), 0.3),
+    )
+    found = [take_steps(scheme, model, 0.1, dW[np.newaxis], y)[0] for model in (first, second)]
+    for model, z in zip((first, second), found, strict=True):
+        assert np.allclose(z, take_step(scheme, model, 0.1, dW, y)[0], rtol=1e-13, atol=1e-14)
+    assert not np.allclose(*found, rtol=0, atol=1e-3)
 
 
 @pytest.mark.skipif(not COMPILED, reason="about compiled code")

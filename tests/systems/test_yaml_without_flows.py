@@ -236,6 +236,9 @@ def test_specs_refuse_what_needs_flows_and_nothing_else(spec):
         "s.yaml:11: schemes: has 'splitting', made of exact flows, and none is known of 'p^2/(2*(q^2 + 1))': it depends"
         f" on q and p, which do not commute; add inner: midpoint (or munthe_kaas) to the model, or use {able}"
     )
+    with pytest.raises(SpecError) as error:  # splitting_metropolis needs flows as well
+        spec(SPEC.replace("[euler_maruyama,", "[splitting,") + "temperature: 1\n")
+    assert str(error.value).endswith(f"or use {able}")
     own = "compositions: {mine: [noise 1/2, drift 1, noise 1/2]}\n"
     for old, new in (("[euler_maruyama,", "[mine,"), ("samples", "reference_scheme: splitting_order2\nsamples")):
         with pytest.raises(SpecError, match="made of exact flows"):

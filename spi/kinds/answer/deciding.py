@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.ensemble.protocol import large
+from spi.ensemble.random_states import RandomState
 from spi.kinds.plans import State
 from spi.kinds.weak.estimators.kolmogorov.study import solution
 from spi.statistics.estimators import ROUND
@@ -48,7 +50,7 @@ def decided(p: "AnswerPlan", state: State) -> Decisions | None:
 def _solved(p: "AnswerPlan", extra: Decisions) -> Decisions:
     """With the solution without sampling, which is the answer if it is good enough."""
     began, cpu_began = time.perf_counter(), time.process_time()
-    found = solution(p.case, p.solving_rows, p.solving_steps)
+    found = solution(p.case, *p.solving)
     spent = time.perf_counter() - began, time.process_time() - cpu_began
     extra = extra._replace(
         seconds=spent[0],
@@ -99,7 +101,8 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)
     extra = extra._replace(works=works)
     worth = min(best[chosen][0].work, p.case.seconds) if np.isfinite(best[chosen][0].work) else 0.0
-    if not extra.pointed and worth > _POINTS and p.may_follow_points:
+    followed = not isinstance(p.case.initial, RandomState) and not large(p.model)
+    if followed and not extra.pointed and worth > _POINTS:
         more = extra.wanted + _pilot_along(p, chosen, best[chosen][0].base)
         return extra._replace(wanted=more, pointed=1)
     if extra.piloted < len(p.case.schemes) and worth > _SCHEME:

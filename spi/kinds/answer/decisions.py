@@ -67,11 +67,6 @@ class Decisions(NamedTuple):
         """Which of the path sets of the scheme the largest step alone has."""
         return (ALONG if self.points else LEVELS) + self.base
 
-    @property
-    def choice(self) -> Choice:
-        """The levels that were chosen."""
-        return Choice(self.levels, self.base, self.finest, self.work, 0.0)
-
     def with_choice(self, choice: Choice, order: float | None) -> "Decisions":
         """With other levels."""
         levels, base, finest, work, _ = choice

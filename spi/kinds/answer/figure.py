@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from spi.drawing import style
-from spi.drawing.axes import INTERVAL, error_axes, legend_line, legend_under, limits, panel_grid, panel_title, rules
+from spi.drawing.axes import INTERVAL, case_panels, error_axes, legend_under, limits, rules
 
 from .results import Answer
 
@@ -17,18 +17,11 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 def draw(title: str, cases: Sequence[Sequence[Answer]]) -> Figure:
     """The figure of answers: a panel per case."""
-    columns, rows, size = panel_grid(len(cases))
-    shared, own = style.split_facts([style.facts(readings[0], "accuracy") for readings in cases])
-    fig, entries = Figure(), max(2 * len(case[0].functions) + 1 for case in cases)
-    style.dress(fig, columns * size[0], rows * (size[1] + legend_line() * entries), title, shared)
-    axes = list(fig.subplots(rows, columns, squeeze=False).flat)
-    for ax, readings, facts in zip(axes, cases, own, strict=False):
-        if len(cases) > 1:
-            ax.set_title(panel_title(readings[0].about, facts))
+    facts = [style.facts(readings[0], "accuracy") for readings in cases]
+    fig, axes = case_panels(title, cases, facts, max(2 * len(case[0].functions) + 1 for case in cases))
+    for (ax,), readings in zip(axes, cases, strict=True):
         (_levels if readings[0].chosen else _values)(ax, readings[0])
         legend_under(ax)
-    for ax in axes[len(cases) :]:
-        ax.remove()
     return fig
 
 

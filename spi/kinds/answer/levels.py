@@ -1,14 +1,15 @@
 """The paths of an answer: those of a difference between neighbouring levels, and those of one level alone."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
 from spi.ensemble.points import dimensions_of
 from spi.ensemble.streams import RandomStream
+from spi.kinds.samples import Sample
 from spi.numerics.rng import ANSWERS, LANES
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.schemes import typical_ns
@@ -26,24 +27,13 @@ SETS = 4 * LEVELS  #: path sets of a scheme
 #: measured, of typical speed.
 PATH_NS, SUM_NS = 25.0, 15.0
 
+#: The quantities of a path set: DIFFERENCE, at the fine step minus at the coarse one, and VALUE, at the fine step on
+#: one path; of a level alone the value only.  From a reference scheme DIFFERENCE is that at the fine step, VALUE how
+#: much less it is than at the coarse one.
 DIFFERENCE, VALUE = range(2)
 
 
-class Paths(NamedTuple):
-    """The paths of one sample of a path set.
-
-    The rows of `weights` make its quantities of phi on the paths: DIFFERENCE, at the fine step minus at the coarse one,
-    and VALUE, at the fine step on one path; of a level alone the value only.  From a reference scheme DIFFERENCE is
-    that at the fine step, VALUE how much less it is than at the coarse one.
-    """
-
-    grid: Grid
-    stream: RandomStream
-    weights: np.ndarray
-    steps: int  #: of all paths of a sample
-
-
-def paths_of_set(case: Any, row: Any, number: int) -> Paths:
+def paths_of_set(case: Any, row: Any, number: int) -> Sample:
     """Those of path set number `number` of all: of scheme number // SETS, whose row of the table is `row`."""
     own, record = number % SETS, row.record
     level, alone = own % LEVELS, own >= LEVELS  # along points or not
@@ -63,14 +53,14 @@ def paths_of_set(case: Any, row: Any, number: int) -> Paths:
     terms = fourier_terms(case.model, records, h, areas=case.areas)
     times = grid(h, steps, by_reference=(0,) * len(shape["doublings"]), area_terms=terms, **shape)
     stream = RandomStream(np.uint64(case.seed), np.uint64(ANSWERS + 2 * number))
-    return Paths(times, stream, np.array(weights), int((steps >> times.doublings).sum()))
+    return Sample.of(times, stream, weights)
 
 
-def seconds_of(case: Any, row: Any, paths: Paths) -> float:
+def seconds_of(case: Any, row: Any, sample: Sample) -> float:
     """Of one sample of a path set, by one thread of typical speed."""
-    quantities, count = paths.weights.shape
+    quantities, count = sample.weights.shape
     besides = PATH_NS * count + SUM_NS * quantities * len(case.functions)
-    return 1e-9 * (typical_ns(row, case.model) * paths.steps + besides)
+    return 1e-9 * (typical_ns(row, case.model) * sample.steps + besides)
 
 
 def most_points(row: Any, model: Any) -> int:

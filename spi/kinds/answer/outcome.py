@@ -14,12 +14,12 @@ from spi.schemes import weak_exponents
 from spi.statistics.richardson import weights
 from spi.storage.records import HEAVY_TAILS, INTERVAL
 
-from .levels import AGAINST, LEVELS, SETS, along_points
+from .levels import AGAINST, DIFFERENCE, LEVELS, SETS, VALUE, along_points
 from .planner import bound, changed, order_of, shares
 from .results import Answer, Chosen, Compared, Levels
 
 if TYPE_CHECKING:
-    from .study import AnswerPlan
+    from .study import AnswerPlan, Totals
 
 _SURE = 2.0  # standard errors by which the check may be off
 _DOUBT = 1.5  # of the consistency, whose bound 1 one of many levels passes now and then
@@ -55,7 +55,7 @@ def found(p: "AnswerPlan", state: State) -> Found:
     of_base = along_points(base.sums, base.paths) if extra.points else np.maximum(m2 - m1**2, 0.0)
     variance = of_base / base.paths + (s**2 * measured.stderr[used] ** 2).sum(axis=0)
     stderr, q = np.sqrt(variance), order_of(exponents, extra.levels)
-    bias = bound(measured, exponents, extra.levels, finest, extra.base).bias
+    bias = bound(measured, exponents, extra.levels, finest, extra.base)
     check, check_stderr = changed(measured, w, finest + 1)
     passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _SURE * check_stderr).all())
     return Found(value, bias + INTERVAL * stderr, bias, stderr, q, check, check_stderr, passed, share)
@@ -101,15 +101,18 @@ def consistency(p: "AnswerPlan", state: State) -> float:
     extra, worst = state.extra, 0.0
     totals = p.totals(state, extra.scheme)
     for level in range(extra.base + 1, extra.finest + 1):
-        below = totals[extra.set_of_base] if level == extra.base + 1 else totals[level - 1]
-        (fine, fine2), (off, off2) = (totals[level].sums[:2, i].sum(axis=-1) / totals[level].paths for i in (1, 0))
-        m1, m2 = below.sums[:2, -1].sum(axis=-1) / below.paths
-        sd = np.sqrt(np.maximum(m2 - m1**2, 0.0) / below.paths)
-        sd += np.sqrt(np.maximum(fine2 - fine**2, 0.0) / totals[level].paths)
-        sd += np.sqrt(np.maximum(off2 - off**2, 0.0) / totals[level].paths)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            worst = max(worst, float(np.nan_to_num(np.abs(fine - off - m1) / (3.0 * sd)).max()))
+        below = totals[extra.set_of_base if level == extra.base + 1 else level - 1]
+        each = ((below, -1), (totals[level], VALUE), (totals[level], DIFFERENCE))
+        (coarse, sd_coarse), (fine, sd_fine), (off, sd_off) = (_mean(*one) for one in each)
+        ratio = np.abs(fine - off - coarse) / (3.0 * (sd_coarse + sd_fine + sd_off))
+        worst = max(worst, float(np.nan_to_num(ratio).max()))
     return worst
+
+
+def _mean(totals: "Totals", quantity: int) -> tuple[np.ndarray, np.ndarray]:
+    """(F,) the mean of a quantity of a path set, and its standard error."""
+    mean, square = totals.sums[:2, quantity].sum(axis=-1) / totals.paths
+    return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / totals.paths)
 
 
 def answer(p: "AnswerPlan", state: State) -> Answer:

@@ -75,11 +75,6 @@ class Measured(NamedTuple):
             stderr = np.sqrt(variance / samples[:, np.newaxis])
         return cls(m1, stderr, variance, tails, values, cost, value_cost, known, np.asarray(along or [0] * len(cost)))
 
-    @property
-    def widest(self) -> tuple[np.ndarray, np.ndarray]:
-        """(K + 1,) the largest variances over the functions, of differences and of values."""
-        return self.variance.max(axis=1), self.value_variance.max(axis=1)
-
 
 class Choice(NamedTuple):
     """Which levels an answer has."""
@@ -98,14 +93,10 @@ def shares(w: np.ndarray, base: int, finest: int, count: int) -> np.ndarray:
     return np.where((level > base) & (level <= finest), up_to, 0.0)
 
 
-def change(w: np.ndarray, finest: int, count: int) -> np.ndarray:
-    """(count,) how much of each Y_l is in R(finest) - R(finest - 1), which needs finest >= len(w)."""
-    return shares(w, 0, finest, count) - shares(w, 0, finest - 1, count)
-
-
 def changed(measured: Measured, w: np.ndarray, finest: int) -> tuple[np.ndarray, np.ndarray]:
-    """R(finest) - R(finest - 1) as it was found, and its standard error, (F,)."""
-    t = change(w, finest, len(measured.cost))
+    """R(finest) - R(finest - 1) as it was found, and its standard error, (F,); it needs finest >= len(w)."""
+    count = len(measured.cost)
+    t = shares(w, 0, finest, count) - shares(w, 0, finest - 1, count)
     used = np.flatnonzero(t)
     mean, stderr = measured.mean[used], measured.stderr[used]
     return t[used] @ mean, np.sqrt(t[used] ** 2 @ stderr**2)
@@ -116,29 +107,21 @@ def order_of(exponents: Sequence[float], levels: int) -> float:
     return exponents[levels] if exponents else 1.0
 
 
-class Bound(NamedTuple):
-    """What is known of the bias of R, arrays (F,)."""
-
-    bias: np.ndarray  #: of the modulus at most
-    stderr: np.ndarray  #: of what the bias was found from; contained in the bound
-
-
-def bound(measured: Measured, exponents: Sequence[float], levels: int, finest: int, lowest: int = 0) -> Bound:
-    """The bias at most, by the changes of R from step to step, each carried on to `finest` by its order.
+def bound(measured: Measured, exponents: Sequence[float], levels: int, finest: int, lowest: int = 0) -> np.ndarray:
+    """(F,) the bias at most, by the changes of R from step to step, each carried on to `finest` by its order.
 
     The largest counts, so that one change that is small by chance does not; levels up to `lowest` have no say.
     """
     w = weights(exponents[:levels])
     q, last = order_of(exponents, levels), min(finest, measured.known)
-    found, doubt = np.zeros(measured.mean.shape[1]), np.zeros(measured.mean.shape[1])
+    found = np.zeros(measured.mean.shape[1])
     for level in range(max(last - _ASKED + 1, lowest + levels + 1), last + 1):
         off, stderr = changed(measured, w, level)
         off, scale = np.abs(off), 2.0 ** (q * (level - finest)) / (2.0**q - 1.0)
         # of larger steps only what stands clear counts, for noise is carried on as little as theirs
         clear = stderr if level == last else np.where(off > _CLEAR * stderr, 0.0, -off)
         found = np.fmax(found, scale * (off + clear))
-        doubt = scale * stderr
-    return Bound(np.where(np.isnan(found), np.inf, found), doubt)
+    return np.where(np.isnan(found), np.inf, found)
 
 
 def choose(
@@ -161,7 +144,7 @@ def choose(
             continue
         for base in bases or [step for step in steps if step < measured.known]:
             for finest in [step for step in steps if step > base + levels]:
-                bias = float(bound(measured, exponents, levels, finest, base).bias.max())
+                bias = float(bound(measured, exponents, levels, finest, base).max())
                 if bias <= BIAS_SHARE * accuracy or finest == most:
                     one = Choice(levels, base, finest, 0.0, bias)
                     samples = allocation(measured, exponents, one, accuracy)
@@ -189,7 +172,7 @@ def allocation(
     count, w = len(measured.cost), weights(exponents[: choice.levels])
     target = (accuracy - min(choice.bias if bias is None else bias, accuracy / 2)) / INTERVAL
     s = shares(w, choice.base, choice.finest, count)
-    of_differences, of_values = measured.widest
+    of_differences, of_values = (each.max(axis=1) for each in (measured.variance, measured.value_variance))
     variance = np.append(np.where(s != 0.0, s**2 * np.where(s != 0.0, of_differences, 0.0), 0.0), np.zeros(count))
     variance[count + choice.base] = of_values[choice.base]
     cost = _costs(measured)

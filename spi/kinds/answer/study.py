@@ -16,30 +16,23 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.ensemble.friction import has_friction
 from spi.ensemble.points import points_of
-from spi.ensemble.protocol import dimension, large
 from spi.ensemble.random_states import RandomState
-from spi.exact.kolmogorov import can_solve, demands
-from spi.expressions import canonical, functions_of
-from spi.kinds.blocks import Blockwise
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
-from spi.kinds.weak.study.sums import values_of_blocks
-from spi.numerics.rng import LANES
+from spi.exact.kolmogorov import can_solve
+from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.samples import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
+from spi.kinds.weak.estimators.kolmogorov.keys import demands_of
 from spi.schemes import SCHEMES, weak_exponents
-from spi.schemes.stages import compositions
-from spi.statistics.estimators import GROUPS, ROUND
-from spi.statistics.powers import with_powers
-from spi.statistics.tallies import Chunk, PathSet, chunk_blocks, sum_of_fields
+from spi.statistics.estimators import GROUPS
+from spi.statistics.tallies import Chunk, sum_of_fields
 from spi.storage.records import Part
 
 from . import deciding, outcome
 from .decisions import DONE, Decisions
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
-from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, Paths, along_points, paths_of_set, seconds_of
+from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, along_points, paths_of_set, seconds_of
 from .planner import Measured
 from .results import Answer
 
-_POWERS = 4
-_BATCH_BYTES = 64e6
 _SOLVING = "splitting_order2"  # by whose steps the solvers check the limit
 _ORDERS = 4  # powers of h that extrapolation removes, and the next
 
@@ -55,13 +48,6 @@ class Totals(NamedTuple):
     def plus(self, later: "Totals") -> "Totals":
         """These samples and some later ones."""
         return sum_of_fields(self, later)
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute, a row for each."""
-
-    values: np.ndarray  #: (blocks, paths of a sample, F, LANES)
-    weights: np.ndarray
 
 
 def parts(case: Any) -> list[Part]:
@@ -81,7 +67,7 @@ def plan(case: Any, part: Part) -> "AnswerPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnswerPlan(Blockwise, PartPlan):
+class AnswerPlan(SamplesPlan):
     """The answer of a case."""
 
     @cached_property
@@ -91,21 +77,13 @@ class AnswerPlan(Blockwise, PartPlan):
         unknown = case.damping or has_friction(case.model) or isinstance(case.initial, RandomState)
         if case.sampling or unknown or not can_solve(case.model):
             return False
-        acting = compositions(SCHEMES[_SOLVING].composition, case.model)
-        texts = tuple(canonical(one) for one in case.expressions)
-        what = case.initial, case.final_time, self.solving_steps, functions_of(texts, dimension(case.model))
-        need = demands(case.model, acting, *what, case.accuracy)
+        need = demands_of(case, *self.solving)
         return not need.obstacle and need.seconds <= case.seconds
 
     @property
-    def solving_steps(self) -> tuple[float, ...]:
-        """The steps with which the solvers check the limit."""
-        return tuple(self.case.final_time / 2.0**k for k in (4, 5, 6))
-
-    @property
-    def solving_rows(self) -> Any:
-        """The composition with which they do."""
-        return SCHEMES[_SOLVING].composition
+    def solving(self) -> tuple[Any, tuple[float, ...]]:
+        """The composition and the steps with which the solvers check the limit."""
+        return SCHEMES[_SOLVING].composition, tuple(self.case.final_time / 2.0**k for k in (4, 5, 6))
 
     @cached_property
     def of_schemes(self) -> tuple["AnswerPlan", ...]:
@@ -113,7 +91,7 @@ class AnswerPlan(Blockwise, PartPlan):
         return tuple(replace(self, part=Part(name)) for name in self.case.schemes)
 
     @cached_property
-    def sets(self) -> tuple[Paths, ...]:
+    def sets(self) -> tuple[Sample, ...]:
         """All path sets, of differences and values of each scheme; that of difference 0 is never wanted."""
         return tuple(
             paths_of_set(self.case, one.row, s * SETS + i) for s, one in enumerate(self.of_schemes) for i in range(SETS)
@@ -128,11 +106,6 @@ class AnswerPlan(Blockwise, PartPlan):
     def exponents(self, scheme: int) -> tuple[float, ...]:
         """The powers of h in the weak error of a scheme; () where theory knows none."""
         return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
-
-    @property
-    def may_follow_points(self) -> bool:
-        """Whether paths can follow quasi-random points: from one initial state, of a model whose states are numbers."""
-        return not isinstance(self.case.initial, RandomState) and not large(self.model)
 
     def noise(self, number: int) -> Any:
         """The random numbers of a path set, or its points."""
@@ -155,7 +128,7 @@ class AnswerPlan(Blockwise, PartPlan):
         """That of the pilot; seconds are not known before it."""
         number = PILOT_SAMPLES
         steps = number * sum(self.sets[level].steps for level in range(1, PILOT_LEVELS + 1))
-        return Cost(steps, 0.0 if self.solvable else float("nan"), int(_BATCH_BYTES))
+        return Cost(steps, 0.0 if self.solvable else float("nan"), int(BATCH_BYTES))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of a path set the model, the functions and the scheme; of what is chosen all."""
@@ -172,16 +145,13 @@ class AnswerPlan(Blockwise, PartPlan):
         """The pilot of the first scheme is wanted, or nothing where no paths are needed."""
         return Decisions.initial(len(self.case.schemes) * SETS, len(self.case.functions), not self.solvable)
 
-    def path_sets(self, extra: Decisions) -> Sequence[PathSet]:
-        """The samples that are wanted for now."""
-        return tuple(
-            PathSet(int(paths), max(ROUND, chunk_blocks(one.steps, dimension(self.model))))
-            for paths, one in zip(extra.wanted, self.sets, strict=True)
-        )
+    def wanted(self, extra: Decisions) -> np.ndarray:
+        """(path sets,) the samples that are wanted for now."""
+        return extra.wanted
 
     def empty(self, number: int) -> Totals:
         """The totals over no samples."""
-        shape = _POWERS, len(self.sets[number].weights), len(self.case.functions), GROUPS
+        shape = POWERS, len(self.sets[number].weights), len(self.case.functions), GROUPS
         return Totals(0, 0.0, 0.0, np.zeros(shape))
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -197,25 +167,11 @@ class AnswerPlan(Blockwise, PartPlan):
                     call.kernel(*call.arguments)
         yield from super().advance(chunks, known)
 
-    def most_blocks(self, number: int) -> int:
-        """How many blocks a batch may have, because of memory."""
-        paths = self.sets[number].weights.shape[1]
-        return max(1, int(_BATCH_BYTES / (8 * LANES * paths * (len(self.case.initial) + 4 * len(self.case.functions)))))
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
+    def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
         """The values of the test functions at the end of some blocks."""
         one, noise = self.sets[number], self.noise(number)
         each = [values_of_blocks(s, one.grid, noise, first, blocks, end)[0] for s in self.schemes_of(number)]
-        return Rows(np.concatenate(each, axis=1), one.weights)
-
-    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
-        """The totals with the rows `at`, of which the first is that of block `first`."""
-        values = rows.values[at]
-        with np.errstate(invalid="ignore", over="ignore"):
-            quantities = sum(
-                w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(rows.weights.T)
-            )
-        return sums._replace(sums=with_powers(sums.sums, np.asarray(quantities), first, end))
+        return np.concatenate(each, axis=1)
 
     def next_allocation(self, state: State) -> Decisions | None:
         """What is wanted next; None once the answer is there."""

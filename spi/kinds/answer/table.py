@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence
-from spi.printing.text import human_time, power_of_two, readable, short, with_interval
+from spi.printing.text import human_time, power_of_two, print_lines, readable, short, with_interval
 
 from .results import Answer
 
@@ -23,9 +23,7 @@ def show(console: "Console", heading: str, readings: Sequence[Answer]) -> None:
     """Print the answers of a case."""
     if heading:
         console.print(heading, style="bold", markup=False)
-    for reading in readings:
-        for line in lines(reading):
-            console.print(line, markup=False, soft_wrap=True)
+    print_lines(console, (line for reading in readings for line in lines(reading)))
 
 
 def lines(one: Answer) -> Iterator[str]:

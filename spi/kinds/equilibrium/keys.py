@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Le, MinLen
+from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, dimension
@@ -13,7 +13,7 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
 from spi.specs.conversion import Given
-from spi.specs.keys import NAME, Samples, Schemes, Steps, condition, key_of, quantity, wrong
+from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
 from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
@@ -26,8 +26,6 @@ PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
 
 Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]
-_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str], MinLen(1)]
-Functions = Annotated[_ByName, BeforeValidator(lambda value: {"phi": value} if isinstance(value, str) else value)]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given

@@ -18,7 +18,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import grid, integrated, states_at
 from spi.ensemble.moments import add_moments
 from spi.exact.gibbs import mean_divergence
-from spi.kinds.means import MeansPlan, lost_among
+from spi.kinds.blocks import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS

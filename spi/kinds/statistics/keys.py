@@ -15,7 +15,7 @@ from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_every, check_once, check_step, times_on_grid
 from spi.specs.conversion import Given
-from spi.specs.keys import NAME, Keys, Samples, Schemes, condition, key_of, quantity, shown, wrong
+from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
@@ -28,9 +28,19 @@ QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
 _MOST_NUMBERS = 10**7  # of what is summed up
 _NAMES = tuple(FUNCTIONALS)
 _Functional = Annotated[dict[Literal[_NAMES], str], MinLen(1), Field(max_length=1)]
-_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], str | _Functional], MinLen(1)]
-_PHI = BeforeValidator(lambda value: {"phi": value} if isinstance(value, str) else value)
-PathFunctions = Annotated[_ByName, _PHI]
+
+
+def _known(entry: Any) -> Any:
+    """An entry of functions as it is; raises the error about a word that is no functional."""
+    for word in entry if isinstance(entry, dict) else ():
+        if word not in FUNCTIONALS:
+            raise wrong("is not a known functional", suggestion(word, FUNCTIONALS), word)
+    return entry
+
+
+_Entry = Annotated[str | _Functional, BeforeValidator(_known)]
+_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
+PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
 Panels = tuple[Literal[PANELS], ...]
 Levels = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
@@ -103,7 +113,7 @@ class Case(BaseCase):
     reference: key_of(
         dict[str, Known],
         f"known means: for functions by name an expression in t, a file, {EXACT} (expectations of the equation without "
-        f"sampling) or {STATIONARY} (under the uniform law on the sphere)",
+        f"sampling) or {STATIONARY} (under the uniform law on the sphere, or the Gibbs law at a temperature)",
     ) = pydantic.Field(default_factory=dict)
     reference_step: key_of(
         Positive | None, "step size of finer paths on the same noise, the reference of all other means", "time"

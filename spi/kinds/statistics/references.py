@@ -3,14 +3,16 @@
 import csv
 import functools
 import io
+import math
 import re
 from typing import Any
 
 import numpy as np
 
 from spi.ensemble.random_states import RandomState
+from spi.exact import gibbs
 from spi.exact.kolmogorov import can_solve_equation, demands, exact_expectations
-from spi.exact.sphere_law import obstacle, stationary_means
+from spi.exact.sphere_law import stationary_means
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import path_function
@@ -84,7 +86,11 @@ def _unknown(case: Any, name: str, known: str) -> str | None:
     if known == STATIONARY:
         if told and told["law"] not in ("uniform_on_surface", "gibbs") and not told.get("project"):
             return "that is known of paths on one sphere, and here each has its own"
-        return obstacle(case.model, case.initial)
+        try:
+            _stationary(case.model, case.initial, case.temperature, case.variables, case.functions[name])
+        except ValueError as error:
+            return str(error)
+        return None
     if told:
         return "that is known for one initial state, and here each path has its own"
     if not can_solve_equation(case.model):
@@ -103,8 +109,9 @@ def known_means(case: Any) -> tuple[np.ndarray, np.ndarray]:
         if known == EXACT:
             value[f], error[f] = _exact(case.model, case.initial, tuple(case.t), case.variables, case.functions[name])
         elif known == STATIONARY:
-            function = path_function(case.model, case.variables, case.functions[name])
-            value[f], error[f] = stationary_means(case.model, case.initial, [function.values])[0], 0.0
+            value[f], error[f] = _stationary(
+                case.model, case.initial, case.temperature, case.variables, case.functions[name]
+            )
         elif isinstance(known, str):
             value[f], error[f] = as_numpy(parse_expression(known, 1, ("t",)))(case.t[np.newaxis]), 0.0
         else:
@@ -119,6 +126,21 @@ def _in_curve(known: Curve, t: np.ndarray, step: float) -> tuple[np.ndarray, np.
     met = np.abs(times[nearest] - t) <= ROUNDING * np.maximum(t, step)
     value, error = (np.where(met, column[nearest], np.nan) for column in columns)
     return value, error
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def _stationary(
+    model: Any, initial: Any, temperature: float, names: tuple[str, ...], entry: str
+) -> tuple[float, float]:
+    """Mean of a function under the Gibbs law, uniform without a temperature, and its numerical error.
+
+    ValueError, with the reason in a phrase, where no such law is known.
+    """
+    values = path_function(model, names, entry).values
+    if math.isinf(temperature):
+        return float(stationary_means(model, initial, [values])[0]), 0.0
+    found: tuple[float, float] = gibbs.law_of(model, initial, temperature).expectation(values)
+    return found
 
 
 @functools.lru_cache(maxsize=256, typed=True)

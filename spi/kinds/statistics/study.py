@@ -13,7 +13,7 @@ from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
-from spi.kinds.means import MeansPlan, lost_among
+from spi.kinds.blocks import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES

@@ -6,26 +6,26 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.markers import CARETUP
 
 from spi.drawing import style
 from spi.drawing.axes import (
+    ERRORS,
     INTERVAL,
+    case_panels,
     error_axes,
-    legend_line,
     legend_under,
     limits,
+    note_diverged,
+    note_pale,
     panel_grid,
-    panel_title,
     slopes,
     with_order,
 )
+from spi.drawing.layout import edge_marks
 
 from .results import StrongErrors
 
 FACTS = ("reference_step", "reference_scheme", "samples")  #: what is told above the figure of the whole study
-UNRESOLVED = "#999999"
-ERROR = r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$"
 
 #: The reference slopes: (order, line style, whether the line lies above the data or below).
 SLOPES = ((1 / 2, "--", True), (1, ":", False))
@@ -33,21 +33,13 @@ SLOPES = ((1 / 2, "--", True), (1, ":", False))
 
 def draw(title: str, cases: Sequence[Sequence[StrongErrors]]) -> Figure:
     """The figure of a study of kind strong: a panel per case."""
-    shared, own = style.split_facts([style.facts(readings[0], *FACTS) for readings in cases])
-    looks = style.looks(cases)
-    columns, rows, size = panel_grid(len(cases))
-    fig = Figure()
-    height = rows * (size[1] + legend_line() * (max(map(len, cases)) + len(SLOPES)))
-    style.dress(fig, columns * size[0], height, title, shared)
-    axes = list(fig.subplots(rows, columns, squeeze=False).flat)
-    for i, (ax, readings, facts) in enumerate(zip(axes, cases, own, strict=False)):
-        if len(cases) > 1:
-            ax.set_title(panel_title(readings[0].about, facts))
+    facts, looks = [style.facts(readings[0], *FACTS) for readings in cases], style.looks(cases)
+    columns, *_ = panel_grid(len(cases))
+    fig, axes = case_panels(title, cases, facts, max(map(len, cases)) + len(SLOPES))
+    for i, ((ax,), readings) in enumerate(zip(axes, cases, strict=True)):
         _panel(ax, readings, looks)
         if i % columns == 0:
-            ax.set_ylabel(ERROR)
-    for ax in axes[len(cases) :]:
-        ax.remove()
+            ax.set_ylabel(ERRORS["strong"])
     return fig
 
 
@@ -95,9 +87,7 @@ def _scheme(ax: Axes, reading: StrongErrors, marker: str, colour: str) -> None:
     ax.errorbar(h[good], error[good], bars[good], color=colour, label=label, zorder=3, **look)
     if poor.any():
         ax.errorbar(h[poor], error[poor], bars[poor], color=colour, alpha=0.4, linestyle="none", zorder=2, **look)
-    if beyond.any():
-        top: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-        ax.plot(h[beyond], np.ones(beyond.sum()), marker=CARETUP, color=colour, linestyle="none", zorder=4, **top)
+    edge_marks(ax, h[beyond], error[beyond], colour)
 
 
 def _remarks(ax: Axes, readings: Sequence[StrongErrors]) -> None:
@@ -106,8 +96,6 @@ def _remarks(ax: Axes, readings: Sequence[StrongErrors]) -> None:
     errors = np.concatenate([reading.error for reading in readings])
     resolved = np.concatenate([reading.resolved for reading in readings])
     if ((errors <= top) & ~resolved).any():
-        look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none"}
-        ax.plot([], [], "o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
+        note_pale(ax)
     if not (errors <= top).all():
-        label = "paths diverged (NaN or infinity) or nearly so"
-        ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)
+        note_diverged(ax)

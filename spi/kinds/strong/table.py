@@ -10,11 +10,12 @@ from spi.printing.text import (
     INTERVAL,
     angle_note,
     error_and_remark,
+    error_table,
     lines_of,
     lost_paths,
-    new_table,
     order_found,
     power_of_two,
+    print_lines,
     print_whole,
     short,
 )
@@ -23,6 +24,7 @@ from .results import StrongErrors
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
 
 def rows(readings: Iterable[StrongErrors]) -> Iterator[dict[str, Any]]:
@@ -33,32 +35,20 @@ def rows(readings: Iterable[StrongErrors]) -> Iterator[dict[str, Any]]:
 
 def show(console: "Console", heading: str, readings: Sequence[StrongErrors]) -> None:
     """Print the table of a case."""
-    from rich.text import Text
-
     headings = ["scheme", "h", "strong error (95 %)", "Casimir\ndrift", "di-\nverged", "ns per\nstep", ""]
-    table = new_table(heading, headings, left=3, labels=0)
-    table.columns[-1].justify = "left"
-    for reading in readings:
-        label = lines_of(reading.about)
-        for record in rows([reading]):
-            error, remark = error_and_remark(record, INTERVAL * record["error_stderr"])
-            table.add_row(
-                Text(label),
-                power_of_two(record["h"]),
-                error,
-                short(record.get("casimir_drift")),
-                lost_paths(record.get("nonfinite", 0)),
-                short(record.get("ns_per_step"), ".1f"),
-                remark,
-            )
-            label = ""
-        table.add_section()
-    print_whole(console, table)
+    parts = (([lines_of(reading.about)], _lines(reading)) for reading in readings)
+    print_whole(console, error_table(heading, headings, 3, parts))
     console.print()
-    for reading in readings:
-        for line in _summary(reading):
-            console.print(line, markup=False, soft_wrap=True)
+    print_lines(console, (line for reading in readings for line in _summary(reading)))
     console.print()
+
+
+def _lines(reading: StrongErrors) -> Iterator[tuple["str | Text", ...]]:
+    """The cells of each step size."""
+    for record in rows([reading]):
+        error, remark = error_and_remark(record, INTERVAL * record["error_stderr"])
+        drift, ns = short(record.get("casimir_drift")), short(record.get("ns_per_step"), ".1f")
+        yield power_of_two(record["h"]), error, drift, lost_paths(record.get("nonfinite", 0)), ns, remark
 
 
 def told(readings: Sequence[StrongErrors]) -> str:

@@ -20,7 +20,10 @@ def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
         for f, function in enumerate(one.functions):
             yield order(one.about, one.orders[f], function=function, expected=one.expected_order)
             yield from at_steps("error", one.about, one.h, np.abs(one.error[f]), one.half[f], function)
-            yield from _expectations(one, f)
+            limit = one.unsampled.limit[f] if one.unsampled else np.nan  # which a solver knows
+            for i, h in enumerate(one.h.tolist()):
+                told = one.expectation[f, i], one.expectation_half[f, i], function, h, limit
+                yield quantity("expectation", one.about, *told)
         if found := agreement(one, readings):
             exact = np.zeros(len(one.h))
             for f, function in enumerate(one.functions):
@@ -31,11 +34,3 @@ def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
         about = members[0].about._replace(eps=None, variant=members[0].about.scheme)
         for f, function in enumerate(members[0].functions):
             yield order(about, largest_over_eps(members, f).order, "uniform_order", function)
-
-
-def _expectations(one: WeakErrors, f: int) -> Iterator[Quantity]:
-    """The expectation at each step size, beside the limit where a solver knows that."""
-    limit = one.unsampled.limit[f] if one.unsampled else np.nan
-    for i, h in enumerate(one.h.tolist()):
-        told = one.expectation[f, i], one.expectation_half[f, i], one.functions[f], h, limit
-        yield quantity("expectation", one.about, *told)

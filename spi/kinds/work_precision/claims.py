@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from spi.statistics.claims import Quantity, each_step, lost_is_infinite, order, quantity
+from spi.statistics.claims import Quantity, at_steps, drifts, each_step, order
 
 from .results import WorkPrecision
 
@@ -11,9 +11,8 @@ def quantities(readings: Iterable[WorkPrecision]) -> Iterator[Quantity]:
     """The fitted order; for each step size the error and, where it is known, Casimir drift and diverged paths."""
     for one in readings:
         yield order(one.about, one.order, expected=one.expected_order)
-        for h, error, half in zip(one.h.tolist(), one.error.tolist(), one.half.tolist(), strict=True):
-            yield quantity("error", one.about, error, half, h=h)
-        if one.largest_drift is not None:
-            yield from each_step("casimir_drift", one.about, one.h, lost_is_infinite(one.largest_drift))
+        yield from at_steps("error", one.about, one.h, one.error, one.half)
+        if one.casimir_drift is not None:
+            yield from drifts(one.about, one.h, one.casimir_drift)
         if one.nonfinite is not None:
             yield from each_step("nonfinite", one.about, one.h, one.nonfinite)

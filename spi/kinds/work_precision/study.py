@@ -13,18 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads
-from spi.ensemble.observer import path_observer
-from spi.ensemble.streams import brownian
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.ensemble.loop import integrate, limited_threads
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.samples import values_of_blocks
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
 from spi.kinds.weak.comparisons import cannot_do, not_reached
 from spi.kinds.weak.estimators import ESTIMATORS
 from spi.kinds.weak.results import WeakErrors
-from spi.kinds.weak.study.sums import values_of_blocks
 from spi.numerics.rng import LANES
 from spi.printing.sentences import joined
 from spi.schemes import typical_ns
@@ -91,7 +88,7 @@ class _Job(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WorkPlan(PartPlan):
+class WorkPlan(Plan):
     """Errors of one scheme, and then the time of a path at each step size."""
 
     errors: Any  #: the plan of the strong or weak errors
@@ -190,18 +187,8 @@ class WorkPlan(PartPlan):
             return float(np.einsum("i,bil->bl", self.errors.extrapolation.weights, values[:, :, 0]).std())
 
     def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-        """The arguments of :func:`spi.ensemble.loop.integrate` for so many steps of size h of so many blocks.
-
-        With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
-        """
-        case, sizes = self.case, self.part.extrapolate + 1
-        reference = case.reference_record(self.part.eps)
-        paths: dict[str, Any] = {"doublings": range(sizes), "by_reference": (0,) * sizes}
-        paths["area_terms"] = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
-        times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=reference, **paths)
-        observer = None if case.functions else path_observer(self.model, self.initial, times, blocks)
-        what = self.scheme, self.model, self.initial, times, brownian(case.seed), 0, blocks, blocks * LANES, observer
-        return arguments_of(*what)
+        """The arguments for steps of size h, and of the larger ones with which these are extrapolated."""
+        return self.arguments_of_steps(h, steps, blocks, not self.case.functions, self.part.extrapolate + 1)
 
     def progress(self, state: State) -> Done:
         """How far the errors are and, from the first repeat on, the times, in seconds of typical speed."""
@@ -215,10 +202,6 @@ class WorkPlan(PartPlan):
     def so_far(self, state: State) -> State | None:
         """The state itself once all is there: errors without times tell nothing of this kind."""
         return None if state.missing() or np.isnan(state.extra.times).any() else state
-
-    def _own_deviation(self, state: State) -> float:
-        """That of this level of extrapolation."""
-        return float(state.extra.deviation[self.own_among(lambda one: 1)][0])
 
     def results(self, state: State) -> WorkPrecision:
         """The results of one scheme of a case: errors, and the quartiles of the times."""
@@ -237,7 +220,7 @@ class WorkPlan(PartPlan):
             seconds_per_path_low=low,
             seconds_per_path_high=high,
             repeats=case.repeats,
-            deviation=self._own_deviation(state) if case.functions else None,
+            deviation=float(state.extra.deviation[self.own_among(lambda one: 1)][0]) if case.functions else None,
             left_out=left_out(case),
             targets=case.targets or _targets(of_errors["error"][of_errors["resolved"]]),
         )

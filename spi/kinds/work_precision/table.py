@@ -11,12 +11,14 @@ from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     duration,
     error_and_remark,
+    error_table,
     human_time,
     lines_of,
     lost_paths,
     new_table,
     order_found,
     power_of_two,
+    print_lines,
     print_whole,
     readable,
     short,
@@ -29,6 +31,7 @@ from .work_points import Factor, WorkPoint, best_within, cheapest, work_for
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
 _BUDGETS = (1.0, 60.0, 3600.0)  # seconds of one core
 
@@ -47,13 +50,11 @@ def show(console: "Console", heading: str, readings: Sequence[WorkPrecision]) ->
     console.print()
     first, summaries = readings[0], (line for reading in readings for line in _summary(reading))
     none = [cannot_do("the estimators", first.left_out)] if first.left_out else []
-    for line in [*_measured(first), *summaries, *none]:
-        console.print(line, markup=False, soft_wrap=True)
+    print_lines(console, [*_measured(first), *summaries, *none])
     console.print()
     table, remarks = _requested(readings)
     print_whole(console, table)
-    for line in remarks:
-        console.print(line, style="dim", markup=False, soft_wrap=True)
+    print_lines(console, remarks, style="dim")
     console.print()
     if any(one.deviation is not None for one in readings):
         print_whole(console, _budgets(readings))
@@ -94,34 +95,30 @@ def _times(label: str, cell: str) -> str:
 
 
 def _points(heading: str, readings: Sequence[WorkPrecision]) -> "Table":
-    from rich.text import Text
-
+    """The table of errors and times."""
     trust = dict.fromkeys("bound" if reading.exact else "95 %" for reading in readings)
     error = f"{readings[0].measure} error ({' or '.join(trust)})"
     drifts = any(reading.largest_drift is not None for reading in readings)
     losses = any(reading.nonfinite is not None for reading in readings)
     optional = [*["Casimir\ndrift"] * drifts, *["di-\nverged"] * losses]
-    table = new_table(
-        heading, ["scheme", "h", error, "time per\npath", "ns per\nstep", *optional, ""], left=3, labels=0
-    )
-    table.columns[-1].justify = "left"
-    for reading in readings:
-        label = lines_of(reading.about)
-        for record, half in zip(rows([reading]), reading.half.tolist(), strict=True):
-            value, remark = error_and_remark(record, half)
-            table.add_row(
-                Text(label),
-                power_of_two(record["h"]),
-                value,
-                duration(record["seconds_per_path"]),
-                short(record["ns_per_step"], ".1f"),
-                *[short(record.get("casimir_drift"))] * drifts,
-                *[lost_paths(record.get("nonfinite", 0))] * losses,
-                remark,
-            )
-            label = ""
-        table.add_section()
-    return table
+    headings = ["scheme", "h", error, "time per\npath", "ns per\nstep", *optional, ""]
+    parts = (([lines_of(reading.about)], _lines(reading, drifts, losses)) for reading in readings)
+    return error_table(heading, headings, 3, parts)
+
+
+def _lines(reading: WorkPrecision, drifts: bool, losses: bool) -> Iterator[tuple["str | Text", ...]]:
+    """The cells of each step size, with errors of Casimirs or without, and with diverged paths or without."""
+    for record, half in zip(rows([reading]), reading.half.tolist(), strict=True):
+        value, remark = error_and_remark(record, half)
+        yield (
+            power_of_two(record["h"]),
+            value,
+            duration(record["seconds_per_path"]),
+            short(record["ns_per_step"], ".1f"),
+            *[short(record.get("casimir_drift"))] * drifts,
+            *[lost_paths(record.get("nonfinite", 0))] * losses,
+            remark,
+        )
 
 
 def _measured(reading: WorkPrecision) -> Iterator[str]:

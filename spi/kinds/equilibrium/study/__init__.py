@@ -33,7 +33,7 @@ from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import casimirs
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.sphere_law import BINS, SphereLaw, obstacle
-from spi.kinds.plans import Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -67,7 +67,7 @@ def plan(case: Any, part: Part) -> "EquilibriumPlan":
 
 
 @dataclass(frozen=True, kw_only=True)
-class EquilibriumPlan(PartPlan):
+class EquilibriumPlan(Plan):
     """Very many steps of one scheme, with one step size after the other."""
 
     law: SphereLaw | None  #: to which the law of the states tends, None where that is not known

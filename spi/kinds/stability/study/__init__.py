@@ -20,7 +20,7 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.kolmogorov import can_solve_equation
 from spi.expressions import canonical
-from spi.kinds.plans import DOWN, Cost, Done, KernelCall, PartPlan, State
+from spi.kinds.plans import DOWN, Cost, Done, KernelCall, Plan, State
 from spi.kinds.solver import reported
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
@@ -54,7 +54,7 @@ def _point(case: Any, scheme: str) -> ValuePlan:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StabilityPlan(PartPlan):
+class StabilityPlan(Plan):
     """One scheme at all step sizes for all values of the swept parameter; the case has the first value itself."""
 
     points: tuple[ValuePlan, ...]  #: the paths for each value; only models, initial states and eps differ

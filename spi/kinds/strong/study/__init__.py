@@ -5,6 +5,7 @@ the final time is kept as well.  The reference is the scheme itself, as in the p
 (``reference_scheme``), which shows whether schemes have the same limit.
 """
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import add_reports, arguments_of, grid, integrate, integrated, limited_threads, nested_grid
+from spi.ensemble.loop import add_reports, integrate, integrated, limited_threads, nested_grid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.ensemble.scheme_protocol import REPORT
@@ -32,11 +32,11 @@ from spi.statistics.estimators import (
     jackknife_stderr,
     root_mean_square,
 )
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from ..results import StrongErrors
 from .errors import errors, expected_order, note
-from .paths import Rows, Totals
 
 _BATCH_BYTES = 64e6
 _LOST = 0.25  # of |y_0|: larger errors are left out of the order
@@ -54,6 +54,32 @@ def plan(case: Any, part: Part) -> "StrongPlan":
     times = nested_grid(case.final_time, case.reference_step, case.steps, case.truncate_noise, reference)
     timed = case.noise is None  # other drivers are made beside the loop over time
     return StrongPlan(case=case, part=part, grid=times, samples=case.samples, timed_steps=timed)
+
+
+class Totals(NamedTuple):
+    """What is known of some paths."""
+
+    paths: int
+    seconds: float  #: wall clock
+    cpu_seconds: float
+    squares: np.ndarray  #: (GROUPS, points)
+    drift: np.ndarray  #: (levels, casimirs)
+    nonfinite: np.ndarray  #: (levels,)
+    report: np.ndarray  #: (levels, len(REPORT))
+
+    def plus(self, later: "Totals") -> "Totals":
+        """These paths and some later ones."""
+        drift, report = np.maximum(self.drift, later.drift), add_reports(self.report, later.report[np.newaxis])
+        return sum_of_fields(self, later)._replace(drift=drift, report=report)
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute, a row for each."""
+
+    squares: np.ndarray  #: (blocks, points, PARTS) sums of |y_h - y_ref|^2
+    drift: np.ndarray  #: (blocks, levels, C, LANES)
+    nonfinite: np.ndarray  #: (blocks, levels)
+    report: np.ndarray  #: (blocks, levels, len(REPORT))
 
 
 class Times(NamedTuple):
@@ -139,21 +165,10 @@ class StrongPlan(BlocksPlan):
         """Time of one step of one path at step size h, alone on one thread: the best of three runs of one block."""
         most = 2e8 / (LANES * typical_ns(self.row, self.model))  # about 0.2 s
         steps = max(1, min(_TIMED_STEPS, int(most)))
-        times = grid(
-            h,
-            steps,
-            truncate=self.grid.truncate,
-            reference_scheme=self.grid.reference_scheme,
-            by_reference=(0,),
-            area_terms=fourier_terms(self.model, [self.scheme], h),
-        )
         best = np.inf
         with limited_threads(1):
             for _ in range(3):
-                observer = path_observer(self.model, self.initial, times, 1)
-                arguments = arguments_of(
-                    self.scheme, self.model, self.initial, times, self.stream, 0, 1, LANES, observer
-                )
+                arguments = self.arguments_of_steps(h, steps, 1)
                 began = time.perf_counter()
                 integrate(*arguments)
                 best = min(best, time.perf_counter() - began)
@@ -184,8 +199,8 @@ class StrongPlan(BlocksPlan):
         stderr = jackknife_stderr(error.sup, error.sup_without, counts)
         resolved = is_resolved(error.sup, stderr)
         # paths that are farther apart than this have lost one another: the error no longer grows as the step does
-        together = error.sup <= _LOST * np.linalg.norm(case.initial)
-        own_reference = 0.0 if case.reference_scheme else case.reference_step
+        together = error.sup <= _LOST * (math.hypot(*case.initial) or math.inf)
+        own_reference = case.reference_step if case.reference_scheme in (None, self.part.scheme) else 0.0
         return StrongErrors(
             **self.whole(state),
             h=h,

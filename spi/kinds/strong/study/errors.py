@@ -94,6 +94,8 @@ def note(error: np.ndarray, stderr: np.ndarray, resolved: np.ndarray, samples: i
         return "one path has no standard error: not resolved"
     if not finite.all():
         return "the mean square is infinite where paths diverged (NaN or infinity) or nearly so"
+    if not error.any():
+        return "errors of 0 have no order"
     needed = samples_needed(error, stderr, samples)[~resolved].max()
     if not np.isfinite(needed) or needed <= 0:
         return f"in brackets: errors below {RESOLVED:g} standard errors"

@@ -7,9 +7,9 @@ A new estimator is such a folder and a line in ESTIMATORS.
 """
 
 from collections.abc import Iterator
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol
 
+from spi.kinds import Folder
 from spi.storage.records import Part
 
 if TYPE_CHECKING:
@@ -26,10 +26,11 @@ class KeysModule(Protocol):
     def check(self, case: Any) -> None:
         """Raise :func:`spi.specs.keys.wrong` if a case that names the estimator cannot have it."""
 
-    def can_do(self, case: Any, scheme: str) -> bool:
-        """Whether it can estimate the errors of a scheme of such a case; the others of its schemes are left out."""
-
-    # remarks(case) -> Iterator[str] may be added: what a person should know of such a case before it is run
+    # and perhaps
+    # def can_do(case: Any, scheme: str) -> bool
+    # whether it can estimate the errors of a scheme of such a case; the others of its schemes are left out
+    # def remarks(case: Any) -> Iterator[str]
+    # what a person should know of such a case before it is run
 
 
 class StudyModule(Protocol):
@@ -40,32 +41,31 @@ class StudyModule(Protocol):
 
     # and perhaps
     # def together(case: Any, part: Part) -> list[tuple[int, ...]]
-    # which of the levels of extrapolation of a case have their results from the same paths; else each has its own
+    # which of the levels of extrapolation of a case have their results from the same paths, if not all have
 
 
-class Estimator:
-    """The modules of an estimator; `package` is the dotted name of its folder."""
+class Estimator(Folder):
+    """The modules of an estimator, and what they may leave out."""
 
     keys: KeysModule
     study: StudyModule
 
-    def __init__(self, package: str):
-        self.package = package
+    MODULES = ("keys", "study")
+
+    def can_do(self, case: Any, scheme: str) -> bool:
+        """Whether it can estimate the errors of a scheme of a case."""
+        by_keys: Any = getattr(self.keys, "can_do", None)
+        return by_keys is None or bool(by_keys(case, scheme))
 
     def together(self, case: Any, part: Part) -> list[tuple[int, ...]]:
         """The levels of extrapolation of a case, those together whose results come of the same paths of a part."""
         by_study: Any = getattr(self.study, "together", None)
-        return by_study(case, part) if by_study else [(levels,) for levels in case.extrapolate]
+        return by_study(case, part) if by_study else [case.extrapolate]
 
     def remarks(self, case: Any) -> Iterator[str]:
         """What a person should know of a case before it is run."""
         by_keys: Any = getattr(self.keys, "remarks", None)
         yield from by_keys(case) if by_keys else ()
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in ("keys", "study"):
-            raise AttributeError(name)
-        return import_module(f"{self.package}.{name}")
 
 
 #: name in a spec file -> estimator
@@ -79,7 +79,7 @@ ESTIMATORS = {
 
 def left_out(case: Any, estimator: str) -> tuple[str, ...]:
     """The schemes of a case that an estimator cannot do."""
-    return tuple(scheme for scheme in case.schemes if not ESTIMATORS[estimator].keys.can_do(case, scheme))
+    return tuple(scheme for scheme in case.schemes if not ESTIMATORS[estimator].can_do(case, scheme))
 
 
 def label_of(name: str) -> str:

@@ -7,14 +7,14 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from spi.drawing import page, style
-from spi.drawing.axes import LEAST, PANEL, legend_line, panel_title
+from spi.drawing.axes import ERRORS, LEAST, PANEL, legend_line, panel_title
 from spi.drawing.layout import Panel, check_panels
 
 from ..comparisons import sweeps
 from ..estimators import label_of
 from ..results import WeakErrors
 from . import eps, methods
-from .series import ERROR, Series, errors_panel, prefixes_panel, series_of
+from .series import Series, errors_panel, prefixes_panel, series_of
 
 #: The words of the key ``panels``.
 WORDS = ("errors", "samples", "seconds", "eps")
@@ -50,7 +50,7 @@ def draw(title: str, cases: Sequence[Sequence[WeakErrors]]) -> Figure:
         for j, panel in enumerate(line):
             ax = fig.add_subplot(grid[i, j])
             panel(ax)
-            if j and ax.get_ylabel() == ERROR:
+            if j and ax.get_ylabel() == ERRORS["weak"]:
                 ax.set_ylabel("")
     return fig
 
@@ -132,16 +132,14 @@ def _series(
     for reading in shown:
         variant = reading.about.variant
         marker, colour = looks[variant]
-        look: dict[str, Any] = {
-            "marker": "o" if variant in sizes else marker,
-            "color": colour,
-            "markersize": sizes.get(variant, eps.OTHERS if sizes else _SIZE),
-        }
-        name: dict[str, Any] = {
-            "with_scheme": several_schemes or not several_estimators,
-            "with_estimator": several_estimators,
-        }
-        found.append(series_of(reading, f, look, joined=joined, beside=_is_outdone(reading, shown), **name))
+        size = sizes.get(variant, eps.OTHERS if sizes else _SIZE)
+        look = {"marker": "o" if variant in sizes else marker, "color": colour, "markersize": size}
+        estimator = label_of(reading.about.estimator)
+        if reading.paths is not None:
+            estimator += f" ({style.count(reading.paths)})"
+        names = [style.label(reading.about)] * (several_schemes or not several_estimators)
+        label = ", ".join([*names, *[estimator] * several_estimators])
+        found.append(series_of(reading, f, look, label, joined, _is_outdone(reading, shown)))
     return found
 
 

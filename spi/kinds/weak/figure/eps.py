@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from spi.drawing import style
-from spi.drawing.axes import HUGE, INTERVAL, legend_under, limits, rules, with_order
+from spi.drawing.axes import ERRORS, HUGE, INTERVAL, legend_under, limits, rules, with_order
 from spi.drawing.layout import Panel
 
 from ..comparisons import comparable_sweeps, largest_over_eps, sweeps
 from ..estimators import label_of
 from ..results import WeakErrors
-from .series import ERROR, Series, draw, frame, remarks
+from .series import Series, draw, frame, remarks
 
 COLUMNS = 3  # panels side by side
 APART = 0.01  # of the panel's width, between markers of two schemes at one eps
@@ -83,7 +83,7 @@ def panels(readings: Sequence[WeakErrors], f: int, looks: style.Looks, title: st
 
 def eps_panel(ax: Axes, readings: Sequence[WeakErrors], f: int, looks: style.Looks, h: float, title: str) -> None:
     """Errors at one step size against eps; of schemes that know no eps, or for eps = 0, a horizontal line."""
-    ax.set(xscale="log", yscale="log", xlabel=r"$\varepsilon$", ylabel=ERROR, title=title)
+    ax.set(xscale="log", yscale="log", xlabel=r"$\varepsilon$", ylabel=ERRORS["weak"], title=title)
     rules(ax)
     readings = [reading for reading in readings if h in reading.h]
     ends = limits(np.array([eps for reading in readings if (eps := reading.about.eps)]))

@@ -110,15 +110,12 @@ def estimates_panel(ax: Axes, runs: Sequence[Run], what: str) -> None:
             continue
         look: dict[str, Any] = {"marker": marker, "color": colour, "linestyle": "none", "elinewidth": 0.9, "capsize": 2}
         ax.errorbar(run.seconds, run.error, INTERVAL * run.accuracy, label=label_of(run.estimator), **look)
-        for outside, mark, place in zip(_outside(run, ax.get_ylim()), (CARETDOWN, CARETUP), (0, 1), strict=True):
-            edge: dict[str, Any] = {
-                "transform": ax.get_xaxis_transform(),
-                "clip_on": False,
-                "color": colour,
-                "linestyle": "none",
-            }
+        edge: dict[str, Any] = {"transform": ax.get_xaxis_transform(), "clip_on": False, "zorder": 4}
+        low, high = ax.get_ylim()
+        for outside, mark, place in ((run.error < low, CARETDOWN, 0), (run.error > high, CARETUP, 1)):
             if outside.any():
-                ax.plot(run.seconds[outside], np.full(outside.sum(), place), marker=mark, zorder=4, **edge)
+                at = np.full(outside.sum(), place)
+                ax.plot(run.seconds[outside], at, marker=mark, color=colour, linestyle="none", **edge)
     legend_under(ax)
 
 
@@ -129,10 +126,6 @@ def _window(runs: Sequence[Run]) -> tuple[float, float]:
     reach = max((np.abs(run.error - best.error[-1]) + INTERVAL * run.accuracy).max() for run in runs)
     room = 1.05 * min(reach, 4 * math.sqrt(half.min() * half.max()))
     return best.error[-1] - room, best.error[-1] + room
-
-
-def _outside(run: Run, limits: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    return run.error < limits[0], run.error > limits[1]
 
 
 def _times(ratio: float) -> str:

@@ -8,21 +8,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
-from matplotlib.markers import CARETDOWN, CARETUP
 
 from spi.drawing import style
-from spi.drawing.axes import HUGE, INTERVAL, error_axes, legend_under, limits, slopes, with_order
-from spi.drawing.layout import unresolved
+from spi.drawing.axes import (
+    ERRORS,
+    HUGE,
+    INTERVAL,
+    error_axes,
+    legend_under,
+    limits,
+    note_diverged,
+    slopes,
+    with_order,
+)
+from spi.drawing.layout import edge_marks, unresolved
 
-from ..estimators import label_of
 from ..results import WeakErrors
-
-ERROR = r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$"
 
 #: Marker and colour for each number of paths, from few to many.
 STAGES = (("o", "#56B4E9"), ("s", "#E69F00"), ("D", "#009E73"), ("^", "#D55E00"), ("v", "#0072B2"), ("P", "#CC79A7"))
 
 VISIBLE = 0.01  # a band of relative half width less than that is as thin as the line
+_DASHES = ("--", ":", "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))  # of slopes, where there are more
 _FEW = 2  # so many reference slopes have room above and below all points
 _FAR = 1e3  # an error that is not resolved and so many times larger than those which are is that of a blow-up
 
@@ -41,24 +48,8 @@ class Series(NamedTuple):
     joined: bool = False  #: whether points are joined by a line
 
 
-def series_of(
-    reading: WeakErrors,
-    f: int,
-    look: dict[str, Any],
-    *,
-    with_scheme: bool,
-    with_estimator: bool,
-    joined: bool,
-    beside: bool,
-) -> Series:
-    """The series of test function number `f` of a reading, drawn beside another of its scheme or not.
-
-    Its label names the scheme, the estimator or both.
-    """
-    name = label_of(reading.about.estimator)
-    if reading.paths is not None:
-        name += f" ({style.count(reading.paths)})"
-    label = ", ".join([style.label(reading.about)] * with_scheme + [name] * with_estimator)
+def series_of(reading: WeakErrors, f: int, look: dict[str, Any], label: str, joined: bool, beside: bool) -> Series:
+    """The series of test function number `f` of a reading, drawn `beside` another of its scheme or not."""
     return Series(
         h=reading.h * (1.08 if beside else 1.0),
         error=np.abs(reading.error[f]),
@@ -92,7 +83,7 @@ def _finite(x: np.ndarray) -> np.ndarray:
 def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable[str] = ()) -> None:
     """Errors against step sizes, with reference slopes; `notes` are further entries of the legend."""
     _begin(ax, series, title)
-    ax.set_ylabel(ERROR)
+    ax.set_ylabel(ERRORS["weak"])
     orders = sorted({one.expected for one in series if one.expected}) or [1, 2]
     drawn = np.concatenate([_points(one, one.resolved) for one in series])
     if not len(drawn):
@@ -100,7 +91,10 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
     for one in series:
         draw(ax, one)
     if len(orders) > _FEW:
-        _slopes_of_each(ax, series, orders)
+        for order, dashes in zip(orders, cycle(_DASHES), strict=False):  # above the points of which it is expected
+            points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
+            if len(points):
+                slopes(ax, points, [(order, dashes, True)], (points[:, 0].min(), points[:, 0].max()))
     elif len(drawn):
         last = len(orders) - 1
         slopes(ax, drawn, [(p, ":" if i == last else "--", i < last) for i, p in enumerate(orders)])
@@ -110,20 +104,12 @@ def errors_panel(ax: Axes, series: Sequence[Series], title: str, notes: Iterable
     legend_under(ax)
 
 
-def _slopes_of_each(ax: Axes, series: Sequence[Series], orders: Sequence[float]) -> None:
-    """A reference line for each order, above the points of which it is expected and no longer than these reach."""
-    for order, dashes in zip(orders, cycle(("--", ":", "-.", (0, (6, 1.5, 1, 1.5, 1, 1.5)))), strict=False):
-        points = np.concatenate([_points(one, one.resolved) for one in series if one.expected == order])
-        if len(points):
-            slopes(ax, points, [(order, dashes, True)], (points[:, 0].min(), points[:, 0].max()))
-
-
 def prefixes_panel(ax: Axes, reading: WeakErrors, f: int, exact: Series | None, title: str) -> None:
     """Errors of plain Monte Carlo against step sizes for several numbers of paths, over the exact ones."""
     stages = _stages(reading, f)
     shown = stages if exact is None else [*stages, exact]
     _begin(ax, shown, title)
-    ax.set_ylabel(ERROR)
+    ax.set_ylabel(ERRORS["weak"])
     for one in stages:
         ax.plot(one.h, np.where(_finite(one.half), one.half, np.nan), "--", color=one.look["color"], linewidth=0.8)
         draw(ax, one, bars=False)
@@ -185,17 +171,9 @@ def draw(ax: Axes, one: Series, bars: bool = True) -> None:
         if chosen.any() or label:
             half = np.array([down[chosen], up[chosen]])
             ax.errorbar(one.h[chosen], one.error[chosen], half, label=label, elinewidth=0.8, capsize=0, **how)
-    edge: dict[str, Any] = {
-        "transform": ax.get_xaxis_transform(),
-        "clip_on": False,
-        "color": look["color"],
-        "linestyle": "none",
-    }
-    above, below = ~(one.error <= top), one.error < bottom
-    if above.any():
-        ax.plot(one.h[above], np.ones(above.sum()), marker=CARETUP, zorder=4, **edge)
+    edge_marks(ax, one.h, one.error, look["color"])
+    below = one.error < bottom
     if below.any():
-        ax.plot(one.h[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", zorder=4, **edge)
         ax.vlines(one.h[below], bottom, (one.error + up)[below], color=look["color"], linewidth=0.8, zorder=3)
 
 
@@ -223,8 +201,7 @@ def remarks(ax: Axes, series: Sequence[Series], consequence: str = ", left out o
         ax.plot([], [], "o", label=f"hollow{crosses}: not resolved{consequence}", **look)
     beyond = np.concatenate([one.error[~(one.error <= top)] for one in sampled] or [np.empty(0)])
     if len(beyond):
-        label = "paths diverged (NaN or infinity)" + " or nearly so" * bool(np.isfinite(beyond).any())
-        ax.plot([], [], marker=CARETUP, linestyle="none", color="black", label=label)
+        note_diverged(ax, nearly=bool(np.isfinite(beyond).any()))
 
 
 def _pale(colour: str) -> str:

@@ -7,21 +7,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from spi.printing.rows import rows_of
+from spi.printing.sentences import joined, orders, sentence, whose
 from spi.printing.text import (
     error_and_remark,
+    error_table,
     lines_of,
     lost_paths,
-    new_table,
     power_of_two,
+    print_lines,
     print_whole,
     with_interval,
 )
+from spi.storage.records import Order
 
 from ..comparisons import agreement
-from ..results import Levels, Prefixes, WeakErrors
+from ..results import Prefixes, WeakErrors
 from .levels import difference_table, level_table
 from .summary import agreement_line, name_of, summaries
-from .told import told as told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,13 +70,11 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
     """Print the tables of a case: errors, what is to be said about them, and the levels of multilevel estimates."""
     print_whole(console, _errors(heading, readings))
     console.print()
-    for line in summaries(readings):
-        console.print(line, markup=False, soft_wrap=True)
+    print_lines(console, summaries(readings))
     each = [(reading, f) for reading in readings for f in range(len(reading.functions))]
     for reading, f in each:
         for line, bad in agreement_line(reading, readings, f):
-            style = "bold red" if bad else None
-            console.print(f"{name_of(reading, f)}: {line}", style=style, markup=False, soft_wrap=True)
+            print_lines(console, [f"{name_of(reading, f)}: {line}"], style="bold red" if bad else None)
     console.print()
     known = set()  # as those of one scheme serve all levels of extrapolation
     for reading, f in each:
@@ -82,16 +82,45 @@ def show(console: "Console", heading: str, readings: Sequence[WeakErrors]) -> No
         if reading.differences:
             print_whole(console, difference_table(reading.differences, reading.h, f, name))
             console.print()
-        if reading.levels and (of_all := _of_all_levels(reading, reading.levels, f)) not in known:
+        if not (levels := reading.levels):
+            continue
+        of_all = reading.about.scheme, reading.about.eps, f, levels.samples.tobytes(), levels.mean[f].tobytes()
+        if of_all not in known:
             known.add(of_all)
             of = f" of {reading.differences.scheme}" if reading.differences else ""
-            print_whole(console, level_table(reading.levels, f, f"{name}{of}"))
+            print_whole(console, level_table(levels, f, f"{name}{of}"))
             console.print()
 
 
-def _of_all_levels(reading: WeakErrors, levels: Levels, f: int) -> tuple:
-    """What tells the levels of one test function from others."""
-    return reading.about.scheme, reading.about.eps, f, levels.samples.tobytes(), levels.mean[f].tobytes()
+def told(readings: Sequence[WeakErrors]) -> str:
+    """What came out of a case, in one sentence: orders, and whether sampled and deterministic errors agree.
+
+    Of several estimators the one with the narrowest interval tells the order.
+    """
+    best: dict[tuple[str, str], tuple[str, Order, float | None]] = {}
+    for reading in readings:
+        for function, order in zip(reading.functions, reading.orders, strict=True):
+            key = reading.about.variant, function
+            if key not in best or _width(order) < _width(best[key][1]):
+                best[key] = whose(reading.about), order, reading.expected_order
+    return sentence([orders("weak", best.values()), *_agreement(readings)])
+
+
+def _width(order: Order) -> float:
+    return np.inf if np.isnan(order.order) else order.high - order.low
+
+
+def _agreement(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    far: dict[str, float] = {}
+    for reading in readings:
+        found = agreement(reading, readings)
+        known = np.abs(found.deviation[np.isfinite(found.deviation)]) if found else np.empty(0)
+        if known.size:
+            label = whose(reading.about)
+            far[label] = max(far.get(label, 0.0), float(known.max()))
+    if far:
+        each = [f"{most:.1f} for {label}" for label, most in far.items()]
+        yield f"sampled and deterministic errors differ by at most so many standard errors: {joined(each)}"
 
 
 def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":
@@ -104,28 +133,24 @@ def _errors(heading: str, readings: Sequence[WeakErrors]) -> "Table":
     lost = any(reading.nonfinite is not None and reading.nonfinite.any() for reading in readings)
     names = ["scheme,\nestimator", *["function"] * several, "h"]
     headings = [*names, f"weak error ({trust})", f"expectation ({trust})", *["di-\nverged"] * lost, ""]
-    table = new_table(heading, headings, left=len(names), labels=0)
-    table.columns[-1].justify = "left"
-    for reading in readings:
-        for cells in _lines(reading, several, lost):
-            table.add_row(*cells)
-        table.add_section()
-    return table
+    return error_table(heading, headings, len(names), (_labelled(reading, several, lost) for reading in readings))
+
+
+def _labelled(reading: WeakErrors, several: bool, lost: bool) -> tuple[list[str], list[tuple["str | Text", ...]]]:
+    """The labels of one scheme and estimator, and the cells of each line."""
+    lines, labels = list(_lines(reading, several, lost)), [lines_of(reading.about), reading.about.estimator]
+    return ["\n".join(labels)] if len(lines) == 1 else labels, lines
 
 
 def _lines(reading: WeakErrors, several: bool, lost: bool) -> Iterator[tuple["str | Text", ...]]:
     """The cells of each line of one scheme and estimator, which name the test function and count lost paths or not."""
     from rich.text import Text
 
-    records = list(_point_rows(reading))
-    both = [lines_of(reading.about), reading.about.estimator]
-    labels = iter(["\n".join(both)] if len(records) == 1 else both)
     halves = zip(reading.half.flat, reading.expectation_half.flat, strict=True)
     before = None
-    for record, (half, expectation_half) in zip(records, halves, strict=True):
+    for record, (half, expectation_half) in zip(_point_rows(reading), halves, strict=True):
         error, remark = error_and_remark(record, half)
         yield (
-            Text(next(labels, "")),
             *[Text(record["function"] if record["function"] != before else "")] * several,
             power_of_two(record["h"]),
             error,

@@ -66,7 +66,7 @@ def level_warnings(levels: Levels, f: int) -> Iterator[str]:
     rates = {"mean": levels.mean_rate, "variance": levels.variance_rate}
     told = [f"{what} {_rate(values[f])}" for what, values in rates.items() if values is not None]
     if math.isfinite(levels.cost_rate):
-        told.append(f"cost h^-{levels.cost_rate:.2f}")
+        told.append(f"cost h^{-levels.cost_rate:z.2f}")
     if told:
         yield f"levels: {', '.join(told)}{'; with antithetic paths' if levels.antithetic else ''}"
     if levels.base_gain is not None:

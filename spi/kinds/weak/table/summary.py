@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from spi.printing.text import fraction, order_found, power_of_two, readable, short, with_interval
+from spi.printing.text import INTERVAL, fraction, order_found, power_of_two, readable, short, with_interval
 
-from ..comparisons import agreement, cannot_do, not_reached, own_error
+from ..comparisons import agreement, cannot_do, comparable_sweeps, largest_over_eps, not_reached, own_error
 from ..results import Quasi, Sampled, WeakErrors
-from .eps import limits_shown, over_eps
 from .levels import difference_warnings, level_warnings
 
 PAPER = 1e9  #: samples of the paper's weak errors
@@ -25,9 +24,9 @@ def summaries(readings: Sequence[WeakErrors]) -> Iterator[str]:
         yield f"{name} = {readable(formula, readings[0].about.variables)}"
     for reading in readings:
         yield from _summary(reading)
-    yield from over_eps(readings)
+    yield from _over_eps(readings)
     yield from _references(readings)
-    yield from limits_shown(readings)
+    yield from _limits_shown(readings)
     for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
         if schemes:
             yield cannot_do(estimator, schemes)
@@ -48,8 +47,8 @@ def _summary(reading: WeakErrors) -> Iterator[str]:
         yield f"{name_of(reading, f)}: {order_found(order, low, high, reading.expected_order)}{through}"
         if reading.about.extrapolate and high < (reading.expected_order or -math.inf) - _ORDER_AMISS:
             yield f"    {_not_as_assumed(reading)}"
-        if reading.sampled:
-            yield f"    {_accuracy(reading, reading.sampled, f)}"
+        if reading.sampled and (told := _accuracy(reading, reading.sampled, f)):
+            yield f"    {told}"
         if reading.quasi:
             yield f"    {_points(reading.quasi, f)}"
         if own and own.differ[f]:
@@ -73,13 +72,16 @@ def _accuracy(reading: WeakErrors, sampled: Sampled, f: int) -> str:
     """The standard error at the largest step beside that of so many independent samples as the paper has."""
     largest, seconds = int(reading.h.argmax()), reading.cpu_seconds
     stderr = float(sampled.error_stderr[f, largest])
+    if math.isnan(stderr):
+        return "one path has no standard error: not resolved" if sampled.samples == 1 else ""
     told = f"standard error {short(stderr)} at {power_of_two(reading.h[largest])}"
     told += f" in {seconds:.3g} s of processor time"
     paper = math.nan if sampled.sd is None else float(sampled.sd[f]) / math.sqrt(PAPER)
-    if math.isfinite(paper) and not reading.quasi:  # whose standard errors fall faster than by the root
+    if 0 < paper < math.inf and not reading.quasi:  # whose standard errors fall faster than by the root
         told += f"; 10^9 independent samples would give {short(paper)}"
         if stderr > paper > 0 and math.isfinite(stderr):
-            told += f", which would take about {_two_digits(seconds * (stderr / paper) ** 2)} s here"
+            needed = float(f"{seconds * (stderr / paper) ** 2:.2g}")
+            told += f", which would take about {short(needed, 'g')} s here"
     return told
 
 
@@ -110,10 +112,6 @@ def _power(order: float, base: str) -> str:
     return base if order == 1 else f"{base}^{fraction(order)}"
 
 
-def _two_digits(x: float) -> str:
-    return short(float(f"{x:.2g}"), "g")
-
-
 def _resolution(notes: dict[str, Any]) -> str:
     """The short ones of the notes of a solver without sampling."""
     short_ones = {key: json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
@@ -123,8 +121,9 @@ def _resolution(notes: dict[str, Any]) -> str:
 def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
     """How much of the errors the references of a case lack."""
     sampled = [reading for reading in readings if reading.sampled]
-    told = dict.fromkeys((r.reference_step, r.h.min(), *_own_reference(r), r.reference_scheme) for r in sampled)
-    for reference, finest, order, compared, scheme in told:
+    own = ((r.expected_order, "") if not r.differences else (2.0, r.differences.scheme) for r in sampled)
+    each = ((r.reference_step, r.h.min(), *of, r.reference_scheme) for r, of in zip(sampled, own, strict=True))
+    for reference, finest, order, compared, scheme in dict.fromkeys(each):
         where = f"the reference at h_ref = {power_of_two(reference)}"
         if scheme:
             yield f"{where} is {scheme}: errors are not corrected for what it lacks"
@@ -138,9 +137,33 @@ def _references(readings: Sequence[WeakErrors]) -> Iterator[str]:
             yield f"{where}: errors are not corrected for what it lacks, as theory states no order"
 
 
-def _own_reference(reading: WeakErrors) -> tuple[float | None, str]:
-    """The order of the scheme that the reference is made by, and its name where it is not the one of the errors."""
-    return (2.0, reading.differences.scheme) if reading.differences else (reading.expected_order, "")
+def _over_eps(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    """The largest errors over eps of each scheme and estimator with several eps: their order, and what they are."""
+    for members in comparable_sweeps(readings).values():
+        first, names = members[0], members[0].functions
+        for f, name in enumerate(names):
+            top = largest_over_eps(members, f)
+            told = ", ".join([first.about.scheme_label, first.about.estimator, *[name] * (len(names) > 1)])
+            order, low, high, _ = top.order
+            yield f"{told}, largest over eps: {order_found(order, low, high, first.expected_order)}"
+            points = (
+                f"{power_of_two(h)}: {with_interval(value, INTERVAL * stderr)} (eps = {members[i].about.eps:g})"
+                for h, value, stderr, i in zip(first.h, top.value, top.stderr, top.which, strict=True)
+            )
+            yield f"    {', '.join(points)}"
+
+
+def _limits_shown(readings: Sequence[WeakErrors]) -> Iterator[str]:
+    """For which eps a reference does not resolve the fast processes, and what it shows then."""
+    told: dict[tuple, set] = {}
+    for reading in readings:
+        if reading.reference_shows_limit:
+            told.setdefault((reading.reference_step, reading.reference_scheme), set()).add(reading.about.eps)
+    for (reference, scheme), small in told.items():
+        few = ", ".join(f"{eps:g}" for eps in sorted(small, reverse=True))
+        whose = f"the limit of {scheme}" if scheme else "the scheme's own limit"
+        edge = f"eps < sqrt(h_ref) = {short(math.sqrt(reference), '.2g')}"
+        yield f"{edge} (eps = {few}): the reference shows {whose}"
 
 
 def agreement_line(reading: WeakErrors, readings: Sequence[WeakErrors], f: int) -> Iterator[tuple[str, bool]]:

@@ -10,41 +10,46 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
 from spi.drawing import fitting, style
-from spi.drawing.axes import HUGE, PANEL, legend_line, legend_under, limits, panel_grid, panel_title, rules, with_order
+from spi.drawing.axes import (
+    ERRORS,
+    HUGE,
+    PANEL,
+    case_panels,
+    legend_under,
+    limits,
+    note_diverged,
+    note_pale,
+    panel_grid,
+    rules,
+    with_order,
+)
 from spi.kinds.weak.estimators import label_of
 
 from ..results import WorkPrecision, requested
 from .steps import LabelledLine, step_labels
 
-ERROR = {
-    "strong": r"strong error  $\sup_n\,(\mathrm{E}|y_h(t_n)-y_{\mathrm{ref}}(t_n)|^2)^{1/2}$",
-    "weak": r"weak error  $|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$",
-}
 CASIMIR = r"$\max\,|C(y_h(t_n))-C(y_0)|$"
 TIME = "processor time of a path"
 
-TARGET, UNRESOLVED = "#8c8c8c", "#999999"
+TARGET = "#8c8c8c"
 _LOWER = 2.0  # inches of a panel of Casimirs
 _FAR = 100.0  # an error so many times larger than the middle one of the schemes' largest is that of a blow-up
 _SPOILT = 1e6  # and so is an error of a Casimir
 _ROOM = 1.7  # at the sides of a panel, as a factor of time
 
 _LOOK: dict[str, Any] = {"markerfacecolor": "none", "elinewidth": 0.7, "capsize": 0, "markeredgewidth": 1.2}
+_BLACK: dict[str, Any] = {"color": "black", "linestyle": "none"}
 _SMALL: dict[str, Any] = {"markerfacecolor": "none", "markeredgewidth": 1.0, "markersize": 4.5}
 
 
 def draw(title: str, cases: Sequence[Sequence[WorkPrecision]]) -> Figure:
     """The figure of a study of kind work_precision: a column per case, under the errors those of the Casimirs."""
-    shared, own = style.split_facts([_facts(readings) for readings in cases])
-    looks = style.looks(cases)
-    measured = [_has_casimirs(readings) for readings in cases]
-    fig = Figure()
+    looks, measured = style.looks(cases), [_has_casimirs(readings) for readings in cases]
+    heights = (1.0, _LOWER / PANEL[1]) if any(measured) else (1.0,)
+    entries = max(map(len, cases)) + 3  # of the legend, with remarks
+    fig, grid = case_panels(title, cases, [_facts(readings) for readings in cases], entries, heights)
     columns, *_ = panel_grid(len(cases))
-    grid = _grid(fig, title, shared, cases, any(measured))
-    for i, (readings, facts) in enumerate(zip(cases, own, strict=True)):
-        axes = grid[i]
-        if len(cases) > 1:
-            axes[0].set_title(panel_title(readings[0].about, facts))
+    for i, (axes, readings) in enumerate(zip(grid, cases, strict=True)):
         _errors(axes[0], readings, looks)
         if measured[i]:
             _casimirs(axes[1], readings, looks)
@@ -66,28 +71,11 @@ def _facts(readings: Sequence[WorkPrecision]) -> dict[str, str]:
     return style.facts(readings[0], *names, estimator=label_of(estimators.pop()) if len(estimators) == 1 else None)
 
 
-def _grid(
-    fig: Figure, title: str, shared: list[str], cases: Sequence[Sequence[WorkPrecision]], lower: bool
-) -> list[list[Axes]]:
-    """The axes of each case, from top to bottom."""
-    columns, blocks, size = panel_grid(len(cases))
-    ratios = [size[1], _LOWER * size[1] / PANEL[1]] if lower else [size[1]]
-    entries = max(map(len, cases)) + 3  # of the legend, with remarks
-    style.dress(fig, columns * size[0], blocks * (sum(ratios) + legend_line() * entries), title, shared)
-    grid = fig.subplots(len(ratios) * blocks, columns, squeeze=False, height_ratios=ratios * blocks)
-    each = range(0, len(ratios) * blocks, len(ratios))
-    columns_of_axes = [list(grid[first : first + len(ratios), c]) for first in each for c in range(columns)]
-    for axes in columns_of_axes[len(cases) :]:
-        for ax in axes:
-            ax.remove()
-    return columns_of_axes[: len(cases)]
-
-
 def _name_axes(axes: Sequence[Axes], readings: Sequence[WorkPrecision], left: Sequence[WorkPrecision] | None) -> None:
     """Label the vertical axes, unless those of the case to the left say it."""
     measure = readings[0].measure
     if left is None or left[0].measure != measure:
-        axes[0].set_ylabel(ERROR[measure])
+        axes[0].set_ylabel(ERRORS[measure])
     if _has_casimirs(readings) and (left is None or not _has_casimirs(left)):
         axes[1].set_ylabel(f"Casimir error\n{CASIMIR}")
 
@@ -96,15 +84,11 @@ def _has_casimirs(readings: Sequence[WorkPrecision]) -> bool:
     return any(reading.largest_drift is not None for reading in readings)
 
 
-def _seconds(readings: Sequence[WorkPrecision]) -> np.ndarray:
-    seconds = np.concatenate([reading.seconds_per_path for reading in readings])
-    return seconds[(seconds > 0) & np.isfinite(seconds)]
-
-
 def _time_axes(ax: Axes, readings: Sequence[WorkPrecision]) -> None:
     """Logarithmic axes, the horizontal one for the times of all schemes."""
     ax.set(xscale="log", yscale="log", xlabel=TIME)
-    seconds = _seconds(readings)
+    seconds = np.concatenate([reading.seconds_per_path for reading in readings])
+    seconds = seconds[(seconds > 0) & np.isfinite(seconds)]
     if seconds.size:
         ax.set_xlim(seconds.min() / _ROOM, seconds.max() * _ROOM)
         if seconds.max() < 20 * seconds.min():
@@ -217,21 +201,20 @@ def _remarks(ax: Axes, errors: Axes, readings: Sequence[WorkPrecision]) -> None:
     """Legend entries for what is no scheme."""
     top = errors.get_ylim()[1]
     drifts = _drifts(readings)
-    black: dict[str, Any] = {"color": "black", "linestyle": "none"}
     if _targets(errors, readings):
         ax.plot([], [], color=TARGET, linewidth=0.7, linestyle=(0, (6, 4)), label="requested errors")
     if any((_found(reading, False)[:, 2] <= top).any() for reading in readings):
-        look: dict[str, Any] = {"color": UNRESOLVED, "markerfacecolor": "none", "linestyle": "none"}
-        ax.plot([], [], marker="o", alpha=0.6, label="pale: not resolved, left out of the fit", **look)
+        note_pale(ax)
     if any(_lost(reading, top).any() for reading in readings) or not (drifts < _SPOILT).all():
-        ax.plot([], [], marker=CARETUP, label="paths diverged (NaN or infinity) or nearly so", **black)
+        note_diverged(ax)
     if (drifts == 0).any():
-        ax.plot([], [], marker=CARETDOWN, label="the Casimirs have not changed at all", **black)
+        ax.plot([], [], marker=CARETDOWN, label="the Casimirs have not changed at all", **_BLACK)
 
 
 def _ends(readings: Sequence[WorkPrecision], looks: style.Looks, top: float) -> Iterator[LabelledLine]:
     """The lines of errors whose ends are labelled with their step sizes."""
     for reading in readings:
-        h, seconds, error, half = _found(reading, True)[_found(reading, True)[:, 2] <= top].T
+        found = _found(reading, True)
+        h, seconds, error, half = found[found[:, 2] <= top].T
         if len(h):
             yield LabelledLine(h, seconds, error, half, looks[reading.about.variant][1])

@@ -51,7 +51,8 @@ def step_labels(ax: Axes, lines: Iterable[LabelledLine], levels: Iterable[float]
         for line, path in zip(lines, paths, strict=True):
             if end == 0 or len(path) > 1:
                 text = f"${style.number(float(line.h[end]), steps=True)}$"
-                offset, box, clashes = _best(path[end], _extent(text), covered, taken, frame)
+                extent = TextPath((0, 0), text, size=SIZE).get_extents()
+                offset, box, clashes = _best(path[end], np.array([extent.width, extent.height]), covered, taken, frame)
                 if clashes:
                     continue  # where lines are many a label may find no room
                 taken.append(box)
@@ -75,11 +76,6 @@ def _dense(path: np.ndarray) -> np.ndarray:
     """Points along a line, a few points of the page apart; the corners, which have markers, count several times."""
     between = [np.linspace(a, b, 2 + int(np.hypot(*(b - a)) / 3)) for a, b in pairwise(path)]
     return np.concatenate([*between, *[path] * 4])
-
-
-def _extent(text: str) -> np.ndarray:
-    box = TextPath((0, 0), text, size=SIZE).get_extents()
-    return np.array([box.width, box.height])
 
 
 def _best(

@@ -1,14 +1,14 @@
 """What the solvers without sampling add to a spec."""
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from spi.ensemble.friction import has_friction
 from spi.ensemble.protocol import Positive, dimension
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import Demands, can_solve, demands
-from spi.expressions import functions_of
+from spi.expressions import canonical, functions_of
 from spi.models import MODELS
 from spi.schemes.stages import compositions, has_loops, has_shared
 from spi.specs.keys import Keys as BaseKeys
@@ -80,17 +80,22 @@ def _demands_of(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
         row = case.row(name)
         rows = row.composition
         if rows is not None and row.multiscale == multiscale and not (has_loops(rows) or has_shared(rows)):
-            acting, texts = compositions(rows, case.model), tuple(case.functions.values())
-            what = case.model, acting, case.initial, case.final_time, case.steps, texts, case.accuracy
-            yield name, _demands(*what)
+            yield name, demands_of(case, rows, case.steps)
 
 
-@functools.lru_cache(maxsize=256, typed=True)
+def demands_of(case: Any, rows: tuple, steps: Iterable[float]) -> Demands:
+    """What solving a composition of flows for a case takes; kept, because the layers of a file often ask the same."""
+    return _demands(*question(case, rows, steps))
+
+
+def question(case: Any, rows: tuple, steps: Iterable[float]) -> tuple:
+    """All that the solvers are asked about a composition of flows, by which answers are kept: functions as texts."""
+    acting, texts = compositions(rows, case.model), tuple(canonical(one) for one in case.expressions)
+    return case.model, acting, case.initial, case.final_time, tuple(map(float, steps)), texts, case.accuracy
+
+
+@functools.lru_cache(maxsize=256, typed=True)  # as models of two classes may be equal tuples
 def _demands(
     model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
 ) -> Demands:
-    """What solving without sampling takes; kept, because the layers of a file often ask the same.
-
-    Typed, because models of two classes may be equal tuples.
-    """
     return demands(model, acting, initial, final_time, steps, functions_of(functions, dimension(model)), accuracy)

@@ -11,15 +11,15 @@ import numpy as np
 
 from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import dimension
-from spi.exact.kolmogorov import Expectations, demands, expectations
-from spi.expressions import as_numpy, canonical, functions_of
+from spi.exact.kolmogorov import Expectations, expectations
+from spi.expressions import functions_of
 from spi.kinds.plans import Cost, Done, State
-from spi.schemes.stages import compositions
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Order, Part
 
 from ...results import Unsampled, WeakErrors
-from ...study.plans import WeakPlan
+from ...study import WeakPlan
+from .keys import demands_of, question
 
 _CLEAR = 20.0  # a weak error counts as resolved if it is so many times its own numerical error
 
@@ -43,11 +43,6 @@ class Solution(NamedTuple):
         raise TypeError("a solution without sampling is found at once")
 
 
-def together(case: Any, part: Part) -> list[tuple[int, ...]]:
-    """One solution serves all levels of extrapolation."""
-    return [case.extrapolate]
-
-
 def plan(case: Any, part: Part) -> "KolmogorovPlan":
     """The plan for one scheme of a case."""
     return KolmogorovPlan(case=case, part=part)
@@ -65,9 +60,7 @@ class KolmogorovPlan(WeakPlan):
 
     def cost(self) -> Cost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
-        case = self.case
-        acting, functions = compositions(self.row.composition, case.model), [as_numpy(f) for f in case.expressions]
-        need = demands(case.model, acting, case.initial, case.final_time, case.steps, functions, case.accuracy)
+        need = demands_of(self.case, self.row.composition, self.case.steps)
         return Cost(0, need.seconds * thread_count(), int(need.bytes))
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
@@ -78,23 +71,13 @@ class KolmogorovPlan(WeakPlan):
         """Nothing is known."""
         per_function = np.zeros(len(self.case.functions))
         per_point = np.zeros((len(per_function), len(self.case.steps)))
-        return Solution(
-            paths=0,
-            seconds=0.0,
-            cpu_seconds=0.0,
-            value=per_point,
-            value_bound=per_point,
-            limit=per_function,
-            limit_bound=per_function,
-            error=per_point,
-            error_bound=per_point,
-            notes="",
-        )
+        return Solution(0, 0.0, 0.0, per_point, per_point, per_function, per_function, per_point, per_point, "")
 
     def advance(self, chunks: Sequence[Chunk], known: Solution | None) -> Iterator[list[tuple[Chunk, Solution]]]:
         """Solve, at once."""
         began, cpu_began = time.perf_counter(), time.process_time()
         found = solution(self.case, self.row.composition, self.case.steps)
+        untimed = {name: value for name, value in found.notes.items() if not name.startswith("seconds")}
         solved = Solution(
             paths=1,
             seconds=time.perf_counter() - began,
@@ -105,7 +88,7 @@ class KolmogorovPlan(WeakPlan):
             limit_bound=found.limit_bound,
             error=found.weak_error,
             error_bound=found.weak_error_bound,
-            notes=json.dumps(_untimed(found.notes), default=lambda value: value.tolist()),
+            notes=json.dumps(untimed, default=lambda value: value.tolist()),
         )
         yield [(chunks[0], solved)]
 
@@ -138,29 +121,15 @@ class KolmogorovPlan(WeakPlan):
         )
 
 
-def _untimed(notes: dict[str, Any]) -> dict[str, Any]:
-    """What a solver notes but its times, which would be others each time."""
-    return {name: value for name, value in notes.items() if not name.startswith("seconds")}
-
-
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> Expectations:
     """The ``spi.exact.kolmogorov.Expectations`` of a composition of flows for a case at the step sizes `steps`."""
-    acting, texts = compositions(rows, case.model), tuple(canonical(e) for e in case.expressions)
-    steps = tuple(float(h) for h in steps)
-    return _solution(case.model, acting, case.initial, case.final_time, steps, texts, case.accuracy)
+    return _solution(*question(case, rows, steps))
 
 
-@functools.lru_cache(maxsize=8, typed=True)
+@functools.lru_cache(maxsize=8, typed=True)  # because the control of several eps is the same
 def _solution(
-    model: Any,
-    acting: tuple,
-    initial: tuple[float, ...],
-    final_time: float,
-    steps: tuple[float, ...],
-    functions: tuple[str, ...],
-    accuracy: float | None,
+    model: Any, acting: tuple, initial: tuple, final_time: float, steps: tuple, functions: tuple, accuracy: float | None
 ) -> Expectations:
-    """Kept, because the control of several eps is the same; typed, as models of two classes may be equal tuples."""
     callables = functions_of(functions, dimension(model))
     return expectations(model, acting, initial, final_time, np.array(steps), callables, accuracy)
 
@@ -172,7 +141,8 @@ def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
     """
     if len(h) < 3:
         return Order(np.nan, np.nan, np.nan, len(h))
-    slope = np.diff(np.log(error)) / np.diff(np.log(h))
-    trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
+    with np.errstate(divide="ignore", invalid="ignore"):  # an error of 0 has no order
+        slope = np.diff(np.log(error)) / np.diff(np.log(h))
+        trust = (bound / error)[-2:].sum() / np.log(h[-2] / h[-1])
     half = 1.5 * abs(slope[-1] - slope[-2]) + trust
     return Order(slope[-1], slope[-1] - half, slope[-1] + half, len(h))

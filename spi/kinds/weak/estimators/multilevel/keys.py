@@ -42,8 +42,3 @@ def check(case: Any) -> None:
         check_dimensions(case, case.schemes, None, steps, "coarse", right)
     if can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState):
         check_demands(case, "multilevel", multiscale=True)
-
-
-def can_do(case: Any, scheme: str) -> bool:
-    """It can do all schemes."""
-    return True

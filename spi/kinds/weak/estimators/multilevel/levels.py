@@ -1,34 +1,23 @@
 """The paths of a multilevel estimator: which steps, reversals and schemes a sample of each level has."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, grid
-from spi.ensemble.points import Points, points_of
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, grid
+from spi.ensemble.points import points_of
 from spi.ensemble.streams import RandomStream
+from spi.kinds.samples import Sample
 from spi.numerics.rng import LEVELS
 
-#: The quantities of which a level has sums; the last two only with a control.
+#: The quantities of which a level has sums: DIFFERENCE, at the coarse step minus at the fine step; VALUE, at the fine
+#: step; CONTROL, the difference of the control, and the PRODUCT of the two only with a control.  The last level, which
+#: has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
 DIFFERENCE, VALUE, CONTROL, PRODUCT = range(4)
 
 
-class Level(NamedTuple):
-    """The paths of one sample of a level.
-
-    The rows of `weights` (2 or 3, paths) make the first quantities from the values of phi on the paths: DIFFERENCE, at
-    the coarse step minus at the fine step; VALUE, at the fine step; and CONTROL, the difference of the control.  The
-    last level, which has one step size only, has phi with the antithetic path, phi without it, and phi of the control.
-    """
-
-    grid: Grid
-    stream: RandomStream | Points  #: points where the largest step alone follows them
-    weights: np.ndarray
-    steps: int  #: of all paths of a sample
-
-
-def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> tuple[Level, ...]:
+def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> tuple[Sample, ...]:
     """Level j compares the steps 2^(j+1) h_ref and 2^j h_ref, the last one has the largest step alone.
 
     `scheme` is the record of the scheme, `antithetic` says whether paths are antithetic, and `limit` is the record
@@ -65,10 +54,10 @@ def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], li
 
 def _level(
     case: Any, scheme: Any, j: int, limit: tuple | None, shape: dict[str, Any], weights: list[list[float]]
-) -> Level:
+) -> Sample:
     h = case.reference_step * 2.0**j
     steps = round(case.final_time / h)
     terms = fourier_terms(case.model, [scheme], h, areas=case.areas)
     times = grid(h, steps, truncate=case.truncate_noise, reference_scheme=limit, area_terms=terms, **shape)
     stream = RandomStream(np.uint64(case.seed), np.uint64(LEVELS + 2 * j))
-    return Level(times, stream, np.array(weights), int((steps >> times.doublings).sum()))
+    return Sample.of(times, stream, weights)

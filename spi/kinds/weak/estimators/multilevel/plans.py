@@ -8,7 +8,7 @@ A scheme that tosses a coin for the order of its flows is symmetric up to this c
 increments exchanged, the coins turned), that of the coarse path turns its coin.  All four are paths of the scheme; in
 the difference of the two means the commutators, hence the Lévy areas, cancel to leading order, and the variance of a
 level falls from O(h) to O(h^2).  Schemes without antithetic paths are compared with one that has them where that is
-possible, see differences.py.
+possible, see study.py.
 
 An asymptotic-preserving scheme has a **control**: its limit, the splitting scheme, on the same paths.  Where its
 expectations are known without sampling, Y - beta (Y_0 - E Y_0) is averaged in place of Y, with the beta of least
@@ -18,52 +18,39 @@ With extrapolation (multilevel Richardson-Romberg, Lemaire and Pagès, Bernoulli
 R(h) - R(h_ref), where R(h) = w_0 E phi(y_h) + w_1 E phi(y_{2h}) + ...: another sum over the same differences.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from spi.ensemble.points import Points
-from spi.ensemble.protocol import dimension, noise_indices
-from spi.kinds.blocks import Blockwise
+from spi.ensemble.protocol import noise_indices
 from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.samples import BATCH_BYTES, POWERS, Sample, SamplesPlan
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
-from spi.statistics.powers import with_powers
-from spi.statistics.tallies import PathSet, chunk_blocks
 from spi.storage.records import Part
 
 from ...results import History, Sampled, WeakErrors
-from ...study.plans import WeakPlan, sampled_errors
-from ...study.sums import values_of_blocks
-from .combination import Combination
+from ...study import WeakPlan, sampled_errors
+from .combination import Combination, base_gain, expectations
 from .decisions import PILOT, SHARES, Decisions, Errors, control_of
-from .expectations import base_gain, expectations
-from .levels import Level, levels_of
+from .levels import PRODUCT, levels_of
 from .sums import EQUAL, LevelSums, Totals
 
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
-_POWERS = 4
-_BATCH_BYTES = 64e6
-
-
-class Rows(NamedTuple):
-    """What some blocks contribute, a row for each."""
-
-    values: np.ndarray  #: (blocks, paths of a sample, F, LANES)
-    weights: np.ndarray  #: of the level
+_LONGEST = 1e9  # seconds of work that a target may ask for
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultilevelPlan(Blockwise, WeakPlan):
+class MultilevelPlan(SamplesPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
     of_others: ClassVar[frozenset[str]] = frozenset(("prefixes", "construction", "coarse"))
 
-    levels: tuple[Level, ...]
+    levels: tuple[Sample, ...]
     control: tuple | None  #: the rows of its limit, if the scheme has one of which the expectations are known
 
     @classmethod
@@ -101,23 +88,25 @@ class MultilevelPlan(Blockwise, WeakPlan):
         steps = np.array([level.steps * LANES for level in self.levels])
         round_of_all = self.seconds_per_block.sum()
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
-        return Cost(seconds * steps.sum() / round_of_all, seconds, int(_BATCH_BYTES))
+        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES))
 
     def initial_extra(self) -> Decisions:
         """The pilot is wanted."""
         steps = sum(len(one.h) for one in self.by_level)
         return Decisions.pilot(len(self.levels), len(self.case.functions), steps, bool(self.control))
 
-    def path_sets(self, extra: Decisions) -> Sequence[PathSet]:
-        """The samples of each level that the current allocation wants."""
-        return tuple(
-            PathSet(int(blocks) * LANES, max(ROUND, chunk_blocks(level.steps, dimension(self.model))))
-            for blocks, level in zip(extra.targets, self.levels, strict=True)
-        )
+    @property
+    def sets(self) -> tuple[Sample, ...]:
+        """The levels."""
+        return self.levels
+
+    def wanted(self, extra: Decisions) -> np.ndarray:
+        """(levels,) the samples that the current allocation wants."""
+        return extra.targets * LANES
 
     def empty(self, number: int) -> Totals:
         """The totals over no samples."""
-        sums = np.zeros((_POWERS, 4 if self.control else 2, len(self.case.functions), GROUPS))
+        sums = np.zeros((POWERS, 4 if self.control else 2, len(self.case.functions), GROUPS))
         return Totals(paths=0, seconds=0.0, cpu_seconds=0.0, sums=sums, nonfinite=0)
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -126,29 +115,18 @@ class MultilevelPlan(Blockwise, WeakPlan):
         along_points = self.calls_of_a_step(last.grid, last.stream)[:1] if self.scrambled else []
         return [*self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream), *along_points]
 
-    def most_blocks(self, number: int) -> int:
-        """How many blocks of a level a batch may have, because of memory."""
-        paths = self.levels[number].weights.shape[1]
-        return max(1, int(_BATCH_BYTES / (8 * LANES * paths * (len(self.initial) + 4 * len(self.case.functions)))))
-
-    def rows(self, number: int, first: int, blocks: int, end: int) -> Rows:
-        """The values of the test functions at the end of some blocks of one level."""
-        level = self.levels[number]
-        values, _ = values_of_blocks(self, level.grid, level.stream, first, blocks, end)
-        return Rows(values, level.weights)
-
-    def added(self, sums: Totals, rows: Rows, at: slice, first: int, end: int) -> Totals:
-        """The totals with the rows `at`, of which the first is that of block `first`."""
-        values, weights = rows.values[at], rows.weights
+    def rows(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+        """The quantities of some blocks of samples, with a control the product as well."""
+        quantities = super().rows(number, first, blocks, end)
+        if not self.control:
+            return quantities
         with np.errstate(invalid="ignore", over="ignore"):
-            quantities = sum(w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(weights.T))
-        if self.control:
-            product = quantities[:, :1] * quantities[:, 2:]
-            quantities = np.concatenate([quantities, product], axis=1)
-        return sums._replace(
-            sums=with_powers(sums.sums, quantities, first, end),
-            nonfinite=sums.nonfinite + int((~np.isfinite(values).all(axis=(1, 2))).sum()),
-        )
+            return np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
+
+    def added(self, sums: Totals, rows: np.ndarray, at: slice, first: int, end: int) -> Totals:
+        """The totals with the quantities `at`, of which the first is that of block `first`."""
+        lost = ~np.isfinite(rows[at, :PRODUCT]).all(axis=(1, 2))
+        return super().added(sums._replace(nonfinite=sums.nonfinite + int(lost.sum())), rows, at, first, end)
 
     def next_allocation(self, state: State) -> Decisions | None:
         """The next allocation; first the expectations of the control, where there is one and they are not known yet."""
@@ -222,7 +200,8 @@ class MultilevelPlan(Blockwise, WeakPlan):
         samples = np.zeros(len(self.levels))
         if root > 0 and noise_indices(self.model):  # without noise one path is all, whatever rounding says
             budget, target = self.case.seconds or np.inf, self.case.standard_error
-            work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / target**2 if target else np.inf)
+            floor = max(target**2, root**2 / _LONGEST, 1e-300) if target else 0.0
+            work = share * min(budget * (1.0 - _BASE_SHARE), root**2 / floor if target else np.inf)
             samples = work / root * per_root
             samples[self.base] = work * _BASE_SHARE / cost[self.base]
         rounds = np.ceil(samples / (ROUND * LANES)).astype(np.int64)

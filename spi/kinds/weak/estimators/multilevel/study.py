@@ -1,11 +1,59 @@
-"""Which plan serves a scheme: levels of its own, or differences to the scheme of weak order 2."""
+"""Weak errors of a scheme by one difference, at each step size, to the scheme of weak order 2.
 
+With the noises in a fixed order the steps h and h/2 of a path differ by Lévy areas, and so do a step of the scheme and
+one of the scheme of weak order 2, z, on the same path: either way the variance is O(h).  But differences between
+levels have to be added up from the reference to h, where the error
+
+    E phi(y_h) - E phi(y(T)) = E[phi(y_h) - (phi(z_h) + phi(z_h turned)) / 2] + (E phi(z_h) - E phi(y(T)))
+
+takes **one** difference at the same h, plus the error of z, which its own levels give for little, since they have
+antithetic paths.  The mean over both sides of z's coins halves the variance, because what a coin decides is as large as
+the Lévy areas of y.  A scheme that tosses coins itself, but has no antithetic paths, is averaged over both sides
+as well.
+
+This needs a scheme that has the same limit as z: flows must be exact, and y must not be a scheme for the multiscale
+system, which for eps > 0 has a limit of its own.
+
+The difference can be **symmetrised**: with y* the scheme whose flows act in reversed order on the same increments,
+
+    E[phi(y) - phi(z)] = E[(phi(y) - phi(y*)) / 2] + E[(phi(y) + phi(y*)) / 2 - phi(z)],
+
+of which the first takes two cheap paths and the second has the variance O(h^2).  Each half has paths of its own.  The
+pilot decides step by step which way takes less work.
+"""
+
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from spi.ensemble.inexact import flows_lacking
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
+from spi.ensemble.protocol import exact_flows
+from spi.ensemble.scheme_protocol import needs_areas, tosses
+from spi.ensemble.streams import RandomStream
+from spi.kinds.plans import KernelCall, State
+from spi.kinds.samples import Sample, values_of_blocks
+from spi.numerics.rng import DIFFERENCES, HALVES, LANES
+from spi.schemes import has_theory, typical_ns
+from spi.schemes.splitting import Splitting, has_antithetic_path
+from spi.schemes.stages import in_reversed_order
 from spi.storage.records import Part
 
-from .differences import DifferencesPlan, can_compare
+from ...results import Differences, Sampled, WeakErrors
+from ...study import sampled_errors
+from .decisions import Decisions, Errors
+from .levels import DIFFERENCE, VALUE
 from .plans import MultilevelPlan
+from .sums import LevelSums
+
+#: The scheme of weak order 2.
+ORDER_2 = "splitting_order2"
+
+_BOTH_SIDES = (AS_TOSSED, COINS_TURNED)
+#: A shorter budget does not pay for compiling the scheme whose flows act in reversed order.
+_WORTH_SECONDS = 30.0
+_WHOLE, _FIRST_HALF, _SECOND_HALF = range(3)
 
 
 def together(case: Any, part: Part) -> list[tuple[int, ...]]:
@@ -18,3 +66,217 @@ def together(case: Any, part: Part) -> list[tuple[int, ...]]:
 def plan(case: Any, part: Part) -> MultilevelPlan:
     """The plan for one scheme of a case: by differences where that is better."""
     return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).of(case, part)
+
+
+def can_compare(case: Any, part: Part) -> bool:
+    """Whether the errors of a scheme are found by differences to the scheme of weak order 2."""
+    row = case.row(part.scheme, part.eps)
+    same_limit = exact_flows(case.model) and has_theory(row, case.model) and not row.multiscale
+    if flows_lacking(case.model):  # there is no such scheme
+        return False
+    steep = has_antithetic_path(row.record) or needs_areas(row.record)  # the variances of its levels fall like h^2
+    return same_limit and not steep and not part.extrapolate
+
+
+@dataclass(frozen=True, kw_only=True)
+class DifferencesPlan(MultilevelPlan):
+    """Weak errors of one scheme from differences to the scheme of weak order 2, and from levels of that scheme.
+
+    The levels are those of `order2`, and behind them the differences, from the largest step to the smallest; behind
+    those, where differences can be symmetrised, their first halves and then their second halves.
+    """
+
+    order2: MultilevelPlan  #: of the scheme of weak order 2
+    turned: Any  #: the record of the scheme whose flows act in reversed order, None where there are no halves
+
+    @classmethod
+    def of(cls, case: Any, part: Part) -> "DifferencesPlan":
+        """The plan for one scheme of a case."""
+        order2 = MultilevelPlan.of(case, Part(ORDER_2, part.estimator))
+        sides = _sides(case.row(part.scheme, part.eps).record)
+        turned = _turned(case, case.row(part.scheme, part.eps).record)
+        kinds = (_WHOLE,) if turned is None else (_WHOLE, _FIRST_HALF, _SECOND_HALF)
+        levels = *order2.levels, *(_difference(case, h, kind, len(sides)) for kind in kinds for h in case.steps)
+        return cls(case=case, part=part, levels=levels, control=None, order2=order2, turned=turned)
+
+    @property
+    def base(self) -> int:
+        """The number of the level that has the largest step alone."""
+        return self.order2.base
+
+    @property
+    def seconds_per_block(self) -> np.ndarray:
+        """(levels,) of one thread at typical speed."""
+        ns = np.array([typical_ns(self.order2.row, self.model), typical_ns(self.row, self.model)])
+        both, own = len(_BOTH_SIDES), len(_sides(self.scheme))
+        paths = np.array([[both, own], [0, 2], [both, 2]])  # of either scheme, in each kind of difference
+        per_path = np.repeat(paths @ ns / paths.sum(axis=1), len(self.case.steps))
+        steps = np.array([level.steps for level in self.levels[self.base + 1 :]])
+        return np.append(self.order2.seconds_per_block, 1e-9 * LANES * per_path[: len(steps)] * steps)
+
+    def initial_extra(self) -> Decisions:
+        """The pilot is wanted; until then no difference is symmetrised."""
+        used = np.arange(len(self.levels)) <= self.base + len(self.case.steps)
+        return super().initial_extra()._replace(used=used)
+
+    def chosen(self, levels: LevelSums) -> np.ndarray:
+        """Which levels make the errors: of each difference the whole, or both halves where these take less work."""
+        variance, cost = levels.moments().variance.max(axis=1), self.seconds_per_block
+        whole, *halves = np.sqrt(variance * cost)[self.base + 1 :].reshape(-1, len(self.case.steps))
+        symmetrised = np.sum(halves, axis=0) < whole if halves else np.zeros(len(whole), bool)
+        return np.concatenate([levels.used[: self.base + 1], ~symmetrised, *[symmetrised] * len(halves)])
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """Those of all schemes."""
+        own = [self._own_paths(self.base + 1), *[self._own_paths(len(self.levels) - 1)] * bool(self.turned)]
+        calls = [call for times in own for call in self.calls_of_a_step(times, self.levels[-1].stream)]
+        return [*self.order2.kernel_calls(), *calls]
+
+    def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
+        """The values of the test functions at the end of some blocks of one level."""
+        if number <= self.base:
+            return self.order2.values(number, first, blocks, end)
+        level = self.levels[number]
+        grids = [(self.order2, level.grid)] * (self._kind(number) != _FIRST_HALF) + [(self, self._own_paths(number))]
+        values = [values_of_blocks(p, times, level.stream, first, blocks, end)[0] for p, times in grids]
+        return np.concatenate(values, axis=1)
+
+    def least_work(self, variance: np.ndarray, cost: np.ndarray) -> tuple[float, np.ndarray]:
+        """As :meth:`MultilevelPlan.least_work`, where all differences get the same standard error.
+
+        With A = sum V C over the differences and B = sum (V C)^(1/2) over the levels the error of each step size has
+        the variance v + w, where v = V_h / N_h is that of its difference and w that of all levels.  The work
+        A / v + B^2 / w is least for v : w = A^(1/2) : B.  Of a symmetrised difference (V C)^(1/2) is the sum of those
+        of its halves, which share v accordingly.  Levels that are not used have no variance.
+        """
+        levels, differences = slice(self.base + 1), slice(self.base + 1, None)
+        root, per_root = self.order2.least_work(variance[levels], cost[levels])
+        shape = -1, len(self.case.steps)
+        roots = np.sqrt(variance * cost)[differences].reshape(shape)
+        of_differences = np.sqrt((roots.sum(axis=0) ** 2).sum())
+        if not of_differences > 0:
+            return root, np.append(per_root, np.zeros(roots.size))
+        each = roots.sum(axis=0) * np.sqrt(variance / cost)[differences].reshape(shape)
+        return root + float(of_differences), np.append(per_root, each.ravel() / of_differences)
+
+    def errors(self, levels: LevelSums) -> Errors:
+        """Those of the scheme of weak order 2, with the differences added."""
+        own, differences = self._divided(levels)
+        base, averages = self.order2.errors(own), differences.averages()
+        mean, without = (self._of_steps(values, differences.used) for values in averages)
+        return Errors(base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts)
+
+    def _of_steps(self, values: np.ndarray, used: np.ndarray) -> np.ndarray:
+        """(..., S, F): of the difference at each step what its levels (..., differences, F) in use add up to."""
+        values = np.where(used[:, np.newaxis], values, 0.0)
+        return values.reshape(*values.shape[:-2], -1, len(self.case.steps), values.shape[-1]).sum(axis=-3)
+
+    def _divided(self, levels: LevelSums) -> tuple[LevelSums, LevelSums]:
+        """The levels of the scheme of weak order 2, and the differences."""
+        return levels.only(slice(self.base + 1)), levels.only(slice(self.base + 1, None))
+
+    def results(self, state: State) -> WeakErrors:
+        """The results of one scheme of a case, from its final state; its levels are those of the other scheme."""
+        levels = self.level_sums(state)
+        own, differences = self._divided(levels)
+        order2, table = self.order2.results_of(own, state), self._table(own, differences)
+        stderr = np.sqrt(table.variance / table.samples)
+        fields, sampled = sampled_errors(self.h, *self.errors(levels))
+        of_order2: Any = order2.sampled
+        steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
+        sampled |= {
+            "expectation_stderr": np.hypot(of_order2.expectation_stderr, stderr),
+            **{name: getattr(of_order2, name) for name in ("reference", "sd")},
+            "samples": int(levels.samples.sum()),
+            "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),
+        }
+        return self.weak_errors(
+            state.seconds,
+            **fields,
+            expectation=order2.expectation + table.mean,
+            sampled=Sampled(**sampled),
+            **{name: getattr(order2, name) for name in ("levels", "history")},
+            differences=table,
+            cpu_seconds=cpu_seconds,
+        )
+
+    def _table(self, own: LevelSums, differences: LevelSums) -> Differences:
+        """The differences at each step; where halves are in use, what one with the sum of their variances would be."""
+        used, moments = differences.used, differences.moments()
+        each = np.where(used, (differences.samples, differences.nonfinite, differences.cpu_seconds), 0.0)
+        samples, nonfinite, seconds = each.reshape(3, -1, len(self.h)).sum(axis=1)
+        whole = differences.only(slice(len(self.h)))
+        symmetrised = ~whole.used
+        with_z = differences.only(slice(-len(self.h), None)) if symmetrised.any() else whole  # the whole or second half
+        variance = self._of_steps(moments.variance / differences.samples[:, np.newaxis], used) * samples[:, np.newaxis]
+        consistency = [self._consistency(own, one) for one in (with_z, whole)]
+        kurtosis = np.where(used[:, np.newaxis], moments.kurtosis, 0.0).reshape(-1, *variance.shape).max(axis=0)
+        return Differences(
+            scheme=ORDER_2,
+            mean=self._of_steps(moments.mean, used).T,
+            variance=np.where(symmetrised, variance.T, moments.variance[: len(self.h)].T),
+            kurtosis=kurtosis.T,
+            consistency=np.where(symmetrised, *consistency),
+            samples=samples.astype(np.int64),
+            nonfinite=nonfinite.astype(np.int64),
+            seconds=seconds / samples,
+            variance_rate=whole.variance_rates(self.h),
+            symmetrised=symmetrised,
+        )
+
+    def _consistency(self, own: LevelSums, differences: LevelSums) -> np.ndarray:
+        """|a - b| / (3 (sd a + sd b)), above 1 with probability 0.3 % at most, (F, S).
+
+        a and b are the means of phi(z) at a step on the paths of its difference and on those of the levels of z.
+        """
+        level = self.combination.below
+        quantity = np.where(level == self.base, DIFFERENCE, VALUE)  # of the last level, which has one step, the mean
+        on_levels = np.swapaxes(own.means_of_powers()[quantity, :2, level], 0, 1), own.samples[level]
+        on_differences = differences.means_of_powers()[VALUE][:2], differences.samples
+        with np.errstate(invalid="ignore", divide="ignore"):
+            (b, sd_b), (a, sd_a) = (
+                (mean, np.sqrt(np.maximum(square - mean**2, 0.0) / n.reshape(-1, 1)))
+                for (mean, square), n in (on_levels, on_differences)
+            )
+            return (np.abs(a - b) / (3.0 * (sd_b + sd_a))).T
+
+    def _kind(self, number: int) -> int:
+        """Whether a level is a whole difference, a first half or a second half."""
+        return (number - self.base - 1) // len(self.case.steps)
+
+    def _own_paths(self, number: int) -> Grid:
+        """The grid of the paths of the scheme itself in a difference, in halves with those in reversed order."""
+        times, sides = self.levels[number].grid, _sides(self.scheme)
+        words: dict[str, Any] = {"doublings": [0] * len(sides), "reversals": sides}
+        if self._kind(number) != _WHOLE:
+            words = {"doublings": (0, 0), "reference_scheme": self.turned, "by_reference": (0, 1)}
+        return grid(times.reference_step, times.reference_steps, truncate=times.truncate, **words)
+
+
+def _difference(case: Any, h: float, kind: int, sides: int) -> Sample:
+    """The difference at one step: both sides of the scheme of weak order 2, and `sides` of the scheme itself.
+
+    The first of the two quantities is the difference, the second the mean of phi at the scheme of weak order 2.  Halves
+    have a path of the scheme and one of that whose flows act in reversed order, and the first half only those.
+    """
+    steps, doublings = round(case.final_time / h), round(np.log2(h / case.reference_step))
+    times = grid(h, steps, (0, 0), truncate=case.truncate_noise, reversals=_BOTH_SIDES)
+    weights, stream = {
+        _WHOLE: ([[-0.5, -0.5, *[1.0 / sides] * sides], [0.5, 0.5, *[0.0] * sides]], DIFFERENCES),
+        _FIRST_HALF: ([[0.5, -0.5], [1.0, 0.0]], HALVES),
+        _SECOND_HALF: ([[-0.5, -0.5, 0.5, 0.5], [0.5, 0.5, 0.0, 0.0]], HALVES + 128),
+    }[kind]
+    numbers = RandomStream(np.uint64(case.seed), np.uint64(stream + 2 * doublings))
+    return Sample(times, numbers, np.array(weights), steps * len(weights[0]))
+
+
+def _turned(case: Any, record: Any) -> Splitting | None:
+    """The scheme whose flows act in reversed order, None where halves are no use or none is known."""
+    short = case.seconds is not None and case.seconds < _WORTH_SECONDS
+    usable = isinstance(record, Splitting) and not tosses(record) and not short
+    return Splitting(in_reversed_order(record.stages)) if usable else None
+
+
+def _sides(record: Any) -> tuple[int, ...]:
+    """What the paths of a scheme do with its coins: as tossed, and turned if there are any."""
+    return _BOTH_SIDES if tosses(record) else _BOTH_SIDES[:1]

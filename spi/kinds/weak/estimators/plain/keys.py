@@ -19,8 +19,3 @@ class Keys(BaseKeys):
 def check(case: Any) -> None:
     """There must be a number of paths."""
     need(case, "plain", "samples")
-
-
-def can_do(case: Any, scheme: str) -> bool:
-    """It can do all schemes."""
-    return True

@@ -15,6 +15,7 @@ from spi.ensemble.loop import add_reports, nested_grid
 from spi.ensemble.scheme_protocol import REPORT
 from spi.kinds.blocks import BlocksPlan
 from spi.kinds.plans import DOWN, Cost, Done, State
+from spi.kinds.samples import values_of_blocks
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
@@ -23,8 +24,7 @@ from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
-from ...study.plans import WeakPlan, sampled_errors
-from ...study.sums import values_of_blocks
+from ...study import WeakPlan, sampled_errors
 
 _BATCH_BYTES = 64e6
 
@@ -57,11 +57,6 @@ class Rows(NamedTuple):
 
     values: np.ndarray  #: (blocks, L, F, LANES)
     report: np.ndarray  #: (blocks, step sizes of paths, len(REPORT))
-
-
-def together(case: Any, part: Part) -> list[tuple[int, ...]]:
-    """The same paths serve all levels of extrapolation."""
-    return [case.extrapolate]
 
 
 def plan(case: Any, part: Part) -> "PlainPlan":

@@ -38,8 +38,3 @@ def check_dimensions(case: Any, schemes: Sequence[str], reference: Any, steps: i
         if dimensions > MOST_DIMENSIONS:
             what = f"has 'quasi', whose points would have {dimensions} dimensions for '{scheme}'"
             raise wrong(what, right.format(f"{MOST_DIMENSIONS} or fewer"), key)
-
-
-def can_do(case: Any, scheme: str) -> bool:
-    """It can do all schemes."""
-    return True

@@ -17,9 +17,7 @@ from spi.statistics.powers import standard_deviation
 from spi.storage.records import Part
 
 from ...results import Quasi, WeakErrors
-from ..plain.study import PlainPlan, together
-
-__all__ = ["plan", "together"]
+from ..plain.study import PlainPlan
 
 
 def plan(case: Any, part: Part) -> "QuasiPlan":

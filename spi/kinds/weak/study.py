@@ -1,5 +1,11 @@
-"""The head of every plan of weak errors: the steps of its results, the order that theory states, what it hands out."""
+"""Weak errors E phi(y_h(T)) - E phi(y(T)) of test functions phi, by estimators that check one another.
 
+``plain`` and ``multilevel`` sample and measure against the scheme itself at the reference step, ``multilevel`` against
+that of weak order 2 where it takes differences to it; what that reference lacks is extrapolated by the scheme's known
+order.  ``kolmogorov`` does not sample and measures against the law of the equation.
+"""
+
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -7,17 +13,47 @@ import numpy as np
 
 from spi.ensemble.loop import thread_count
 from spi.expressions import canonical
-from spi.kinds.plans import PartPlan
+from spi.kinds.plans import Plan
 from spi.schemes import driven, has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
 from spi.statistics.richardson import Extrapolation
+from spi.storage.records import Part
 
-from ..estimators import left_out
-from ..results import WeakErrors
+from .comparisons import cannot_do
+from .estimators import ESTIMATORS, left_out
+from .results import WeakErrors
+
+
+def parts(case: Any) -> list[Part]:
+    """What is run one after the other: each scheme with each estimator that can do it, extrapolated or not."""
+    each = [
+        Part(scheme, name, eps)
+        for scheme, eps in case.runs
+        for name in case.estimators
+        if ESTIMATORS[name].can_do(case, scheme)
+    ]
+    return [
+        part._replace(extrapolate=first, also=tuple(others))
+        for part in each
+        for first, *others in ESTIMATORS[part.estimator].together(case, part)
+    ]
+
+
+def remarks(case: Any) -> Iterator[str]:
+    """What of a case will not be computed, or not as it was asked for."""
+    for name in case.estimators:
+        if schemes := left_out(case, name):
+            yield cannot_do(name, schemes)
+        yield from ESTIMATORS[name].remarks(case)
+
+
+def plan(case: Any, part: Part) -> Any:
+    """The plan for one scheme of a case with one estimator."""
+    return ESTIMATORS[part.estimator].study.plan(case, part)
 
 
 @dataclass(frozen=True, kw_only=True)
-class WeakPlan(PartPlan):
+class WeakPlan(Plan):
     """The head of every plan of weak errors of one scheme, extrapolated or not."""
 
     #: Keys of the case that are for other estimators.
