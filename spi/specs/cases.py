@@ -245,7 +245,7 @@ class BaseCase(Keys):
     @condition("panels", "statistics", "quantiles", "targets")
     def _check_lists(self) -> None:
         for key in ("panels", "statistics", "quantiles", "targets"):
-            check_once(getattr(self, key, ()), key)
+            check_once(getattr(self, key, None) or (), key)
 
     _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
     _check_eps = condition("eps", "schemes")(check_eps)
