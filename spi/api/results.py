@@ -190,11 +190,15 @@ class Results:
         A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
         against time; `look` is handed on to matplotlib.  Returns the figure, or the axes.
 
-        ValueError if there is nothing to draw.
+        ValueError if there is nothing to draw, or if a quantity or a look are given without axes.
         """
         from .curves import draw_into, shown_in_notebooks
 
-        return shown_in_notebooks(views.figure(self.stored)) if ax is None else draw_into(ax, self, quantity, look)
+        if ax is not None:
+            return draw_into(ax, self, quantity, look)
+        if ignored := [*("quantity",) * (quantity is not None), *look]:
+            raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; give ax as well")
+        return shown_in_notebooks(views.figure(self.stored))
 
     def __repr__(self) -> str:
         where = f", {self.path}" if self.path else ""

@@ -12,7 +12,7 @@ from ..running import run as runs
 from ..specs import SpecError
 from .progress import Line
 from .results import Results, load
-from .specs import experiment_of, in_python
+from .specs import experiment_of, in_python, whole
 
 if TYPE_CHECKING:
     from ..running.workers import Workers
@@ -95,4 +95,4 @@ def _pool(asked: int | str | None) -> "contextlib.AbstractContextManager[Workers
     """The processes that compute, None for this one alone."""
     if asked is None:
         return contextlib.nullcontext()
-    return clusters.connected(asked) if isinstance(asked, str) else workers.processes(asked)
+    return clusters.connected(asked) if isinstance(asked, str) else workers.processes(whole("workers", asked, 1))

@@ -15,7 +15,16 @@ from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim, Sort
 from ..systems import hidden, variables
 from ..systems.keys import MOST
-from .checks import check_count, check_eps, check_names, check_needs, check_schemes, check_word_of_areas, dyadic
+from .checks import (
+    check_count,
+    check_eps,
+    check_names,
+    check_needs,
+    check_once,
+    check_schemes,
+    check_word_of_areas,
+    dyadic,
+)
 from .compositions import Compositions, check_steps, weak_order
 from .drivers import Noise, check_noise, told
 from .expect import Expect, claims
@@ -232,6 +241,11 @@ class BaseCase(Keys):
     def _check_needs(self) -> None:
         check_needs(self)
         check_noise(self)
+
+    @condition("panels", "statistics", "quantiles", "targets")
+    def _check_lists(self) -> None:
+        for key in ("panels", "statistics", "quantiles", "targets"):
+            check_once(getattr(self, key, None) or (), key)
 
     _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
     _check_eps = condition("eps", "schemes")(check_eps)

@@ -104,6 +104,8 @@ def check_shown(case: Any) -> None:
         return
     if not case.quantities:
         raise wrong("is not possible for this kind of experiment, which shows no quantities", "remove it", "sweep")
+    if len({*case.sweep.of}) < len(case.sweep.of):
+        raise wrong("has a quantity twice", "remove one", "sweep", "of")
     for name in case.sweep.of:
         if name not in case.quantities:
             raise wrong(f"has '{name}'", suggestion(name, case.quantities), "sweep", "of")

@@ -208,6 +208,7 @@ def test_threads_and_workers_are_those_of_the_run(monkeypatch):
     assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
     (line,) = messages(spi.run, "rigid_body_strong", threads=10**4)
     assert line.startswith("threads: is 10000; ") and len(told) == 3
+    assert messages(spi.run, "rigid_body_strong", workers=0) == ["workers: is 0; must be a whole number, at least 1"]
 
 
 # --- paths -----------------------------------------------------------------------------------------------------------

@@ -149,6 +149,8 @@ def test_curves_in_axes_of_ones_own(results):
     assert ax.containers[0].lines[0].get_color() == "k"
     with pytest.raises(ValueError, match="one/splitting has no speed against h or t; give quantity= one of error, "):
         results["one/splitting"].plot(ax, "speed")
+    with pytest.raises(ValueError, match="quantity, color: only for curves in given axes"):
+        results.plot(quantity="error", color="k")
     weak_ax = spi.Results(weak(weak_group("splitting", "plain"))).plot(Figure().subplots())
     assert len(weak_ax.containers) == 2 and all((line.lines[0].get_ydata() >= 0).all() for line in weak_ax.containers)
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from helpers import printed
+from matplotlib.figure import Figure
 from view_helpers import legend_texts, rendered, save
 from weak_results import H, weak, weak_group
 
@@ -198,6 +199,19 @@ def test_paths_that_blow_up():
     assert 1 < ax.get_ylim()[1] < 1e3 and legend_texts(ax)[-1] == "paths diverged (NaN or infinity) or nearly so"
     (edge,) = (line for line in ax.lines if list(line.get_ydata()) == [1.0, 1.0])
     assert edge.get_xdata().tolist() == [2**-3, 2**-4]
+
+
+def test_no_bar_for_one_path_and_for_errors_of_0():
+    """Neither has an interval: the errors of one path lie within the frame, and no line stands for an error of 0."""
+    look = {"marker": "o", "color": "#000000"}
+    for error, half in ((1e-2 * H, np.nan), (0.0 * H, 0.0)):
+        one = series.Series(H, error, np.full(len(H), half), np.zeros(len(H), bool), "one", look)
+        ax = Figure().subplots()
+        series.errors_panel(ax, [one], "")
+        lines = [segment for lines in ax.collections for segment in lines.get_segments()]
+        assert all(np.ptp(segment[:, 1]) == 0 for segment in lines)
+        bottom, top = ax.get_ylim()
+        assert not error.any() or bottom < error.min() < error.max() < top
 
 
 def test_one_step_size():

@@ -831,6 +831,12 @@ def test_bad_expression_elsewhere(spec):
         ("seconds: 60", "seconds: -1", "14: seconds: is '-1'; must be greater than 0"),
         ("seconds: 60", "standard_error: 0", "14: standard_error: is '0'; must be greater than 0"),
         ("[1/8, 1/4]", "[1/4, 0.25]", "5: steps: has 2^-2 twice; remove one"),
+        ("seconds: 60\n", "seconds: 60\npanels: [errors, errors]\n", "15: panels: has 'errors' twice; remove one"),
+        (
+            "seconds: 60\n",
+            "seconds: 60\nsweep: {sigma: [1, 2], of: [order, order]}\n",
+            "15: sweep.of: has a quantity twice; remove one",
+        ),
         (
             "[splitting]",
             "[midpoint]",

@@ -66,8 +66,8 @@ def series_of(reading: WeakErrors, f: int, look: dict[str, Any], label: str, joi
 def frame(series: Sequence[Series]) -> tuple[float, float] | None:
     """The limits of the errors' axis, None if there is none: all that is resolved, and the sampling floor."""
     resolved = np.concatenate([one.error[_finite(one.error) & one.resolved] for one in series] or [[]])
-    poor = [_finite(one.half) & np.isfinite(one.error) & ~one.resolved for one in series]
-    each = [np.maximum(one.error, 0.25 * one.half)[which] for one, which in zip(series, poor, strict=True)]
+    poor = [np.isfinite(one.error) & ~one.resolved for one in series]
+    each = [np.fmax(one.error, 0.25 * one.half)[which] for one, which in zip(series, poor, strict=True)]
     floors = np.concatenate(each or [[]])
     floors = floors[_finite(floors)]
     if len(resolved):
@@ -174,7 +174,8 @@ def draw(ax: Axes, one: Series, bars: bool = True) -> None:
     edge_marks(ax, one.h, one.error, look["color"])
     below = one.error < bottom
     if below.any():
-        ax.vlines(one.h[below], bottom, (one.error + up)[below], color=look["color"], linewidth=0.8, zorder=3)
+        ends = np.maximum(one.error + up, bottom)[below]
+        ax.vlines(one.h[below], bottom, ends, color=look["color"], linewidth=0.8, zorder=3)
 
 
 def _curve(ax: Axes, one: Series) -> None:
