@@ -15,6 +15,7 @@ import spi
 from spi.models.zeitlin.fields import size_of
 from spi.models.zeitlin.lattice import modes
 
+BATCHES = 8  # of the later half, each several correlation times long
 TEMPERATURES = {"positive": 1 / 500, "none": np.inf, "negative": -1 / 500}
 
 
@@ -32,7 +33,10 @@ def main():
         y = results[f"{case}/splitting_symmetric"].y
         y = np.asarray(y)[len(y) // 2 :]
         square = (np.asarray(modes(size_of(y))) ** 2).sum(axis=-1)
-        found = (y[:, ::2] ** 2 + y[:, 1::2] ** 2).mean(axis=0)
+        powers = y[:, ::2] ** 2 + y[:, 1::2] ** 2
+        found = powers.mean(axis=0)
+        batches = [batch.mean() for batch in np.array_split((powers / square).sum(axis=1), BATCHES)]
+        print(f"{case:10} standard error of H, from {BATCHES} batches: {np.std(batches, ddof=1) / BATCHES**0.5:.5f}")
         known = kraichnan(temperature, square, found.sum())
         shells = np.rint(np.sqrt(square)).astype(int)
         for name, power in (case, found), ("Kraichnan", known):

@@ -61,14 +61,15 @@ def check(
 ) -> None:
     """Validate experiments and estimate their cost."""
     experiments = load(specs, profile, overrides, samples, seed, kind, trust_code)
-    from ..printing import print_cost, print_remarks, print_reports
+    from ..printing import cost_line, print_safely
     from ..running.remarks import remarks
     from ..running.run import cost, reports
 
     for experiment in experiments:
-        print_cost(experiment, cost(experiment))
-        print_remarks(experiment, remarks(experiment))
-        print_reports(reports(experiment))
+        print_safely([cost_line(experiment, cost(experiment))])
+        print_safely(f"{experiment.called}: {line}" for line in remarks(experiment))
+        for name, lines in reports(experiment).items():
+            print_safely([f"{name}:", *(f"  {line}" for line in lines)])
 
 
 @app.command()

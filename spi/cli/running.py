@@ -142,7 +142,7 @@ def verify(
     spec names, seen from here or from ./experiments, or with --trust-code.
     """
     from .. import storage
-    from ..printing import print_verification
+    from ..printing import print_safely, verified
     from ..running.verify import verify
     from .progress import ProgressLine
 
@@ -154,7 +154,7 @@ def verify(
             line.report_work(number, total, f"computing {chunk}")
 
         found = verify(file, None if everything else chunks, report, trust_code)
-    print_verification(file, found)
+    print_safely(f"{file}: {told}" for told in verified(found))
     if _any_failed(file.stem, storage.read(file)) or not found.sound:
         raise typer.Exit(CLAIM_FAILED)
 

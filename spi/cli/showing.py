@@ -95,13 +95,13 @@ def _tell_of_more(file: Path, folder: Path) -> None:
 
 def _list(folder: Path) -> None:
     """Print what results there are in a folder."""
-    from ..printing.catalogue import print_results
+    from ..printing import print_safely, result_lines
     from ..running.finding import listed
 
     found, problems = listed(folder)
     if not found and not problems:
         end(INVALID, f"{folder}: no results here; run an experiment first, or name the folder with --results")
-    print_results(found)
+    print_safely(result_lines(found))
     for problem in problems:
         tell(f"spi: {problem}")
 
@@ -131,11 +131,13 @@ def plot(
 
     Of a run that is unfinished, what is there so far: <out>/<name>_unfinished.pdf and .png.
     """
+    from ..drawing import page
+    from ..drawing.style import caption
     from ..report import views
     from ..running import finding, so_far
 
     try:
-        views.check_style(style, width, font)
+        page.named(style, width, font)
     except ValueError as error:
         end(INVALID, f"--{error}")
     if results is None and out is not None and out.resolve() != RESULTS.resolve():
@@ -148,7 +150,7 @@ def plot(
         for written in views.save(figure, out or folder, stem if style is Style.screen else f"{stem}_paper"):
             tell(f"wrote {written}")
         if style is Style.paper:
-            tell(f"caption: {views.caption(figure)}")
+            tell(f"caption: {caption(figure)}")
             if (height := figure.get_figheight()) > _PAGE:
                 more = "take --width two" if figure.get_figwidth() < _PAGE / 2 else "plot fewer cases or panels"
                 tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")

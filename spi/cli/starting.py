@@ -26,17 +26,17 @@ def list_(
 
     The experiments are those that come with spi, and those in ./experiments if that folder exists.
     """
-    from ..printing import catalogue
+    from ..printing import print_models, print_schemes
 
     invalid: list[str] = []
     if what in (None, Listed.models):
         from ..models import MODELS
 
-        catalogue.print_models(MODELS)
+        print_models(MODELS)
     if what in (None, Listed.schemes):
         from ..schemes import SCHEMES
 
-        catalogue.print_schemes(SCHEMES)
+        print_schemes(SCHEMES)
     if what in (None, Listed.experiments):
         invalid = _list_experiments(folder)
     for problem in invalid:
@@ -47,7 +47,7 @@ def list_(
 
 def _list_experiments(folder: Path) -> list[str]:
     """Print the experiments that come with spi and those in a folder; what is wrong with those of the latter."""
-    from ..printing.catalogue import print_experiments
+    from ..printing import print_experiments
     from ..running import shipped
     from ..running.run import headings
 

@@ -37,11 +37,6 @@ from . import page  # noqa: E402
 _METADATA = {"pdf": {"CreationDate": None}, "png": {"Software": None}}
 
 
-def as_files(figure: Figure) -> dict[str, bytes]:
-    """The content of the files of a figure: ending -> bytes, PDF and PNG."""
-    return {form: as_bytes(figure, form) for form in ("pdf", "png")}
-
-
 def as_bytes(figure: Figure, form: str, **options: Any) -> bytes:
     """A figure as "pdf" or "png"; `options` are those of matplotlib's ``savefig``."""
     content = io.BytesIO()

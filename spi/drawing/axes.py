@@ -20,6 +20,7 @@ from spi.storage.stored import Stored
 from . import page, style
 
 SLOPE = "#777777"
+KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
 
 #: What the axes of errors are called, by what is measured.
 ERRORS = {
@@ -97,6 +98,31 @@ def rules(ax: Axes) -> None:
     """A grid behind the data."""
     ax.grid(True, which="major", color="#e6e6e6", linewidth=0.6)
     ax.set_axisbelow(True)
+
+
+def dress_function(ax: Axes, found: Any, f: int, x: str | None, y: str) -> None:
+    """Title and labels of the panel of function `f` of `found`, which has names and texts; the name for None as x."""
+    name, text = found.functions[f], found.texts[f]
+    ax.set(xlabel=style.plain(name) if x is None else x, ylabel=y)
+    ax.set_title(style.plain(name if name == text or len(text) > 30 else f"{name}: {text}"))
+    rules(ax)
+
+
+def histogram(
+    ax: Axes, cells: tuple[float, float], density: np.ndarray, stderr: np.ndarray, colour: str, exact: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Densities in `cells`, (begin of the first, width), with 95 % intervals, as far as these or exact ones are not 0.
+
+    Returns the exact densities shown, and the edges.
+    """
+    used = np.flatnonzero((density > 0) | (exact > 0))
+    low, high = (used[0], used[-1] + 1) if len(used) else (0, len(density))
+    edges = cells[0] + cells[1] * np.arange(low, high + 1)
+    ax.stairs(density[low:high], edges, color=colour, linewidth=1.0)
+    half = INTERVAL * np.nan_to_num(stderr[low:high])
+    middle = (edges[1:] + edges[:-1]) / 2
+    ax.errorbar(middle, density[low:high], half, color=colour, linestyle="none", elinewidth=0.6)
+    return exact[low:high], edges
 
 
 def power_ticks(ax: Axes, h: np.ndarray) -> None:

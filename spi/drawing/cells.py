@@ -1,15 +1,45 @@
-"""Maps of cells over two parameters: where cells and ticks stand."""
+"""Axes for the values of a parameter: where these, cells around them, and ticks stand."""
 
 import math
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from . import style
-from .sweeps import value_places
+from .axes import power_ticks, rules
 
+_WIDE = 20.0  # ratio of values above which their axis is logarithmic
 _UNEVEN = 3.0  # largest gap over smallest, in logarithms
+
+
+def swept_axis(ax: Axes, word: str, values: np.ndarray) -> np.ndarray:
+    """Scale, ticks and label of a horizontal axis for the values of a parameter; returns where its points are."""
+    rules(ax)
+    ax.set_xlabel(style.word(word))
+    positive = values[values > 0]
+    if len(values) > 2 and len(positive) == len(values) and (np.frexp(values)[0] == 0.5).all():
+        ax.set_xscale("log", base=2)
+        ax.set_xlim(values.min() / 1.25, values.max() * 1.25)
+        power_ticks(ax, values)
+        return values
+    sizes = np.abs(values[values != 0])
+    if sizes.size and sizes.max() <= _WIDE * sizes.min():
+        return values
+    places, is_log = value_places(values)
+    if is_log:
+        ax.set_xscale("log")
+    else:
+        ax.set_xticks(places, [f"${style.number(float(value))}$" for value in values])
+    return places
+
+
+def value_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
+    if (values > 0).all():
+        return values, True
+    return np.argsort(np.argsort(values)).astype(float), False
 
 
 def cell_places(values: np.ndarray) -> tuple[np.ndarray, bool]:

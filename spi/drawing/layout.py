@@ -67,6 +67,38 @@ def _parts(line: Line) -> list[Line]:
     ]
 
 
+def of_cases(
+    title: str,
+    cases: Sequence[Sequence[Any]],
+    facts_of: Callable[[Any], dict[str, str]],
+    lines_of: Callable[[Any, style.Looks], list[Line]],
+) -> Figure:
+    """The figure of the readings of each case in lines of its own, titled where there are several cases.
+
+    `facts_of` a reading stand above, those that all cases share once for all.
+    """
+    looks = style.looks(cases)
+    shared, own = style.split_facts([facts_of(readings[0]) for readings in cases])
+    lines = []
+    for readings, facts in zip(cases, own, strict=True):
+        found = lines_of(readings, looks)
+        if found and len(cases) > 1:
+            width = len(found[0].panels) * found[0].size[0]
+            found[0] = found[0]._replace(title=case_title(readings[0].about, facts, width))
+        lines += found
+    return arranged(title, lines, shared)
+
+
+def even(count: int, most: int) -> int:
+    """How many of so many stand side by side, at most `most`, where all lines have about as many."""
+    return math.ceil(count / max(1, math.ceil(count / most)))
+
+
+def in_lines(panels: Sequence[Panel], columns: int, size: tuple[float, float], **more: Any) -> list[Line]:
+    """Panels in lines of so many; `more` are fields of each line."""
+    return [Line(panels[i : i + columns], size, **more) for i in range(0, len(panels), max(1, columns))]
+
+
 def check_panels(words: Iterable[str], known: Iterable[str]) -> None:
     """ValueError if a figure is asked for a panel that is not among the `known` ones."""
     for word in words:
@@ -108,7 +140,7 @@ def _rows(legend: Sequence[list[Entry]], width: float) -> list[list[Entry]]:
 
 
 def _broken(row: list[Entry], most: int) -> list[list[Entry]]:
-    columns = math.ceil(len(row) / math.ceil(len(row) / most))
+    columns = even(len(row), most)
     return [row[i : i + columns] for i in range(0, len(row), columns)]
 
 
@@ -180,6 +212,12 @@ def edge_marks(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> None:
         ax.plot(x[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", **look)
 
 
+def scheme_entry(about: Description, looks: style.Looks, more: str = "", **look: Any) -> Entry:
+    """An entry of a legend: a scheme, and what more is to be said of it."""
+    marker, colour = looks[about.variant]
+    return Line2D([], [], color=colour, marker=marker, **look), style.label(about) + more
+
+
 def mark(marker: str, text: str, **look: Any) -> Entry:
     """An entry of a legend: a black mark and what it means."""
     return Line2D([], [], marker=marker, linestyle="none", color="black", **look), text
@@ -188,6 +226,19 @@ def mark(marker: str, text: str, **look: Any) -> Entry:
 def unresolved(marker: str) -> dict[str, Any]:
     """How a point is drawn that sampling does not resolve: hollow, or pale where its marker, a cross, has no face."""
     return {"markerfacecolor": "none"} if marker in Line2D.filled_markers else {"alpha": 0.4}
+
+
+def points(
+    ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
+) -> None:
+    """Points within the panel, hollow where they are poor, with bars that end at its lower edge; no bar for NaN."""
+    bottom, top = ax.get_ylim()
+    inside = (values >= bottom) & (values <= top)
+    for chosen, fill in ((inside & ~poor, {}), (inside & poor, unresolved(look["marker"]))):
+        if chosen.any():
+            up = np.where(np.isfinite(half), half, 0.0)[chosen]
+            bars = np.array([np.minimum(up, values[chosen] - bottom), up])
+            ax.errorbar(x[chosen], values[chosen], bars, linestyle="none", elinewidth=0.8, zorder=3, **look | fill)
 
 
 def zero_mark() -> Entry:

@@ -1,14 +1,37 @@
-"""What a sphere in Mollweide's projection has around it: a net, the names of its axes, and no frame."""
+"""Maps of densities in cells, of two quantities or of the sphere in Mollweide's projection."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 
-from ..statistics.projection import heights, mollweide
+from ..statistics.cells import heights, mollweide
+from ..storage.records import Description
+from . import style
 
 _LINES = "#777777"
+
+
+def cell_edges(found: Any, i: int, finer: int = 1) -> list[np.ndarray]:
+    """Between which values the cells of map `i` are along both of its sides, with so many places in each."""
+    ends = zip(found.low[i], found.width[i], found.density.shape[1:], strict=True)
+    return [low + width * np.linspace(0, number, finer * number + 1) for low, width, number in ends]
+
+
+def dress_map(ax: Axes, about: Description, found: Any, i: int, mesh: QuadMesh) -> None:
+    """Give map `i` of `found`, at one of its times `t`, its title, the names of its sides, and a colour bar."""
+    name = f"{style.label(about)}, $t={style.number(float(found.t[i]))}$"
+    if found.is_sphere:
+        net(ax, style.component_names(about, 3))
+        ax.set_title(name, pad=14)
+        bar = ax.figure.colorbar(mesh, ax=ax, label="density per steradian", shrink=0.8, pad=0.02)
+    else:
+        ax.set(xlabel=style.plain(found.sides[0]), ylabel=style.plain(found.sides[1]))
+        ax.set_title(name)
+        bar = ax.figure.colorbar(mesh, ax=ax, label="density", pad=0.02)
+    bar.outline.set_linewidth(0.4)
 
 
 def net(ax: Axes, names: Sequence[str]) -> None:

@@ -157,7 +157,7 @@ def wrapped(items: Iterable[str], separator: str, size: str | float, width: floa
     lines: list[str] = []
     for item in items:
         longer = separator.join([*lines[-1:], item])
-        if lines and inches(longer, size) < width - 0.4:
+        if lines and inches(longer, size) < 0.95 * width - 0.2:  # letters on pixels are wider than their outlines
             lines[-1] = longer
         else:
             lines.append(item)

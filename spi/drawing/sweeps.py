@@ -1,44 +1,72 @@
-"""The figure of a swept parameter: each quantity over its values, a curve for each scheme."""
+"""The figures of swept parameters: each quantity over the values of one, or as a map over those of two."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import FuncNorm, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ..statistics.claims import AT_MOST, Sort
 from ..statistics.curves import Curve
 from . import layout, style
-from .axes import limits, power_ticks, rules
+from .axes import limits
+from .cells import cell_places, edges, swept_axis, ticks
 
 SIZE = (3.6, 2.9)  # inches of a panel
 ALONE = (4.6, 3.5)  # the same where there is only one
 COLUMNS = 3  # panels side by side
-WIDE = 20.0  # ratio of swept values above which their axis is logarithmic
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
 PALE = 0.4  # of what says nothing
 KNOWN: dict[str, Any] = {"linestyle": (0, (2, 2)), "linewidth": 1.0, "zorder": 2}
 
 
-def draw(title: str, cases: Sequence[tuple[str, Sequence[Curve], list[str]]], sorts: Mapping[str, Sort]) -> Figure:
-    """The figure of cases that are swept: of each the title, curves and facts; `sorts` are those of the quantities."""
+MAP = (4.3, 3.4)  # inches of a map
+_SIGNED, _ONE_SIGN = "RdBu_r", "viridis"  # colours
+_LINEAR = 0.03  # share of the largest value of a sign below which colours are linear
+_WIDE = 30.0  # ratio of values of one sign from which on their colours are logarithmic
+_EVEN = 1.01  # ratio of gaps of values that are evenly spaced
+_TICKS = 7
+_UNKNOWN = "#dddddd"
+
+Case = tuple[str, Sequence[Curve], list[str]]  #: title, curves and facts of one that is swept
+
+
+def draw(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
+    """The figure of cases that are swept: each quantity over the values; `sorts` are those of the quantities."""
     every: Any = [curve for _, curves, _ in cases for curve in curves]
     looks = style.looks([every])
     estimators = list(dict.fromkeys(curve.about.estimator for curve in every))
+    panel = partial(_panel, looks=looks, estimators=estimators, sorts=sorts)
+
+    def lines_of(curves: Sequence[Curve]) -> list[layout.Line]:
+        rows = _rows(curves)
+        size = ALONE if len(cases) == len(rows) == len(rows[0]) == 1 else SIZE
+        return [layout.Line([partial(panel, curves=some) for some in row], size) for row in rows]
+
+    return _arranged(title, cases, lines_of, SIZE[0] * COLUMNS, _legend(every, looks, estimators))
+
+
+def _arranged(
+    title: str,
+    cases: Sequence[Case],
+    lines_of: Callable[[Sequence[Curve]], list[layout.Line]],
+    width: float,
+    legend: list[list[layout.Entry]],
+) -> Figure:
+    """The lines of each case, under its title if there are several, and the legend under all."""
     shared = [fact for fact in cases[0][2] if all(fact in facts for _, _, facts in cases)]
     lines: list[layout.Line] = []
     for name, curves, facts in cases:
-        own = [fact for fact in facts if fact not in shared]
-        heading = "\n".join(style.wrapped([style.plain(name), *own], ",  ", "axes.titlesize", SIZE[0] * COLUMNS))
-        panel = partial(_panel, looks=looks, estimators=estimators, sorts=sorts)
-        found = [[partial(panel, curves=some) for some in row] for row in _rows(curves)]
-        alone = len(cases) == len(found) == len(found[0]) == 1
-        lines += [layout.Line(row, ALONE if alone else SIZE) for row in found]
-        lines[-len(found)] = lines[-len(found)]._replace(title=heading if len(cases) > 1 else "")
-    lines[-1] = lines[-1]._replace(legend=_legend(every, looks, estimators))
+        found = lines_of(curves)
+        if len(cases) > 1:
+            told = [style.plain(name), *(fact for fact in facts if fact not in shared)]
+            found[0] = found[0]._replace(title="\n".join(style.wrapped(told, ",  ", "axes.titlesize", width)))
+        lines += found
+    lines[-1] = lines[-1]._replace(legend=legend)
     return layout.arranged(title, lines, shared)
 
 
@@ -51,34 +79,6 @@ def _rows(curves: Sequence[Curve]) -> list[list[list[Curve]]]:
     names = list(dict.fromkeys(name for name, _ in panels)) if len(functions) > 1 else [""]
     rows = [[some for (one, _), some in panels.items() if name in (one, "")] for name in names]
     return [row[i : i + COLUMNS] for row in rows for i in range(0, len(row), COLUMNS)]
-
-
-def swept_axis(ax: Axes, word: str, values: np.ndarray) -> np.ndarray:
-    """Scale, ticks and label of a horizontal axis for the values of a parameter; returns where its points are."""
-    rules(ax)
-    ax.set_xlabel(style.word(word))
-    positive = values[values > 0]
-    if len(values) > 2 and len(positive) == len(values) and (np.frexp(values)[0] == 0.5).all():
-        ax.set_xscale("log", base=2)
-        ax.set_xlim(values.min() / 1.25, values.max() * 1.25)
-        power_ticks(ax, values)
-        return values
-    sizes = np.abs(values[values != 0])
-    if sizes.size and sizes.max() <= WIDE * sizes.min():
-        return values
-    places, is_log = value_places(values)
-    if is_log:
-        ax.set_xscale("log")
-    else:
-        ax.set_xticks(places, [f"${style.number(float(value))}$" for value in values])
-    return places
-
-
-def value_places(values: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Where values stand on an axis, and whether it is logarithmic; values that are not all positive by their rank."""
-    if (values > 0).all():
-        return values, True
-    return np.argsort(np.argsort(values)).astype(float), False
 
 
 def _panel(
@@ -143,12 +143,7 @@ def _label(curves: Sequence[Curve]) -> str:
 def _legend(curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[str]) -> list[list[layout.Entry]]:
     """What markers and dashes mean."""
     abouts = {curve.about.variant: curve.about for curve in curves}
-    rows: list[list[layout.Entry]] = [
-        [
-            (Line2D([], [], marker=looks[one][0], color=looks[one][1], markerfacecolor="none"), style.label(about))
-            for one, about in abouts.items()
-        ]
-    ]
+    rows = [[layout.scheme_entry(about, looks, markerfacecolor="none") for about in abouts.values()]]
     if len(estimators) > 1:
         handles = [Line2D([], [], color="#777777", linestyle=DASHES[i % len(DASHES)]) for i in range(len(estimators))]
         rows.append(list(zip(handles, map(style.plain, estimators), strict=True)))
@@ -160,3 +155,97 @@ def _legend(curves: Sequence[Curve], looks: style.Looks, estimators: Sequence[st
     if any(np.isinf(curve.of("value")).any() for curve in curves):
         marks.append(layout.mark("^", "paths diverged (NaN or infinity)"))
     return [*rows, marks] if marks else rows
+
+
+def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
+    """The figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
+    every = [curve for _, curves, _ in cases for curve in curves]
+    several = len({curve.about.variant for curve in every}) > 1
+
+    def lines_of(curves: Sequence[Curve]) -> list[layout.Line]:
+        panels = [partial(_map, curve=curve, sorts=sorts, several=several) for curve in curves]
+        return layout.in_lines(panels, COLUMNS, MAP)
+
+    return _arranged(title, cases, lines_of, MAP[0] * COLUMNS, _map_legend(every))
+
+
+def _map_legend(curves: Sequence[Curve]) -> list[list[layout.Entry]]:
+    if not any(_is_signed(curve) for curve in curves):
+        return []
+    zero = Line2D([], [], color="black", linewidth=1.2), "zero"
+    return [[zero, layout.mark(".", "sign not decided (95 %)", markersize=4)]]
+
+
+def _is_signed(curve: Curve) -> bool:
+    values = curve.of("value")
+    return bool((values < 0).any() and (values > 0).any())
+
+
+def _map(ax: Axes, curve: Curve, sorts: Mapping[str, Sort], several: bool) -> None:
+    """A cell for each pair of values; where both signs occur also the line of zero, and cells of which none is sure."""
+    grid = curve.grid()
+    x, y = map(_axis, grid.axes)
+    values, low, high = (grid.of(field) for field in ("value", "low", "high"))
+    is_error, signed = curve.name in sorts and sorts[curve.name].sense == AT_MOST, _is_signed(curve)
+    shown, sign = (-values, "minus ") if (values <= 0).all() else (values, "")
+    corners = [np.append(each[:, 0], each[-1, 1]) for _, each, _ in (x, y)]
+    ax.set_facecolor(_UNKNOWN)
+    look: dict[str, Any] = {"cmap": _SIGNED if signed else _ONE_SIGN, "norm": _norm(shown, is_error)}
+    mesh = ax.pcolormesh(*corners, shown.T, rasterized=True, **look)
+    for scale, (_, _, on_log) in ((ax.set_xscale, x), (ax.set_yscale, y)):
+        scale("log" if on_log else "linear")
+    for axis, (places, _, _), known in zip((ax.xaxis, ax.yaxis), (x, y), grid.axes, strict=True):
+        ticks(axis, places, known, steps=False, room=_TICKS)
+    if signed:
+        if min(values.shape) > 1:
+            ax.contour(x[0], y[0], values.T, levels=[0.0], colors="black", linewidths=1.2)
+        i, j = np.nonzero((low <= 0) & (high >= 0))
+        ax.plot(x[0][i], y[0][j], ".", color="black", markersize=3)
+    ax.set(xlabel=style.word(grid.words[0]), ylabel=style.word(grid.words[1]))
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    if signed:
+        at = _bar_ticks(values)
+        bar.set_ticks(at, labels=[f"${style.number(one)}$" for one in at])
+        bar.ax.minorticks_off()
+    bar.outline.set_linewidth(0.4)
+    told = [style.plain(f"{sign}{curve.label}{f' of {curve.function}' * bool(curve.function)}")]
+    told += [style.label(curve.about)] * several
+    if (agreement := curve.chi_squared) is not None:
+        told.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against known values")
+    ax.set_title("\n".join(told))
+
+
+def _axis(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Where the centres of cells stand, and their edges, and whether on logarithms."""
+    gaps = np.diff(values)
+    places, is_log = (values, False) if gaps.max() <= _EVEN * gaps.min() else cell_places(values)
+    return places, edges(places, is_log), is_log
+
+
+def _norm(values: np.ndarray, is_error: bool) -> Normalize | None:
+    """How values become colours: of both signs each with the whole range of its own."""
+    known = values[np.isfinite(values)]
+    if known.size and known.min() < 0 < known.max():
+        low, high, whole = float(-known.min()), float(known.max()), float(np.arcsinh(1 / _LINEAR))
+
+        def forwards(v: Any) -> Any:
+            return np.arcsinh(v / (_LINEAR * np.where(np.asarray(v) < 0, low, high))) / whole
+
+        def backwards(u: Any) -> Any:
+            return np.sinh(np.asarray(u) * whole) * _LINEAR * np.where(np.asarray(u) < 0, low, high)
+
+        return FuncNorm((forwards, backwards), -low, high)
+    positive = known[known > 0]
+    if positive.size and (is_error or positive.max() > _WIDE * positive.min()):
+        return LogNorm(positive.min(), positive.max())
+    return None
+
+
+def _bar_ticks(values: np.ndarray) -> list[float]:
+    """0, and of each sign a round number near its largest value, and a tenth of that."""
+    found = [0.0]
+    for sign in (-1.0, 1.0):
+        most = float(np.nanmax(sign * values))
+        digit = 10.0 ** np.floor(np.log10(most))
+        found += [sign * digit * np.floor(most / digit) / part for part in (1.0, 10.0)]
+    return sorted(found)

@@ -254,3 +254,9 @@ class PathsPlan(Plan):
     def kernel_calls(self) -> list[KernelCall]:
         """One step of one block."""
         return self.calls_of_a_step(self.grid, self.stream)
+
+
+def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:
+    """The times of a case's paths with steps of size h, and how its scheme's areas are drawn for them."""
+    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], h, areas=case.areas)
+    return grid(h, round(case.final_time / h), doublings, truncate=case.truncate_noise, area_terms=terms)

@@ -1,11 +1,14 @@
-"""Numbers as JSON, CSV and text, and what an experiment would cost."""
+"""Numbers as JSON and CSV, what an experiment would cost, and lists of models, schemes and experiments."""
 
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import IO, Any
+from typing import TYPE_CHECKING, Any
 
-from .text import is_odd, new_console, printable
+from .text import fraction, is_odd, new_console, new_table, print_lines, printable
+
+if TYPE_CHECKING:
+    from ..schemes import Scheme  # a compiler comes with it
 
 
 def as_json(records: Iterable[dict[str, Any]], unicode: bool = True) -> str:
@@ -25,16 +28,19 @@ def as_csv(records: list[dict[str, Any]]) -> str:
     return DataFrame(plain, dtype=object).to_csv(index=False)
 
 
-def print_cost(experiment: Any, cost: Any, file: IO[str] | None = None) -> None:
-    """Print that an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
+def print_safely(lines: Iterable[str]) -> None:
+    """Print lines as long as they are, without what a terminal would take for commands."""
+    print_lines(new_console(None), map(printable, lines))
+
+
+def cost_line(experiment: Any, cost: Any) -> str:
+    """That an experiment is valid and what it would cost (a ``spi.running.run.Cost``)."""
     cases = [f"{name} ({', '.join(schemes)})" for name, schemes in _named(experiment.cases)]
     seconds = f"{'at most ' * cost.at_most}about {cost.seconds:.2g} s once compiled"
     takes = f"{cost.path_steps:.2g} steps of paths, {seconds}"
-    new_console(file).print(
-        f"{printable(experiment.called)}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
-        f"{'time not known before' if math.isnan(cost.seconds) else takes}, {cost.megabytes:.0f} MB",
-        markup=False,
-        soft_wrap=True,
+    return (
+        f"{experiment.called}: valid, profile {experiment.profile}: {'; '.join(cases)}; "
+        f"{'time not known before' if math.isnan(cost.seconds) else takes}, {cost.megabytes:.0f} MB"
     )
 
 
@@ -48,37 +54,15 @@ def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
             yield f"{sweep.case} with {len(sweep.values)} values of {sweep.word}{other}", case.schemes
 
 
-def print_remarks(experiment: Any, remarks: Iterable[str], file: IO[str] | None = None) -> None:
-    """Print what of an experiment will not be computed, or not as it was asked for."""
-    console = new_console(file)
-    for line in remarks:
-        console.print(f"{printable(experiment.called)}: {printable(line)}", markup=False, soft_wrap=True)
-
-
-def print_reports(reports: Mapping[str, Sequence[str]], file: IO[str] | None = None) -> None:
-    """Print what was found of systems that were generated: lines by the name of the system and its cases."""
-    console = new_console(file)
-    for name, lines in reports.items():
-        for line in (f"{name}:", *(f"  {line}" for line in lines)):
-            console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
-
-
-def print_verification(path: Any, found: Any, file: IO[str] | None = None) -> None:
-    """Print what came out when results were checked (a ``spi.running.verify.Verification``)."""
-    console = new_console(file)
-    for line in _verified(found):
-        console.print(f"{printable(path)}: {line}", markup=False, soft_wrap=True)
-
-
-def _verified(found: Any) -> Iterator[str]:
-    """What came out, line by line."""
+def verified(found: Any) -> Iterator[str]:
+    """What came out when results were checked (a ``spi.running.verify.Verification``), line by line."""
     count = len(found.checked)
     equal = "equal to the last bit" if not found.different else f"{len(found.different)} of them different"
     yield f"{count} of {found.chunks} chunks of paths were computed again, {equal}"
     if found.whole:
         yield "all numbers but times were derived again from these paths"
     if found.sums:
-        yield f"all numbers were derived again from the sums over paths in {printable(found.sums)}"
+        yield f"all numbers were derived again from the sums over paths in {found.sums}"
     if found.sums and not found.whole:
         yield f"of these sums those over {found.tied} of {found.chunks} chunks were computed again; --all computes all"
     if not found.sums and not found.whole:
@@ -89,3 +73,56 @@ def _verified(found: Any) -> Iterator[str]:
         return
     yield "what is not as it was when they were computed:"
     yield from found.causes or ("nothing that the file tells: the results, or this machine, are not to be trusted",)
+
+
+_WIDTH = 80  # of what goes into a file or a pipe, and the least on a terminal
+
+
+def print_models(models: Mapping[str, Any]) -> None:
+    """Print what models there are (name -> class of its record) with their formulas and parameters."""
+    rows = []
+    for name, record in models.items():
+        formula = " ".join((record.__doc__ or "").split("\n\n")[0].split())
+        rows.append((name, f"{formula}\nparameters: {', '.join(record._fields)}"))
+    _print("models", ["name", "equations and parameters"], rows)
+
+
+def print_schemes(schemes: Mapping[str, "Scheme"]) -> None:
+    """Print what schemes there are (name -> row of the table of schemes), their orders and what they preserve."""
+    rows = []
+    for name, row in schemes.items():
+        orders = map(fraction, (row.strong_order, row.strong_order_commuting, row.weak_order))
+        rows.append((name, *orders, f"{row.label}; preserves {row.preserves}"))
+    _print("schemes", ["name", "strong\norder", "with one\nnoise", "weak\norder", ""], rows)
+
+
+def print_experiments(title: str, experiments: Mapping[str, Any]) -> None:
+    """Print experiments: what to call them on the command line -> their ``spi.specs.Heading``."""
+    rows = [(name, str(one.figure or "-"), one.title) for name, one in experiments.items()]
+    _print(title, ["name", "figure", "title"], rows)
+
+
+def result_lines(results: Iterable[Any]) -> Iterator[str]:
+    """What results there are (``spi.running.finding.Listed``): their names, and under each what it is."""
+    for one in results:
+        counts = sorted({count for count in one.samples if count})
+        samples = " to ".join(f"{count:,}" for count in dict.fromkeys([*counts[:1], *counts[-1:]]))
+        facts = [one.kind, *[f"{samples} samples"] * bool(samples), one.created]
+        yield from filter(None, (one.name, f"    {', '.join(facts)}: {one.title}", f"    {one.how}".rstrip()))
+
+
+def _print(title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """Print a table as wide as the terminal, whose last column wraps."""
+    from rich.measure import Measurement
+    from rich.text import Text
+
+    console = new_console(None)
+    table = new_table(title, headings, left=1)
+    last = table.columns[-1]
+    last.justify, last.no_wrap = "left", False
+    for row in rows:
+        table.add_row(*(Text(printable(cell)) for cell in row))
+    needed = Measurement.get(console, console.options.update(max_width=10_000), table).minimum
+    console.width = max(console.width if console.is_terminal else _WIDTH, needed, _WIDTH)
+    console.print(table)
+    console.print()

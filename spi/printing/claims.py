@@ -1,7 +1,7 @@
 """Tables of claims and their verdicts."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ..statistics.claims import FAILED, PASSED, VERDICTS, Quantity, Verdict
@@ -67,10 +67,16 @@ def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
     counts = Counter(one.verdict for one in verdicts)
     if counts:
         yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
-    for one in verdicts:
-        if one.verdict != PASSED:
-            whose = f"case {one.claim.case}: {one.subject}"
-            yield f"{name}: {one.verdict}: {whose}: {one.claim.text}; result: {came_out(one)}"
+    yield from (f"{name}: {verdict}: case {told}" for verdict, told in complaints(verdicts))
+
+
+def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
+    """Of each claim that did not pass the verdict, and whose it is with what came out."""
+    return [
+        (one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out(one)}")
+        for one in verdicts
+        if one.verdict != PASSED
+    ]
 
 
 def columns(record: dict[str, Any], owner: str, verdicts: Sequence[Verdict]) -> dict[str, str]:

@@ -1,11 +1,17 @@
-"""The rows of JSON and CSV, whose columns are what the record of a result says."""
+"""The rows of JSON and CSV, whose columns are what the record of a result says, and results of unknown kinds."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from spi.storage.records import Group
 from spi.storage.stored import Array, Stored, layout
+
+from .text import new_table, print_whole, short
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 Columns = Mapping[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
@@ -71,3 +77,34 @@ def _spread(
     for i, part in enumerate(np.moveaxis(values, over.index(axis), 0)):
         label = coordinates[axis][i]
         yield f"{name}[{label}]" if isinstance(label, str) else template.format(i + 1), (rest, part)
+
+
+def rows_of_group(group: Group) -> Iterator[dict[str, Any]]:
+    """A row per point of the first axis of results of an unknown kind; further axes are spread over columns."""
+    if not group.coordinates:
+        return
+    first = next(iter(group.coordinates))
+    for i in range(len(group.coordinates[first])):
+        record = {"case": group.case, "scheme": group.variant, first: group.coordinates[first][i].item()}
+        for name, (axes, values) in group.variables.items():
+            if axes == (first,):
+                record[name] = values[i].item()
+            elif axes[:1] == (first,):
+                record.update({f"{name}[{','.join(map(str, j))}]": v.item() for j, v in np.ndenumerate(values[i])})
+        yield record
+
+
+def show_groups(console: "Console", groups: Iterable[Group]) -> None:
+    """Print a table of all numbers of each group of results of an unknown kind, and its attributes."""
+    for group in groups:
+        records = list(rows_of_group(group))
+        title = f"{group.case}: {group.attributes.get('scheme_label', group.variant)}"
+        columns = [key for key in (records[0] if records else ()) if key not in ("case", "scheme")]
+        table = new_table(title, columns)
+        for record in records:
+            table.add_row(*(short(v, ".6g") if isinstance(v, float) else str(v) for v in map(record.get, columns)))
+        print_whole(console, table)
+        scalars = {name: values.item() for name, (axes, values) in group.variables.items() if not axes}
+        for name, value in {**scalars, **group.attributes}.items():
+            console.print(f"{name}: {value}", markup=False, soft_wrap=True)
+        console.print()

@@ -9,7 +9,7 @@ import numpy as np
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
 from .sentences import sentence, whose
-from .text import lines_of, new_table, power_of_two, print_whole, short, with_interval
+from .text import add_rows, lines_of, new_table, power_of_two, print_whole, short, with_interval
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,8 +36,6 @@ def show(console: "Console", heading: str, curves: Sequence[Curve]) -> None:
 
 
 def _table(heading: str, curves: Sequence[Curve]) -> "Table":
-    from rich.text import Text
-
     names = {curve.name: curve.label for curve in curves}
     of = {(*_whose(curve), curve.name): curve for curve in curves}
     headings = [f"{label}{_at(curves, name)}\n(95 %)" for name, label in names.items()]
@@ -47,13 +45,11 @@ def _table(heading: str, curves: Sequence[Curve]) -> "Table":
     for key in dict.fromkeys(map(_whose, curves)):
         members = [of[*key, name] for name in names if (*key, name) in of]
         about, function = members[0].about, members[0].function
-        cells = [lines_of(about), *[about.estimator] * several[0], *[function] * several[1]]
+        cells, lines = [lines_of(about), *[about.estimator] * several[0], *[function] * several[1]], []
         for value in dict.fromkeys(value for curve in members for value in curve.values.tolist()):
             here = {curve.name: one for curve in members for one in curve.points if one.at == (curve.word, value)}
-            told = (_told(here[name]) if name in here else "" for name in names)
-            table.add_row(*map(Text, cells), f"{value:g}", *map(Text, told))
-            cells = [""] * len(cells)
-        table.add_section()
+            lines.append([*cells, f"{value:g}", *(_told(here[name]) if name in here else "" for name in names)])
+        add_rows(table, lines, len(cells))
     return table
 
 

@@ -109,6 +109,28 @@ def print_lines(console: "Console", lines: Iterable[str], style: str | None = No
         console.print(line, style=style, markup=False, soft_wrap=True)
 
 
+def print_with_remarks(console: "Console", tables: Iterable["Table"], remarks: Iterable[str]) -> None:
+    """Print tables, and what is to be said of them in a line each."""
+    for table in tables:
+        print_whole(console, table)
+        console.print()
+    print_lines(console, remarks)
+    console.print()
+
+
+def add_rows(table: "Table", rows: Iterable[Iterable["str | Text"]], labels: int = 1) -> None:
+    """Add the rows of a scheme, and a rule; of the first so many cells those stay empty that repeat the row above."""
+    from rich.text import Text
+
+    before: list[Text] = []
+    for row in rows:
+        cells = [cell if isinstance(cell, Text) else Text(cell) for cell in row]
+        known = next((i for i in range(labels) if before[i : i + 1] != cells[i : i + 1]), labels)
+        table.add_row(*[""] * known, *cells[known:])
+        before = cells
+    table.add_section()
+
+
 def room(console: "Console") -> float:
     """The width of a terminal; a file or a pipe has room for everything."""
     return console.width if console.is_terminal else math.inf

@@ -4,7 +4,7 @@ import json
 import math
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,17 +18,16 @@ from ..report import views
 from ..running import shipped
 from ..running.load import load_as
 from ..specs import text_of
-from ..statistics.claims import PASSED, VERDICTS, Verdict
+from ..statistics.claims import VERDICTS
 from ..storage.records import Results
 from ..storage.stored import Stored, by_case
-from . import swept
 from .tables import Recorder, Titled
 
 Facts = list[tuple[str, str]]  #: name and value
 
-#: The names of attributes of a results file, and what they are called in a report.
 _LONGEST = 2000  # characters of a line that is shown: longer ones stand for arrays
 
+#: The names of attributes of a results file, and what they are called in a report.
 _PROVENANCE = {
     "seed": "seed",
     "profile": "profile",
@@ -99,7 +98,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         asks=attributes.get("asks", ""),
         told=_told(kind, by_case(read)),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
-        complaints=list(_complaints(judged)),
+        complaints=printed_claims.complaints(judged),
         orders=_orders(kind, by_case(read)),
         items=recorder.items,
         cost=list(_cost(results)),
@@ -111,18 +110,11 @@ def section(path: Path, results: Results, anchor: str) -> Section:
 
 
 def _told(kind: str, cases: Sequence[Sequence[Stored]]) -> Facts:
-    if over := swept.wholes(kind, [one for case in cases for one in case]):
+    if over := views.wholes(kind, [one for case in cases for one in case]):
         return [(whole.title if len(over) > 1 else "", sweeps.told(whole.curves)) for whole in over if whole.curves]
     say = getattr(KINDS[kind].table, "told", lambda readings: "")
     told = zip(views.titles(cases), map(say, cases), strict=True)
     return [(title if len(cases) > 1 else "", text) for title, text in told if text]
-
-
-def _complaints(judged: Iterable[Verdict]) -> Iterator[tuple[str, str]]:
-    for one in judged:
-        if one.verdict != PASSED:
-            came_out = printed_claims.came_out(one)
-            yield one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out}"
 
 
 def _orders(kind: str, cases: Sequence[Sequence[Any]]) -> Titled | None:

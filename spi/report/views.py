@@ -3,21 +3,53 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ..kinds import KINDS
-from ..printing import anything, sweeps
 from ..printing import claims as printed_claims
+from ..printing import sweeps
+from ..printing.rows import rows_of_group, show_groups
 from ..printing.text import new_console, printable
 from ..statistics import claims
+from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
 from ..storage.records import Group, Results
 from ..storage.stored import Stored, by_case
-from . import swept
 
 if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.film import Film
+
+
+#: What of a reading is told above its figure.
+_FACTS = ("step", "reference_step", "reference_scheme", "samples")
+
+
+class Whole(NamedTuple):
+    """A case that is swept."""
+
+    name: str
+    title: str
+    readings: list[Stored]  #: of all values
+    curves: list[Curve]
+
+
+def wholes(kind: str, read: Sequence[Stored]) -> list[Whole]:
+    """The cases that are swept, in the order of the file; none if no parameter is."""
+    found: dict[str, list[list[Stored]]] = {}
+    for case in by_case(read):
+        if case[0].about.swept:
+            found.setdefault(case[0].about.owner, []).append(case)
+    return [_whole(kind, owner, cases) for owner, cases in found.items()]
+
+
+def _whole(kind: str, owner: str, cases: Sequence[Sequence[Stored]]) -> Whole:
+    swept: Any = cases[0][0].about.swept
+    quantities = [one for case in cases for one in KINDS[kind].claims.quantities(case)]
+    keys = KINDS[kind].keys.Case
+    names = swept.of or keys.shown_over or tuple(keys.quantities)[:1]
+    readings = [reading for case in cases for reading in case]
+    return Whole(owner, swept.title, readings, curves(quantities, names))
 
 
 def readings(results: Results) -> list[Stored]:
@@ -61,7 +93,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
     Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
     """
     if results.attributes.get("kind") not in KINDS:
-        return list(anything.rows(results.groups))
+        return [row for group in results.groups for row in rows_of_group(group)]
     read = readings(results)
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
     records = list(KINDS[results.attributes["kind"]].table.rows(read))
@@ -95,10 +127,10 @@ def show(results: Results, console: Any, with_title: bool = True) -> None:
     if unfinished := results.attributes.get("unfinished"):
         console.print(printable(unfinished), style="bold red", markup=False, soft_wrap=True)
     if not known:
-        anything.show(console, results.groups)
+        show_groups(console, results.groups)
         return
     judged, kind = _judged(results, read), results.attributes["kind"]
-    for whole in (found := swept.wholes(kind, read)):
+    for whole in (found := wholes(kind, read)):
         sweeps.show(console, "" if whole.title == title else printable(whole.title), whole.curves)
         printed_claims.show(console, [one for one in judged if one.claim.case == whole.name])
     cases = [] if found else by_case(read)
@@ -116,8 +148,8 @@ def figure(
     In the style "paper" it is as wide as a column, "one" (3.35 inches, by default) or "two" (7 inches), or as ``width``
     says, in inches or as in "130mm", and its letters are 7 to 9 points high, of the ``font`` "serif" (by default),
     "sans" or an installed TrueType family.  Its title, parameters and claims are then left to the caption,
-    see :func:`caption`.  ValueError if there is no figure for their kind, nothing to draw, or no such style, width or
-    font.
+    see ``spi.drawing.style.caption``.  ValueError if there is no figure for their kind, nothing to draw, or no such
+    style, width or font.
     """
     from ..drawing import claims as drawn_claims
     from ..drawing import fitting, page
@@ -133,8 +165,8 @@ def figure(
         raise ValueError("the run is unfinished, which a figure for a paper would not tell; leave out --style paper")
     with page.applied(page.named(style, width, font)):
         told = f"{title} (unfinished)" if unfinished else title
-        over = swept.wholes(kind, read)
-        drawn = swept.figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
+        over = wholes(kind, read)
+        drawn = _swept_figure(kind, told, over) if over else KINDS[kind].figure.draw(told, by_case(read))
         drawn_claims.write_note(drawn, unfinished or "")
         drawn_claims.write_under(drawn, _judged(results, read))
         if page.current().width is not None:
@@ -142,18 +174,21 @@ def figure(
         return drawn
 
 
-def check_style(style: str, width: str | float | None, font: str | None) -> None:
-    """ValueError if :func:`figure` does not know such a style, width or font."""
-    from ..drawing import page
-
-    page.named(style, width, font)
-
-
-def caption(figure: "Figure") -> str:
-    """What :func:`figure` drew, its parameters and the verdicts on its claims, with formulas as LaTeX reads them."""
+def _swept_figure(kind: str, title: str, found: Sequence[Whole]) -> "Figure":
+    """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import style
+    from ..drawing.sweeps import draw, draw_maps
 
-    return style.caption(figure)
+    drawn = []
+    for whole in found:
+        own = [{name: getattr(one, name, None) for name in _FACTS} for one in whole.readings]
+        facts, _ = style.split_facts([style.facts(one, **of) for one, of in zip(whole.readings, own, strict=True)])
+        if whole.curves:
+            drawn.append((whole.title, whole.curves, facts))
+    if not drawn:
+        raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
+    of = draw_maps if any(curve.second_word for _, curves, _ in drawn for curve in curves) else draw
+    return of(title, drawn, KINDS[kind].keys.Case.quantities)
 
 
 def film(results: Results) -> "Film":
@@ -183,8 +218,8 @@ def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int
 
 def save(figure: "Figure", folder: str | Path, stem: str) -> tuple[Path, ...]:
     """Write ``<stem>.pdf`` and ``<stem>.png`` into ``folder``, both or none; StorageError if that is not possible."""
-    from ..drawing import as_files
+    from ..drawing import as_bytes
 
-    files = {Path(folder, f"{stem}.{form}"): content for form, content in as_files(figure).items()}
+    files = {Path(folder, f"{stem}.{form}"): as_bytes(figure, form) for form in ("pdf", "png")}
     write_all(files)
     return tuple(files)

@@ -1,6 +1,8 @@
-"""Cells of equal size that hold values: where they begin, how wide they are, and in which of them a value is."""
+"""Cells of equal size that hold values, and Mollweide's projection of the sphere, which keeps areas."""
 
 import numpy as np
+
+from ..ensemble.moments import count_values
 
 Array = np.ndarray
 
@@ -34,3 +36,31 @@ def cell_places(sides: Array, low: Array, width: Array, number: tuple[int, int],
             row, column = np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)
         outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
     return np.where(outside, -1.0, row * columns + column + 0.5)[:, :, np.newaxis]
+
+
+def count_places(places: Array, first: int, end: int, cells: Array) -> None:
+    """Add places (blocks, T, 1, LANES) of paths to the counts (T, 1, 2 + cells): outside, in each cell, lost.
+
+    The first block is number `first`; paths from number `end` on do not count.
+    """
+    begin = np.zeros((places.shape[1], 1))
+    count_values(places, first, end, begin, begin + 1, cells, (0, places.shape[1]))
+
+
+#: Half the axes of the ellipse that the sphere becomes, of area 4 pi.
+HALF_WIDTH, HALF_HEIGHT = 2 * np.sqrt(2.0), np.sqrt(2.0)
+
+_TABLE = np.linspace(-np.pi / 2, np.pi / 2, 2001)  # auxiliary angles a with 2 a + sin 2 a = pi sin(latitude)
+_HEIGHT = (2 * _TABLE + np.sin(2 * _TABLE)) / np.pi
+
+
+def heights(low: float, high: float, count: int) -> Array:
+    """So many heights from one to another, dense near the poles, where meridians bend, so that curves look smooth."""
+    angle = np.linspace(np.interp(low, _HEIGHT, _TABLE), np.interp(high, _HEIGHT, _TABLE), count)
+    return (2 * angle + np.sin(2 * angle)) / np.pi
+
+
+def mollweide(z: np.ndarray, longitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The point of the plane for one at this height on the unit sphere, with this longitude in [-pi, pi]."""
+    angle = np.interp(z, _HEIGHT, _TABLE)
+    return HALF_WIDTH / np.pi * longitude * np.cos(angle), HALF_HEIGHT * np.sin(angle)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from ..ensemble.moments import add_moments
 from ..numerics.rng import LANES
-from .estimators import PARTS, ROUND
+from .estimators import GROUPS, PARTS, ROUND
 
 
 def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples: int) -> np.ndarray:
@@ -28,6 +29,15 @@ def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples:
             rows = power.reshape(rounds * LANES // PARTS, -1)
             added[k] = np.add.reduce(np.vstack([sum_of_power.reshape(1, -1), rows])).reshape(sum_of_power.shape)
     return added
+
+
+def add_values(values: np.ndarray, first: int, end: int, sums: np.ndarray) -> None:
+    """Add values (blocks, T, columns, LANES) to the sums (2, T, columns, GROUPS) of them and of their squares.
+
+    The first block is number `first`; paths from number `end` on do not count.
+    """
+    times, none = values.shape[1], np.zeros(0, int)
+    add_moments(values, first, end, sums, none, none, np.zeros((1, times, 0, GROUPS)), (0, times))
 
 
 def mean_over_paths(sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

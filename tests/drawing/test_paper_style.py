@@ -82,10 +82,20 @@ def test_overlapping_texts_are_noticed():
     assert "'too far to the right' is cut off" in found
 
 
+def test_notes_stay_within_a_figure_for_a_screen_at_any_resolution():
+    """Letters are fitted to pixels, and lines of them are then longer than their outlines."""
+    fig = views.figure(work_results())
+    fig.set_size_inches(10, 4)
+    style.note_under(fig, [("order 2 ± 0.1 (splitting, weak order 2: 1 of 4), agreement at most 4 " * 5, "black")])
+    for dpi in (100, 120, 150):
+        fig.set_dpi(dpi)
+        assert not [text for text in collisions(fig) if "agreement" in text and "cut off" in text]
+
+
 def test_title_and_parameters_are_the_caption():
     fig = views.figure(errors(1), style="paper")
     assert not fig.texts
-    assert "T=1" in views.caption(fig) and "500 samples" in views.caption(fig)
+    assert "T=1" in style.caption(fig) and "500 samples" in style.caption(fig)
 
 
 @pytest.mark.parametrize(
@@ -100,7 +110,7 @@ def test_title_and_parameters_are_the_caption():
 )
 def test_what_is_no_style(style, width, font, message):
     with pytest.raises(ValueError, match=message):
-        views.check_style(style, width, font)
+        page.named(style, width, font)
 
 
 def test_curves_that_differ_by_their_colours_only_are_noticed():

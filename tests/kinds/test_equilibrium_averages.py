@@ -16,11 +16,11 @@ from spi.ensemble.protocol import hamiltonian
 from spi.ensemble.streams import brownian
 from spi.kinds import KINDS
 from spi.kinds.equilibrium import study as equilibrium
-from spi.kinds.equilibrium.planner import step_for
 from spi.kinds.equilibrium.references import Known, known_laws
 from spi.kinds.equilibrium.results import Equilibrium
 from spi.kinds.equilibrium.study.averages import _order
 from spi.kinds.equilibrium.study.recording import Series
+from spi.kinds.equilibrium.table.averages import step_for
 from spi.numerics.rng import LANES
 from spi.report import views
 from spi.running import shipped

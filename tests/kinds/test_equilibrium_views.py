@@ -12,8 +12,7 @@ from view_helpers import GREEN, SCHEMES, edge, inches_of_panels, legends, lines_
 
 from spi.drawing import layout
 from spi.kinds.equilibrium import figure
-from spi.kinds.equilibrium.figure import growth, laws
-from spi.kinds.equilibrium.keys import PANELS
+from spi.kinds.equilibrium.figure import laws
 from spi.kinds.equilibrium.table import chance
 from spi.report import views
 
@@ -77,7 +76,7 @@ def test_reference_slopes_and_path_0():
     group = equilibrium_group("splitting", panels=("growth",), law=False)
     (ax,) = views.figure(equilibrium(group, equilibrium_group("midpoint", panels=("growth",), law=False))).axes
     for line, slope in (("--", 0.5), (":", 1.0)):
-        (drawn,) = (one for one in ax.lines if one.get_linestyle() == line and one.get_color() == growth.SLOPE)
+        (drawn,) = (one for one in ax.lines if one.get_linestyle() == line and one.get_color() == figure.SLOPE)
         x, y = drawn.get_data()
         assert np.log(y[1] / y[0]) / np.log(x[1] / x[0]) == pytest.approx(slope)
         if slope == 0.5:  # above the best of the scheme's curves
@@ -151,10 +150,6 @@ def test_statistics_of_a_reading():
     assert implicit.law.variables == ("y1", "y2", "y3", "H") and implicit.law.fraction.shape == (3, 4, 20)
     (bare,) = views.readings(equilibrium(equilibrium_group("splitting", law=False)))
     assert bare.law is None and bare.solver is None and bare.about.final_time is None
-
-
-def test_the_figure_knows_the_panels_of_a_spec():
-    assert figure.WORDS == PANELS
 
 
 def test_what_is_asked_must_be_known():

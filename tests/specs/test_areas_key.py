@@ -7,7 +7,9 @@ from weak_cases import SPEC, case_of
 
 from spi.drawing import style
 from spi.ensemble.areas import GAUSSIAN
+from spi.kinds import KINDS
 from spi.kinds.weak import study as weak
+from spi.running.load import load_as
 from spi.running.remarks import remarks
 from spi.running.run import load
 from spi.specs import SpecError
@@ -27,6 +29,13 @@ def test_plans_draw_gaussian_areas(estimator):
     plan = weak.plan(case, Part("munthe_kaas_areas", estimator))
     grids = [plan.grid] if estimator == "plain" else [level.grid for level in plan.levels]
     assert {grid.area_terms for grid in grids} == {GAUSSIAN}
+
+
+@pytest.mark.parametrize("kind", ["statistics", "lyapunov", "trajectory"])
+def test_plans_of_one_step_size_draw_gaussian_areas(kind):
+    (case,) = load_as(kind, SPEC, overrides=["schemes=[munthe_kaas_areas]", "areas=gaussian"]).cases
+    part = KINDS[kind].study.parts(case)[0]
+    assert KINDS[kind].study.plan(case, part).grid.area_terms == GAUSSIAN
 
 
 def test_who_says_that_areas_are_gaussian():

@@ -9,7 +9,7 @@ from helpers import loop_in_python
 
 from spi import storage
 from spi.kinds.strong.study.errors import expected_order
-from spi.printing.catalogue import print_experiments, print_schemes
+from spi.printing import print_experiments, print_schemes
 from spi.report import views
 from spi.running import workers
 from spi.running.load import Source, plans, plans_of
@@ -244,7 +244,7 @@ def test_what_is_wrong_in_layers(spec):
 # --- where they go ---------------------------------------------------------------------------------------------------
 
 
-def test_tables_figures_claims_and_the_list(spec, tmp_path):
+def test_tables_figures_claims_and_the_list(spec, tmp_path, capsys):
     expected = "expect: {mine: {order: 1/2 +- 5, casimir_drift: 1e-12}}\n"
     experiment = spec(TEXT, "samples: 64\n", f"samples: 64\n{expected}")
     assert cost(experiment).path_steps == 2 * 64 * (2 + 4 + 8 + 16)
@@ -256,10 +256,10 @@ def test_tables_figures_claims_and_the_list(spec, tmp_path):
     assert [verdict.claim.scheme for verdict in views.verdicts(results)] == ["mine", "mine"]
     (ax,) = views.figure(results).axes
     assert len({container.lines[0].get_color() for container in ax.containers}) == len(ax.containers) == 2
-    listed = io.StringIO()
-    print_schemes(SCHEMES, listed)
-    print_experiments("experiments", headings([experiment.path])[0], listed)
-    assert "s.yaml" in listed.getvalue() and "mine" not in listed.getvalue()
+    print_schemes(SCHEMES)
+    print_experiments("experiments", headings([experiment.path])[0])
+    listed = capsys.readouterr().out
+    assert "s.yaml" in listed and "mine" not in listed
 
 
 def test_an_order_that_no_theory_states_is_measured(spec, tmp_path):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from spi.statistics.claims import WIDEST, Quantity, each_step, lost_is_infinite, order, quantity
+from spi.statistics.claims import WIDEST, Quantity, at_steps, each_step, lost_is_infinite, order
 from spi.storage.records import INTERVAL, Description
 
 from .results import Averages, Equilibrium, Law
@@ -65,6 +65,6 @@ def of_function(
     expected: float = np.nan,
 ) -> Iterator[Quantity]:
     """A quantity of a function at each step size in `h` (S,), with half the widths of intervals; none of NaN."""
-    for step, value, half in zip(h.tolist(), values.tolist(), np.broadcast_to(halves, len(h)).tolist(), strict=True):
-        if not np.isnan(value):
-            yield quantity(name, about, value, half, function, step, expected)
+    for one in at_steps(name, about, h, values, np.broadcast_to(halves, len(h)), function):
+        if not np.isnan(one.value):
+            yield one._replace(expected=float(expected))

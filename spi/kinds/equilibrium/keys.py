@@ -18,11 +18,7 @@ from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .references import EXACT, FINEST, check
-from .results import BATCHES
-
-#: What the figure can show: of Casimir functions and the uniform law, and of functions.
-OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
-PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
+from .results import BATCHES, OF_FUNCTIONS, PANELS
 
 Panels = tuple[Literal[PANELS], ...]
 StepCount = Annotated[int, Ge(1), Le(2**34)]

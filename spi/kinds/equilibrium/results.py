@@ -9,6 +9,10 @@ from spi.kinds.solver import Acceptance, Solver
 from spi.storage.records import Order
 from spi.storage.stored import Array, Described, Stored, array, axis, fact
 
+#: What the figure can show: of Casimir functions and the uniform law, and of functions.
+OF_FUNCTIONS = ("means", "histogram", "autocorrelation", "heat", "acceptance")
+PANELS = ("growth", "law", "distance", "moments", *OF_FUNCTIONS)
+
 #: Into so many batches the kept time of a path is divided.
 BATCHES = 16
 #: From so many paths on a standard error is that of independent paths, with fewer that of correlated values.
@@ -104,11 +108,6 @@ class Averages(Described):
         """(S, F) the same in standard errors."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return self.bias / self.bias_stderr
-
-    @property
-    def long_enough(self) -> np.ndarray:
-        """(S, F) whether a path is at least LONG_ENOUGH times its autocorrelation time, and that is known."""
-        return (self.tau * LONG_ENOUGH <= self.kept * self.spacing) & np.isfinite(self.window)
 
     def response(self, f: int) -> tuple[str, float]:
         """What a variance becomes, "heat capacity" or "susceptibility", and the factor; NaN without a temperature."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from spi.ensemble.given import Given, draw_noise, draw_paths, empty_noise
 from spi.ensemble.loop import arguments_of, integrate, integrated
-from spi.ensemble.moments import add_moments, count_values
+from spi.ensemble.moments import count_values
 from spi.ensemble.protocol import dimension
 from spi.ensemble.random_states import block_states
 from spi.exact.surfaces import spheres
@@ -24,10 +24,9 @@ from spi.kinds.plans import KernelCall, PathsPlan
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES
-from spi.statistics.cells import cell_places, cells_around
+from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cell_places, cells_around, count_places, mollweide
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import mean_over_paths
-from spi.statistics.projection import HALF_HEIGHT, HALF_WIDTH, mollweide
+from spi.statistics.powers import add_values, mean_over_paths
 from spi.statistics.tallies import PathSet, sum_of_fields
 
 from .results import SPHERE_SIDES, Pictures
@@ -36,7 +35,6 @@ _OF_SPHERE, _OF_PLANE = (192, 384), (256, 256)  # cells of a picture
 _PILOT = 4  # blocks by which the ends of the cells are found, where they are not those of a sphere
 _MARGIN = 0.125  # of their range on each side
 _LEAST = 1e-16  # distance, relative to |y|, that counts as this one
-_NO_PAIRS = np.zeros(0, int)
 
 
 class Counts(NamedTuple):
@@ -166,10 +164,8 @@ class Pulled:
     def added(self, sums: Counts, rows: Seen, at: slice, first: int, end: int) -> Counts:
         """The sums with the rows `at`, of which the first is that of block `first`."""
         cells, distances = sums.cells.copy(), sums.distances.copy()
-        times = len(self.steps)
-        begin, none = np.zeros((times, 1)), np.zeros((1, times, 0, GROUPS))
-        count_values(rows.places[at], first, end, begin, begin + 1, cells, (0, times))
-        add_moments(rows.distances[at], first, end, distances, _NO_PAIRS, _NO_PAIRS, none, (0, times))
+        count_places(rows.places[at], first, end, cells)
+        add_values(rows.distances[at], first, end, distances)
         return sums._replace(cells=cells, distances=distances)
 
     def results(self, sums: Counts) -> Pictures:

@@ -14,17 +14,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import grid, integrated, states_at
-from spi.ensemble.moments import add_moments
+from spi.ensemble.loop import integrated, states_at
 from spi.exact.gibbs import mean_divergence
 from spi.kinds.blocks import MeansPlan, lost_among
-from spi.kinds.plans import Cost, KernelCall, State
+from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
-from spi.statistics.powers import mean_over_paths
+from spi.statistics.powers import add_values, mean_over_paths
 from spi.statistics.tallies import PathSet, sum_of_fields
 from spi.storage.records import Part
 
@@ -34,7 +32,6 @@ from .tangents import NEAR, leaf_dimension, make_tangent, orthonormalise, tangen
 
 _TIMES = 16  # at which results are known
 _BATCH_BYTES = 64e6
-_NO_PAIRS = np.zeros(0, int)
 
 
 class Sums(NamedTuple):
@@ -67,9 +64,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "LyapunovPlan":
     """The plan for one scheme of a case."""
-    terms = fourier_terms(case.model, [case.row(part.scheme).record], case.step)
-    times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise, area_terms=terms)
-    return LyapunovPlan(case=case, part=part, grid=times, samples=case.samples)
+    return LyapunovPlan(case=case, part=part, grid=path_grid(case, part, case.step), samples=case.samples)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,9 +183,7 @@ class LyapunovPlan(MeansPlan):
         if self.pulled and isinstance(rows, Seen):
             return self.pulled.added(sums, rows, at, first, end)
         added = sums._replace(values=sums.values.copy())
-        none = np.zeros((1, len(self.known), 0, GROUPS))
-        all_times = (0, len(self.known))
-        add_moments(rows.values[at], first, end, added.values, _NO_PAIRS, _NO_PAIRS, none, all_times)
+        add_values(rows.values[at], first, end, added.values)
         change = max(sums.change, float(rows.change[at].max(initial=0.0)))
         return added._replace(change=change, nonfinite=sums.nonfinite + lost_among(rows.lost[at], first, end))
 

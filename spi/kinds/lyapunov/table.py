@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, short, with_interval
+from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, print_with_remarks, short, with_interval
 
 from .results import Exponents
 
@@ -23,21 +23,17 @@ def rows(readings: Iterable[Exponents]) -> Iterator[dict[str, Any]]:
 
 def show(console: "Console", heading: str, readings: Sequence[Exponents]) -> None:
     """Print the table of a case: the exponents at the last time."""
-    from rich.text import Text
-
     columns = ["scheme", *(f"exponent {k} (95 %)" for k in range(1, len(readings[0].number) + 1)), "sum (95 %)"]
     table = new_table(heading, [*columns, "dimension (95 %)"], left=1, labels=0)
-    for one in readings:
-        found = [
-            _value(value, error) for value, error in zip(one.exponent[:, -1], one.exponent_stderr[:, -1], strict=True)
-        ]
-        cells = [lines_of(one.about), *found, _value(one.total[-1], one.total_stderr[-1]), _dimension(one)]
-        table.add_row(*map(Text, cells))
-    print_whole(console, table)
-    console.print()
-    for line in _remarks(readings):
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
-    console.print()
+    add_rows(table, map(_cells, readings))
+    print_with_remarks(console, [table], _remarks(readings))
+
+
+def _cells(one: Exponents) -> Iterator[str]:
+    yield lines_of(one.about)
+    yield from map(_value, one.exponent[:, -1], one.exponent_stderr[:, -1])
+    yield _value(one.total[-1], one.total_stderr[-1])
+    yield _dimension(one)
 
 
 def _dimension(one: Exponents) -> str:

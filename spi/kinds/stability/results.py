@@ -1,6 +1,6 @@
 """What is stored of stability: what a scheme keeps of the equation at a step size and a value of a parameter."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -76,6 +76,13 @@ class Stability(Stored):
     reference_step: Annotated[float, fact("step size of the reference", "time", column=True)]
     reference_scheme: Annotated[str | None, fact("scheme of the reference, if not each is its own")] = None
     panels: Annotated[tuple[str, ...], fact("what the figure shows")]
+
+    def known(self, field: str) -> Any:
+        """What stands under a name such as ``law.distance``; None if there is nothing."""
+        found: Any = self
+        for name in field.split("."):
+            found = getattr(found, name, None)
+        return found
 
     @property
     def all_finite(self) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, joined, sentence, whose
-from spi.printing.text import lines_of, new_table, power_of_two, print_whole, short
+from spi.printing.text import add_rows, lines_of, new_table, power_of_two, print_with_remarks, short
 
 from .results import CASIMIR_KEPT, REGIMES, Stability, largest_step
 
@@ -25,23 +25,15 @@ def rows(readings: Iterable[Stability]) -> Iterator[dict[str, Any]]:
 
 def show(console: "Console", heading: str, readings: Sequence[Stability]) -> None:
     """Print the table of a case: a line per scheme and value."""
-    from rich.text import Text
-
     told = [list(_summary(reading)) for reading in readings]
     shown = [name for name in _HEADINGS if any(name in line for lines in told for line in lines)]
     headings = ["scheme", readings[0].word, *(_HEADINGS[name] for name in shown)]
     table = new_table(heading, headings, left=1, labels=0)
     for reading, lines in zip(readings, told, strict=True):
+        values = zip(reading.values.tolist(), lines, strict=True)
         label = lines_of(reading.about)
-        for value, line in zip(reading.values.tolist(), lines, strict=True):
-            table.add_row(Text(label), f"{value:g}", *(Text(line.get(name, "")) for name in shown))
-            label = ""
-        table.add_section()
-    print_whole(console, table)
-    console.print()
-    for remark in _remarks(readings):
-        console.print(remark, markup=False, soft_wrap=True)
-    console.print()
+        add_rows(table, ([label, f"{value:g}", *(line.get(name, "") for name in shown)] for value, line in values))
+    print_with_remarks(console, [table], _remarks(readings))
 
 
 #: What a line of the table may say, and the heading of its column.

@@ -19,7 +19,7 @@ from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key
 from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
-from .maps import SPHERE, on_sphere
+from .counts import SPHERE, on_sphere
 from .references import EXACT, STATIONARY, check, curve
 from .results import PANELS
 

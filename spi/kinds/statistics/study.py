@@ -3,35 +3,63 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
-from spi.ensemble.loop import grid, integrated, thread_count
+from spi.ensemble.loop import integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.random_states import block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import MeansPlan, lost_among
-from spi.kinds.plans import Cost, KernelCall, State
+from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.kinds.solver import reported
 from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
+from spi.statistics.cells import count_places
 from spi.statistics.estimators import GROUPS
+from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from .columns import Columns, Map, in_threads
+from .counts import SPHERE, Bins, Cells, histogram, quantiles
 from .estimates import Moments
-from .maps import SPHERE, Cells
-from .quantiles import Bins, histogram, quantiles
 from .references import known_means
 from .results import PANELS, SPHERE_SIDES, DensityMap, Statistics
-from .sums import Rows, Sums
 
 _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
 _CACHED = 2**15  # floats of an array that fits the cache several times
+
+
+class Sums(NamedTuple):
+    """Of F functions and further columns at T times, over some paths."""
+
+    paths: int
+    seconds: float
+    cpu_seconds: float
+    values: np.ndarray  #: (2, T, columns, GROUPS) sums of values and of their squares
+    products: np.ndarray  #: (1, T, P, GROUPS) sums of products of pairs of columns
+    counts: np.ndarray  #: (T, F, 2 + bins) int64: below all bins, in each, and above all or NaN
+    cells: np.ndarray  #: (maps, 1, 2 + cells) int64: outside of all cells, in each, and NaN
+    nonfinite: int
+    report: np.ndarray  #: (SUMMED,) what steps report that is summed up
+
+    def plus(self, later: "Sums") -> "Sums":
+        """These paths and some later ones."""
+        return sum_of_fields(self, later)
+
+
+class Rows(NamedTuple):
+    """What some blocks contribute."""
+
+    states: np.ndarray  #: (blocks, levels * stored, d * LANES), level after level
+    report: np.ndarray  #: (blocks, SUMMED)
+
+    def at(self, some: slice) -> "Rows":
+        """Those of some of the blocks."""
+        return Rows(*(each[some] for each in self))
 
 
 def parts(case: Any) -> list[Part]:
@@ -42,11 +70,8 @@ def parts(case: Any) -> list[Part]:
 def plan(case: Any, part: Part) -> "StatisticsPlan":
     """The plan for one scheme of a case."""
     finest = case.reference_step or case.step
-    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], finest)
     doublings = (0, round(np.log2(case.step / finest))) if case.reference_step else (0,)
-    steps = round(case.final_time / finest)
-    times = grid(finest, steps, doublings, truncate=case.truncate_noise, area_terms=terms)
-    return StatisticsPlan(case=case, part=part, grid=times, samples=case.samples)
+    return StatisticsPlan(case=case, part=part, grid=path_grid(case, part, finest, doublings), samples=case.samples)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,8 +197,7 @@ class StatisticsPlan(MeansPlan):
             pair = np.moveaxis(values[:, self.map_times][:, :, list(self.cells.pair)], 2, 0)
             states = self.columns.states(y)[:, :, self.case.places[self.map_times]]
             maps = np.ascontiguousarray(self.cells.places(states, pair))
-            begin = np.zeros((len(self.map_times), 1))
-            count_values(maps, first, end, begin, begin + 1, sums.cells, (0, len(self.map_times)))
+            count_places(maps, first, end, sums.cells)
 
     def results(self, state: State) -> Statistics:
         """The results of one scheme of a case, from its final state."""

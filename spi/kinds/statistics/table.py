@@ -8,7 +8,7 @@ import numpy as np
 from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, lines_of, new_table, print_whole, short, with_interval
+from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, print_with_remarks, short, with_interval
 
 from .results import DensityMap, Passages, Statistics
 
@@ -26,26 +26,19 @@ def rows(readings: Iterable[Statistics]) -> Iterator[dict[str, Any]]:
 
 def show(console: "Console", heading: str, readings: Sequence[Statistics]) -> None:
     """Print the table of a case, of some of its times."""
-    from rich.text import Text
-
     first = readings[0]
     levels = [f"{level:g}-quantile" for level in first.quantiles.level] if first.quantiles else []
     further = [f"{name} (95 %)" for name, values, _ in _further(first) if values is not None]
     known = ["difference\n(95 %)", "in std.\nerrors"] if first.difference is not None else []
     table = new_table(heading, ["scheme", "function", "t", "mean (95 %)", *known, *further, *levels], left=2, labels=0)
     for reading in readings:
-        label = lines_of(reading.about)
-        for f, name in enumerate(reading.functions):
-            for i in shown(reading, f):
-                cells = list(map(Text, _cells(reading, f, i)))
-                table.add_row(Text(label), Text(name), f"{reading.t[i]:.5g}", *cells)
-                label = name = ""
-        table.add_section()
-    print_whole(console, table)
-    console.print()
-    for line in _remarks(readings):
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
-    console.print()
+        lines = [
+            [lines_of(reading.about), name, f"{reading.t[i]:.5g}", *_cells(reading, f, i)]
+            for f, name in enumerate(reading.functions)
+            for i in shown(reading, f)
+        ]
+        add_rows(table, lines, labels=2)
+    print_with_remarks(console, [table], _remarks(readings))
 
 
 def shown(reading: Statistics, f: int) -> list[int]:

@@ -8,15 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.areas import fourier_terms
 from spi.ensemble.invariants import growth, invariants_of
 from spi.ensemble.laws import at_once
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, grid, integrated
+from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import decay_rates, large
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, report_columns
-from spi.kinds.plans import Cost, Done, PathsPlan, State
+from spi.kinds.plans import Cost, Done, PathsPlan, State, path_grid
 from spi.models.zeitlin.fields import lattice_of
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -47,9 +46,7 @@ def parts(case: Any) -> list[Part]:
 
 def plan(case: Any, part: Part) -> "TrajectoryPlan":
     """The plan for one scheme of a case."""
-    terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], case.step, areas=case.areas)
-    times = grid(case.step, round(case.final_time / case.step), truncate=case.truncate_noise, area_terms=terms)
-    return TrajectoryPlan(case=case, part=part, grid=times, samples=1)
+    return TrajectoryPlan(case=case, part=part, grid=path_grid(case, part, case.step), samples=1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,7 @@ from spi.printing.rows import rows_of
 from spi.printing.sentences import casimirs, joined, sentence, whose
 from spi.printing.text import new_table, power_of_two, print_whole, short
 
-from .losses import losses
-from .results import Trajectory
+from .results import Trajectory, losses
 
 if TYPE_CHECKING:
     from rich.console import Console

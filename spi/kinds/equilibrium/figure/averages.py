@@ -1,6 +1,6 @@
 """Panels of means of functions over time: biases, histograms, autocorrelations, fluctuations, acceptance."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -9,63 +9,55 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, error_axes, legend_under, limits, rules, with_order
+from spi.drawing.axes import (
+    INTERVAL,
+    KNOWN,
+    dress_function,
+    error_axes,
+    histogram,
+    legend_under,
+    limits,
+    with_order,
+)
 
 from ..results import Equilibrium, with_averages
 
 SIZE = (3.3, 2.7)  # inches of a panel
 _LEAST = 1.9  # of its width in a paper
 _MOST_COLUMNS = 4
-_KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
 _MARKERS = 12
 _ENDS = 0.02  # an autocorrelation is shown until it is less than that
 
 
 def lines(readings: Sequence[Equilibrium], looks: style.Looks) -> list[layout.Line]:
-    """The lines of panels of one case that are about functions, and of acceptance."""
-    found = []
-    for word in ("means", "histogram", "autocorrelation", "heat"):
-        if word in readings[0].panels and (each := panels(readings, word, looks)):
-            legend = [entries(readings, looks, word)]
-            parts = [each[i : i + _MOST_COLUMNS] for i in range(0, len(each), _MOST_COLUMNS)]
-            found += [layout.Line(some, SIZE, legend=legend, least=_LEAST) for some in parts]
-    if "acceptance" in readings[0].panels and any(reading.acceptance for reading in readings):
-        found.append(layout.Line([partial(acceptance_panel, readings=readings, looks=looks)], SIZE, least=_LEAST))
+    """The lines of panels of one case that are about functions, a panel for each, and of acceptance."""
+    words, found = readings[0].panels, []
+    known = [averages for _, averages in with_averages(readings)][:1]
+    shown = {"means": _means, "histogram": _histogram, "autocorrelation": _autocorrelation, "heat": _response}
+    for word, panel in shown.items() if known else ():
+        functions = range(len(known[0].functions)) if word in words else ()
+        chosen = [f for f in functions if word != "heat" or np.isfinite(known[0].response(f)[1])]
+        panels = [partial(panel, readings=readings, f=f, looks=looks) for f in chosen]
+        legend = [_entries(readings, looks, word)]
+        found += layout.in_lines(panels, _MOST_COLUMNS, SIZE, legend=legend, least=_LEAST)
+    if "acceptance" in words and any(reading.acceptance for reading in readings):
+        found.append(layout.Line([partial(_acceptance, readings=readings, looks=looks)], SIZE, least=_LEAST))
     return found
 
 
-def panels(readings: Sequence[Equilibrium], word: str, looks: style.Looks) -> list[layout.Panel]:
-    """The panels of a word of the key ``panels``, one for each function."""
-    shown: dict[str, Callable[..., None]] = {
-        "means": _means,
-        "histogram": _histogram,
-        "autocorrelation": _autocorrelation,
-        "heat": _response,
-    }
-    found = [averages for _, averages in with_averages(readings)]
-    if word not in shown or not found:
-        return []
-    return [
-        partial(shown[word], readings=readings, f=f, looks=looks)
-        for f in range(len(found[0].functions))
-        if word != "heat" or np.isfinite(found[0].response(f)[1])
-    ]
-
-
-def entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> list[layout.Entry]:
+def _entries(readings: Sequence[Equilibrium], looks: style.Looks, word: str) -> list[layout.Entry]:
     """The entries of the legend of a line of panels: the schemes, and what is known."""
     found: list[layout.Entry] = []
     for reading, _ in with_averages(readings):
-        marker, colour = looks[reading.about.variant]
-        text = style.label(reading.about)
+        more = ""
         if word in ("histogram", "autocorrelation"):
             i = _shown(reading, word)
-            text += ", diverged" if i is None else f", $h={style.number(float(reading.h[i]), steps=True)}$"
-        found.append((Line2D([], [], color=colour, marker=marker, markerfacecolor="none"), text))
+            more = ", diverged" if i is None else f", $h={style.number(float(reading.h[i]), steps=True)}$"
+        found.append(layout.scheme_entry(reading.about, looks, more, markerfacecolor="none"))
     averages = next(one for _, one in with_averages(readings))
     known = {"means": averages.reference, "histogram": averages.density_exact, "heat": averages.reference_variance}
     if word in known and np.isfinite(known[word]).any() and not (word == "means" and _of_biases(readings)):
-        found.append((Line2D([], [], **_KNOWN), "exact" if word != "means" else "reference"))
+        found.append((Line2D([], [], **KNOWN), "exact" if word != "means" else "reference"))
     if word == "means" and _of_biases(readings):
         found.append(layout.zero_mark())
     return found
@@ -81,12 +73,8 @@ def _of_biases(readings: Sequence[Equilibrium]) -> bool:
     return any(np.isfinite(one.bias).any() and len(reading.h) > 1 for reading, one in with_averages(readings))
 
 
-def _dress(ax: Axes, reading: Equilibrium, f: int, x: str, y: str) -> None:
-    averages = reading.averages
-    name, text = (averages.functions[f], averages.texts[f]) if averages else ("", "")
-    ax.set(xlabel=x, ylabel=y)
-    ax.set_title(style.plain(name if name == text or len(text) > 30 else f"{name}: {text}"))
-    rules(ax)
+def _dress(ax: Axes, readings: Sequence[Equilibrium], f: int, x: str | None, y: str) -> None:
+    dress_function(ax, next(found for _, found in with_averages(readings)), f, x, y)
 
 
 def _means(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks) -> None:
@@ -99,10 +87,10 @@ def _means(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks
             look = _look(reading, looks)
             ax.errorbar(reading.h, found.average[:, f], found.average_half[:, f], elinewidth=0.8, **look)
             if np.isfinite(found.reference[f]):
-                ax.axhline(found.reference[f], **_KNOWN)
-        _dress(ax, readings[0], f, "step size $h$", "mean")
+                ax.axhline(found.reference[f], **KNOWN)
+        _dress(ax, readings, f, "step size $h$", "mean")
         return
-    _dress(ax, readings[0], f, "step size $h$", "|mean $-$ reference|")
+    _dress(ax, readings, f, "step size $h$", "|mean $-$ reference|")
     bias = {reading.about.variant: (np.abs(one.bias[:, f]), one.bias_stderr[:, f]) for reading, one in known}
     each = [np.maximum(value, stderr) for value, stderr in bias.values()]
     values = np.concatenate(each)
@@ -136,20 +124,13 @@ def _histogram(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.L
         i, colour = _shown(reading, "histogram"), looks[reading.about.variant][1]
         if i is None:
             continue
-        density, width, exact = found.density[i, f], found.cell_width[i, f], found.density_exact[i, f]
-        used = np.flatnonzero((density > 0) | (exact > 0))
-        low, high = (used[0], used[-1] + 1) if len(used) else (0, len(density))
-        edges = found.cell_low[i, f] + width * np.arange(low, high + 1)
-        ax.stairs(density[low:high], edges, color=colour, linewidth=1.0)
-        half = INTERVAL * np.nan_to_num(found.density_stderr[i, f, low:high])
-        middle = (edges[1:] + edges[:-1]) / 2
-        ax.errorbar(middle, density[low:high], half, color=colour, linestyle="none", elinewidth=0.6)
+        cells, exact = (found.cell_low[i, f], found.cell_width[i, f]), found.density_exact[i, f]
+        shown = histogram(ax, cells, found.density[i, f], found.density_stderr[i, f], colour, exact)
         if not known and np.isfinite(exact).any():
             known = True
-            ax.stairs(exact[low:high], edges, **_KNOWN)
+            ax.stairs(*shown, **KNOWN)
     ax.set_ylim(bottom=0)
-    name = next(found for _, found in with_averages(readings)).functions[f]
-    _dress(ax, readings[0], f, style.plain(name), "density")
+    _dress(ax, readings, f, None, "density")
 
 
 def _autocorrelation(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks) -> None:
@@ -170,7 +151,7 @@ def _autocorrelation(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: s
             found.lag[:end], (value - half)[:end], (value + half)[:end], color=look["color"], alpha=0.3, lw=0
         )
     ax.set_xlim(0, last)
-    _dress(ax, readings[0], f, "lag $s$", "autocorrelation")
+    _dress(ax, readings, f, "lag $s$", "autocorrelation")
 
 
 def _response(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Looks) -> None:
@@ -183,11 +164,11 @@ def _response(ax: Axes, readings: Sequence[Equilibrium], f: int, looks: style.Lo
         half = INTERVAL * abs(factor) * found.variance_stderr[:, f]
         ax.errorbar(reading.h, factor * found.variance[:, f], half, elinewidth=0.8, **_look(reading, looks))
         if np.isfinite(found.reference_variance[f]):
-            ax.axhline(factor * found.reference_variance[f], **_KNOWN)
-    _dress(ax, readings[0], f, "step size $h$", f"{name}, {'Var$/T^2$' if name == 'heat capacity' else 'Var$/T$'}")
+            ax.axhline(factor * found.reference_variance[f], **KNOWN)
+    _dress(ax, readings, f, "step size $h$", f"{name}, {'Var$/T^2$' if name == 'heat capacity' else 'Var$/T$'}")
 
 
-def acceptance_panel(ax: Axes, readings: Sequence[Equilibrium], looks: style.Looks) -> None:
+def _acceptance(ax: Axes, readings: Sequence[Equilibrium], looks: style.Looks) -> None:
     """How often noise flows (line) and steps of the drift (dashed) were accepted, against the step size."""
     error_axes(ax, np.concatenate([reading.h for reading in readings]))
     ax.set(yscale="linear", ylabel="share accepted")

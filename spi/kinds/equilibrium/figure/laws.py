@@ -28,12 +28,10 @@ def scheme_entries(readings: Sequence[Equilibrium], looks: style.Looks, word: st
     """The entries of the legend of a line of panels: the schemes, of the law with the step size, and one more."""
     row = []
     for reading in readings:
-        marker, colour = looks[reading.about.variant]
-        text = style.label(reading.about)
+        more = ""
         if word == "law":
-            lost = reading.largest_finite is None
-            text += ": paths diverge at every $h$" if lost else f", {_step(reading)}"
-        row.append((Line2D([], [], marker=marker, color=colour, markersize=5, linewidth=0.9), text))
+            more = ": paths diverge at every $h$" if reading.largest_finite is None else f", {_step(reading)}"
+        row.append(layout.scheme_entry(reading.about, looks, more, markersize=5, linewidth=0.9))
     if word == "law":
         return [*row, (Line2D([], [], color="black", linewidth=0.9), "exact")]
     return [*row, layout.zero_mark()]
@@ -126,22 +124,14 @@ def distance_panel(
     error_axes(ax, np.concatenate([reading.h for reading, _, _ in found]))
     _begin(ax, name, r"$\max\,|F_h-F|$")
     ax.set_ylim(limits)
+    bottom, top = limits
     for reading, value, stderr in found:
         marker, colour = looks[reading.about.variant]
-        _points(ax, reading.h, value, stderr, {"marker": marker, "color": colour, "markersize": 5})
-
-
-def _points(ax: Axes, h: np.ndarray, value: np.ndarray, stderr: np.ndarray, look: dict[str, Any]) -> None:
-    bottom, top = ax.get_ylim()
-    inside = (value >= bottom) & (value <= top)
-    ax.plot(h, np.where(inside, value, np.nan), color=look["color"], linewidth=0.9, alpha=0.6, zorder=2)
-    zero = ~(value > ZERO * stderr)
-    for which, fill in ((inside & ~zero, {}), (inside & zero, layout.unresolved(look["marker"]))):
-        if which.any():
-            up = INTERVAL * np.where(np.isfinite(stderr), stderr, 0.0)[which]
-            bars = np.array([np.minimum(up, value[which] - bottom), up])
-            ax.errorbar(h[which], value[which], bars, linestyle="none", elinewidth=0.8, zorder=3, **look | fill)
-    layout.edge_marks(ax, h, value, look["color"])
+        shown = np.where((value >= bottom) & (value <= top), value, np.nan)
+        ax.plot(reading.h, shown, color=colour, linewidth=0.9, alpha=0.6, zorder=2)
+        look = {"marker": marker, "color": colour, "markersize": 5}
+        layout.points(ax, reading.h, value, INTERVAL * stderr, ~(value > ZERO * stderr), look)
+        layout.edge_marks(ax, reading.h, value, colour)
 
 
 def moments_panel(ax: Axes, readings: Sequence[Equilibrium], names: tuple[str, ...], looks: style.Looks) -> None:

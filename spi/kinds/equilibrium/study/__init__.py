@@ -42,8 +42,7 @@ from spi.storage.records import Part
 
 from ..results import Equilibrium
 from .averages import averages
-from .outcome import casimir_errors, law_of_states
-from .paths import NOTHING, OF_PATHS, Paths
+from .paths import NOTHING, OF_PATHS, Paths, casimir_errors, law_of_states
 from .recording import Recorder, bins_around
 
 #: About how many snapshots of each path.

@@ -1,5 +1,6 @@
 """Tables of long times: errors of the Casimirs, how far the law is from the exact one, and means of functions."""
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from statistics import NormalDist
@@ -10,7 +11,17 @@ import numpy as np
 from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, lines_of, lost_paths, new_table, power_of_two, print_whole, short, with_interval
+from spi.printing.text import (
+    INTERVAL,
+    add_rows,
+    lines_of,
+    lost_paths,
+    new_table,
+    power_of_two,
+    print_with_remarks,
+    short,
+    with_interval,
+)
 
 from ..results import Equilibrium, Law, with_averages, with_laws
 from . import averages
@@ -18,6 +29,7 @@ from . import averages
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
 #: Of several variables the table shows the distances of these.
 SHOWN = ("y3", "H")
@@ -40,65 +52,56 @@ def rows(readings: Iterable[Equilibrium]) -> Iterator[dict[str, Any]]:
 
 def show(console: "Console", heading: str, readings: Sequence[Equilibrium]) -> None:
     """Print the tables of a case: errors of the Casimirs, and the stationary law where it is known."""
-    print_whole(console, _casimirs(heading, readings))
-    console.print()
+    tables = [_casimirs(heading, readings)]
     if law := readings[0].law:
-        print_whole(console, _laws(readings, law.variables))
-        console.print()
+        tables.append(_laws(readings, law.variables))
     if readings[0].averages:
-        print_whole(console, averages.table(readings))
-        console.print()
-    for line in (*_remarks(readings), *averages.remarks(readings)):
-        console.print(line, markup=False, soft_wrap=True)
-    console.print()
+        tables.append(averages.table(readings))
+    print_with_remarks(console, tables, (*_remarks(readings), *averages.remarks(readings)))
 
 
 def _casimirs(heading: str, readings: Sequence[Equilibrium]) -> "Table":
     """Per scheme, step size and Casimir its errors after all steps and how they grew."""
-    from rich.text import Text
-
     count = readings[0].casimir_count
     several = count > 1
     names = ["scheme", "h", "di-\nverged", *["Cas-\nimir"] * several]
     columns = ["rms error\nat the end", "worst", "growth of rms,\nexponent (95 %)", "bias/step", "in std.\nerrors"]
     table = new_table(heading, [*names, *columns], left=2, labels=0)
     for reading in readings:
-        label = lines_of(reading.about)
-        for i, h in enumerate(reading.h.tolist()):
-            start: list[str | Text] = [Text(label), power_of_two(h), lost_paths(int(reading.nonfinite[i]))]
-            for c in range(max(count, 1)):
-                cells = _casimir_cells(reading, i, c) if count else ["-"] * 5
-                table.add_row(*start, *[f"C{c + 1}"] * several, *cells)
-                start = ["", "", ""]
-            label = ""
-        table.add_section()
+        places = itertools.product(range(len(reading.h)), range(max(count, 1)))
+        add_rows(table, (_casimir_cells(reading, i, c) for i, c in places), labels=3)
     return table
 
 
-def _casimir_cells(reading: Equilibrium, i: int, c: int) -> list[str]:
+def _casimir_cells(reading: Equilibrium, i: int, c: int) -> Iterator["str | Text"]:
+    yield lines_of(reading.about)
+    yield power_of_two(float(reading.h[i]))
+    yield lost_paths(int(reading.nonfinite[i]))
+    if not reading.casimir_count:
+        yield from ["-"] * 5
+        return
+    if reading.casimir_count > 1:
+        yield f"C{c + 1}"
     rms, worst = (float(values[i, -1, c]) for values in (reading.casimir_rms, reading.casimir_worst))
     p, low, high, bias, stderr = (float(getattr(reading, name)[i, c]) for name in _PER_CASIMIR)
     growth = f"{p:.2f} [{low:.2f}, {high:.2f}]" if math.isfinite(p) else "not fitted"
     ratio = f"{bias / stderr:.1f}" if stderr > 0 and math.isfinite(bias / stderr) else "-"
-    return [short(rms), short(worst), growth, short(bias), ratio]
+    yield from (short(rms), short(worst), growth, short(bias), ratio)
 
 
 def _laws(readings: Sequence[Equilibrium], variables: tuple[str, ...]) -> "Table":
     """Per scheme and step size how far distribution functions and means are from the exact ones."""
-    from rich.text import Text
-
     chosen = [name for name in variables if name in SHOWN] or variables
     distances = [f"distance of the\nlaw of {name} (95 %)" for name in chosen]
     headings = ["scheme", "h", *distances, "largest |z|\nof the means", "of"]
     table = new_table("stationary law", headings, left=2, labels=0)
     for reading, law in with_laws(readings):
-        label = lines_of(reading.about)
+        lines = []
         for i, h in enumerate(reading.h.tolist()):
             pairs = ((law.distance[i, m], law.distance_stderr[i, m]) for m in map(variables.index, chosen))
             cells = [with_interval(float(value), INTERVAL * float(stderr)) for value, stderr in pairs]
-            table.add_row(Text(label), power_of_two(h), *cells, *map(Text, _largest_z(law, i)))
-            label = ""
-        table.add_section()
+            lines.append([lines_of(reading.about), power_of_two(h), *cells, *_largest_z(law, i)])
+        add_rows(table, lines)
     return table
 
 

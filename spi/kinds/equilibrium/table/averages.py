@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from spi.printing.text import INTERVAL, lines_of, new_table, power_of_two, short, with_interval
+from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, power_of_two, short, with_interval
 
-from ..planner import planned
 from ..results import APART, LONG_ENOUGH, Averages, Equilibrium, with_averages
 
 if TYPE_CHECKING:
@@ -20,8 +19,6 @@ _SELDOM = 0.01
 
 def table(readings: Sequence[Equilibrium]) -> "Table":
     """Per scheme, function and step size the mean, how far it is from what is known, and its autocorrelation time."""
-    from rich.text import Text
-
     first = next(found for _, found in with_averages(readings))
     known = bool(np.isfinite(first.reference).any())
     responses = [first.response(f)[0] for f in range(len(first.functions)) if np.isfinite(first.response(f)[1])]
@@ -29,18 +26,12 @@ def table(readings: Sequence[Equilibrium]) -> "Table":
     headings += ["autocor-\nrelation time", *[f"{' or '.join(dict.fromkeys(responses))}\n(95 %)"] * bool(responses)]
     found_table = new_table("means over time", headings, left=3, labels=0)
     for reading, found in with_averages(readings):
-        label = lines_of(reading.about)
+        lines = []
         for f, name in enumerate(found.functions):
             for i, h in enumerate(reading.h.tolist()):
-                cells: list[Text | str] = [
-                    Text(label),
-                    Text(name),
-                    power_of_two(h),
-                    *map(Text, _cells(found, i, f, known)),
-                ]
-                found_table.add_row(*cells, *map(Text, _response(found, i, f)) if responses else ())
-                label = name = ""
-        found_table.add_section()
+                more = _response(found, i, f) if responses else ()
+                lines.append([lines_of(reading.about), name, power_of_two(h), *_cells(found, i, f, known), *more])
+        add_rows(found_table, lines, labels=2)
     return found_table
 
 
@@ -120,3 +111,40 @@ def told(reading: Equilibrium, found: Averages) -> str:
     """The mean of the first function at the smallest step size."""
     what = f"the mean of {found.functions[0]} at h = {short(float(reading.h[-1]))} is"
     return f"{what} {_cell(found.average[-1, 0], found.average_half[-1, 0])}"
+
+
+def planned(reading: Equilibrium, found: Averages) -> Iterator[str]:
+    """For each function the time for a standard error s, and with an accuracy that is wanted the numbers for it.
+
+    A mean over the time t of all paths has the variance 2 tau Var / t; the bias is C h^p, where that was fitted.
+    """
+    for f, name in enumerate(found.functions):
+        i = len(reading.h) - 1
+        rate = 2 * found.tau[i, f] * found.variance[i, f]
+        if not math.isfinite(rate) or rate <= 0:
+            continue
+        wanted = reading.accuracy
+        if wanted is None:
+            needed = f"{short(float(rate))}/s^2 of time in all paths"
+            yield f"{reading.about.label}: a standard error s of {name} takes {needed}"
+            continue
+        step, why = step_for(reading, found, f, wanted)
+        time = rate / wanted**2
+        each = max(time / reading.samples, LONG_ENOUGH * found.tau[i, f])
+        length = f"{reading.samples} paths of time {short(float(each))} behind the burn-in, {short(each / step)} steps"
+        which = f"{reading.about.label}, {name}: h = {short(step)} ({why})"
+        yield f"{which} and {length}, for an accuracy of {short(wanted)}"
+
+
+def step_for(reading: Equilibrium, found: Averages, f: int, wanted: float) -> tuple[float, str]:
+    """A step size at which the bias of a function is at most `wanted`, and how that is known.
+
+    By the fitted bias, or else the largest one at which mean and reference are that close; or none is known.
+    """
+    constant, order = found.constant[f], found.order[f].order
+    if np.isfinite(constant) and np.isfinite(order) and order > 0 and constant != 0:
+        return float((wanted / abs(constant)) ** (1 / order)), "by the fitted bias"
+    near = np.abs(found.bias[:, f]) + INTERVAL * found.bias_stderr[:, f] <= wanted  # false for NaN
+    if near.any():
+        return float(reading.h[near].max()), "no bias is seen there"
+    return float(reading.h[-1]), "the smallest here, its bias is not known"

@@ -1,9 +1,8 @@
 """The figure of stability: maps of regimes, and single quantities over the swept parameter."""
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,12 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import HUGE, error_axes, limits
-from spi.drawing.sweeps import swept_axis
+from spi.drawing.axes import HUGE, INTERVAL, error_axes, limits
+from spi.drawing.cells import swept_axis
 
 from ..results import Stability
 from . import maps
-from .quantities import CAP, QUANTITIES, is_zero, values_of
 
 Looks = dict[str, dict[str, Any]]  #: options of lines, by variant
 
@@ -25,6 +23,59 @@ ALONE = (4.4, 3.3)  # the same where a case has only one
 COLUMNS = 4  # panels side by side
 STEPS = 4  # step sizes shown at most
 MARKERS = 6.5, 4.5  # from the first scheme's size towards the last one's, so that both are seen where they agree
+CAP = 1e4  # relative errors and growths beyond that are only marked
+ZERO = 2.0  # standard errors: up to these a value is statistically zero
+
+
+class _Quantity(NamedTuple):
+    """What a panel shows."""
+
+    label: str
+    field: str  #: of a reading, perhaps of a part that it need not have
+    is_log: bool = True
+    lacking: str = "not stored"  #: what an empty panel says
+    dotted: str = ""  #: the same for a second, dotted line
+    nan_is_lost: bool = True  #: whether NaN stands for what is no number rather than for what is not known
+
+
+class _Values(NamedTuple):
+    """A quantity of one reading; arrays (V, S)."""
+
+    reading: Stability
+    values: np.ndarray
+    half: np.ndarray  #: half the 95 % interval, NaN where it has none
+    dotted: np.ndarray | None
+
+
+_IMPLICIT = "no implicit scheme"
+
+QUANTITIES = {
+    "finite": _Quantity("fraction of paths finite to $T$", "finite", is_log=False),
+    "casimir": _Quantity(
+        "largest relative Casimir error",
+        "casimirs.largest_worst",
+        lacking="no Casimir",
+        dotted="casimirs.largest_median",
+    ),
+    "norm": _Quantity(r"largest $|y|\,/\,|y_0|$", "largest_norm"),
+    "error": _Quantity(r"rms error at $T$,  relative to $|y_0|$", "error"),
+    "law": _Quantity(
+        r"$\max_\varphi\,|\mathrm{E}\,\varphi(y_h(T))-\mathrm{E}\,\varphi(y(T))|$",
+        "law.distance",
+        lacking="the law is not known",
+        nan_is_lost=False,
+    ),
+    "positive": _Quantity("fraction of positive paths", "positive", is_log=False),
+    "failures": _Quantity("solver failures per step", "solver.failing_fraction", lacking=_IMPLICIT),
+    "iterations": _Quantity(
+        "iterations per step",
+        "solver.iterations_per_solve",
+        is_log=False,
+        lacking=_IMPLICIT,
+        nan_is_lost=False,
+    ),
+    "angle": _Quantity("largest angle of a flow (rad)", "largest_angle"),
+}
 
 #: The words of the attribute ``panels``.
 WORDS = ("regimes", *QUANTITIES)
@@ -84,11 +135,10 @@ def _lines(
 ) -> list[layout.Line]:
     """The line panels of a case in lines of about the same length."""
     size = SIZE if len(words) > 1 else ALONE
-    columns = math.ceil(len(words) / math.ceil(len(words) / COLUMNS))
-    found = []
-    for i in range(0, len(words), columns):
-        panels = [partial(_panel, readings=readings, word=word, looks=looks) for word in words[i : i + columns]]
-        found.append(layout.Line(panels, size, "" if i else title(size[0] * columns)))
+    columns = layout.even(len(words), COLUMNS)
+    panels = [partial(_panel, readings=readings, word=word, looks=looks) for word in words]
+    found = layout.in_lines(panels, columns, size)
+    found[0] = found[0]._replace(title=title(size[0] * columns))
     return [*found[:-1], found[-1]._replace(legend=_legend(readings, words, looks))]
 
 
@@ -113,7 +163,7 @@ def _legend(readings: Sequence[Stability], words: list[str], looks: Looks) -> li
         names = [f"$h={style.number(float(h[j]), steps=True)}$" for j in shown]
         rows.append(list(zip(handles, names, strict=True)))
     marks: list[layout.Entry] = []
-    if "casimir" in words and values_of(readings, "casimir"):
+    if "casimir" in words and _values_of(readings, "casimir"):
         marks.append((Line2D([], [], color="black", linestyle="-"), "worst path"))
         marks.append((Line2D([], [], color="black", linestyle=":"), "median path"))
     marks += _marks(readings, words)
@@ -123,20 +173,20 @@ def _legend(readings: Sequence[Stability], words: list[str], looks: Looks) -> li
 def _marks(readings: Sequence[Stability], words: list[str]) -> list[layout.Entry]:
     """Entries for what is no ordinary point in some panel."""
     found = []
-    logs = [one for word in words if QUANTITIES[word].is_log for one in values_of(readings, word)]
+    logs = [one for word in words if QUANTITIES[word].is_log for one in _values_of(readings, word)]
     if any((one.values == 0).any() for one in logs):
         text = r"0, or an angle $\leq\pi/4$" if "angle" in words else "0"
         found.append(layout.mark("v", text, markerfacecolor="none"))
     if any((~(one.values <= CAP)).any() for one in logs):
         found.append(layout.mark("^", f"not finite, or above ${style.power(CAP)}$"))
-    if "law" in words and any(is_zero(one).any() for one in values_of(readings, "law")):
+    if "law" in words and any(_is_zero(one).any() for one in _values_of(readings, "law")):
         found.append(layout.zero_mark())
     return found
 
 
 def _panel(ax: Axes, readings: Sequence[Stability], word: str, looks: Looks) -> None:
     """One quantity over the swept value, a line per scheme and step size; over the step size if it is the only one."""
-    quantity, found = QUANTITIES[word], values_of(readings, word)
+    quantity, found = QUANTITIES[word], _values_of(readings, word)
     if not found:
         layout.empty(ax, quantity.lacking)
         return
@@ -149,7 +199,7 @@ def _panel(ax: Axes, readings: Sequence[Stability], word: str, looks: Looks) -> 
         for i, j in reversed(list(enumerate(shown))):
             at = (0, slice(None)) if j is None else (slice(None), j)
             colour = layout.shade(look["color"], i, len(shown))
-            poor = is_zero(one) if word == "law" else np.zeros(one.values.shape, bool)
+            poor = _is_zero(one) if word == "law" else np.zeros(one.values.shape, bool)
             _line(ax, x, one.values[at], one.half[at], poor[at], look | {"color": colour})
             if one.dotted is not None:
                 _joined(ax, x, one.dotted[at], {"color": colour, "linestyle": ":"})
@@ -178,16 +228,9 @@ def _line(
     ax: Axes, x: np.ndarray, values: np.ndarray, half: np.ndarray, poor: np.ndarray, look: dict[str, Any]
 ) -> None:
     """A line with its bars, hollow where it is poor; marks at the edges for what lies outside, nothing for NaN."""
-    bottom, top = ax.get_ylim()
     known = ~np.isnan(values)
-    inside = (values >= bottom) & (values <= top)
     _joined(ax, x, values, {"color": look["color"]})
-    bars: dict[str, Any] = {"linestyle": "none", "elinewidth": 0.8, "capsize": 0, "zorder": 3}
-    for chosen, fill in ((inside & ~poor, {}), (inside & poor, layout.unresolved(look["marker"]))):
-        if chosen.any():
-            up = np.where(np.isfinite(half), half, 0.0)[chosen]
-            down = np.minimum(up, values[chosen] - bottom)
-            ax.errorbar(x[chosen], values[chosen], np.array([down, up]), **look | bars | fill)
+    layout.points(ax, x, values, half, poor, look)
     layout.edge_marks(ax, x[known], values[known], look["color"])
 
 
@@ -196,3 +239,25 @@ def _joined(ax: Axes, x: np.ndarray, values: np.ndarray, look: dict[str, Any]) -
     order = np.argsort(x)
     shown = np.where((values >= bottom) & (values <= top), values, np.nan)
     ax.plot(x[order], shown[order], linewidth=1.0, zorder=2.5, **look)
+
+
+def _values_of(readings: Iterable[Stability], word: str) -> list[_Values]:
+    """The quantity of each reading that has it and where anything of it is known."""
+    quantity, found = QUANTITIES[word], []
+    for reading in readings:
+        values = reading.known(quantity.field)
+        if values is None:
+            continue
+        values = np.where(np.isnan(values), np.inf, values) if quantity.nan_is_lost else np.asarray(values, float)
+        if np.isnan(values).all():
+            continue
+        stderr = reading.known(f"{quantity.field}_stderr")
+        half = np.full(values.shape, np.nan) if stderr is None else INTERVAL * stderr
+        found.append(_Values(reading, values, half, reading.known(quantity.dotted) if quantity.dotted else None))
+    return found
+
+
+def _is_zero(one: _Values) -> np.ndarray:
+    """Where a value is zero within ZERO standard errors."""
+    with np.errstate(invalid="ignore"):
+        return one.values <= ZERO / INTERVAL * one.half

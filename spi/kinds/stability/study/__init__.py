@@ -6,31 +6,70 @@ fraction of paths that stay finite, the distance from the scheme's own path at t
 test functions and the law of the equation is known without sampling, the distance of expectations from the truth.
 """
 
+import functools
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.loop import nested_grid
-from spi.ensemble.protocol import casimirs, populations
+from spi.ensemble.protocol import casimirs, dimension, populations
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
-from spi.exact.kolmogorov import can_solve_equation
-from spi.expressions import canonical
+from spi.exact.kolmogorov import can_solve_equation, exact_expectations
+from spi.expressions import canonical, functions_of
 from spi.kinds.plans import DOWN, Cost, Done, KernelCall, Plan, State
 from spi.kinds.solver import reported
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 from spi.storage.records import Description, Part
 
-from ..results import CasimirErrors, Stability
-from .law import TRUTH_SECONDS, Truth, true_expectations
+from ..results import CasimirErrors, Law, Stability
 from .paths import Paths, ValuePlan
 
 _PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
+_TRUTH_SECONDS = 3.0  # that the true expectations take for one value, on one thread
+_ACCURACY = 1e-3  # numerical error that they may have
+
+
+@functools.lru_cache(maxsize=256, typed=True)
+def _true_expectations(
+    model: Any, initial: tuple[float, ...], final_time: float, functions: tuple[str, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """E phi(y(T)) and its numerical error, (F,) each; kept, because it is the same for all schemes.
+
+    Typed, because models of two classes may be equal tuples.
+    """
+    return exact_expectations(model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY)
+
+
+class Truth(NamedTuple):
+    """True expectations of F test functions for each value."""
+
+    seconds: float  #: wall clock
+    truth: np.ndarray  #: (values, F), NaN until they are known
+    truth_bound: np.ndarray  #: (values, F), their numerical error
+
+    def law(self, names: tuple[str, ...], mean: np.ndarray, stderr: np.ndarray) -> Law:
+        """Expectations of the test functions, of shape (values, levels, F), and how far from the truth they are."""
+        truth, bound = self.truth, self.truth_bound
+        with np.errstate(invalid="ignore"):
+            away = np.abs(mean - truth[:, None])
+            away = np.where(np.isfinite(truth)[:, None] & np.isnan(away), np.inf, away)
+        farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=2)[..., None]
+        doubt = np.hypot(stderr, bound[:, None])
+        return Law(
+            names=names,
+            expectation=mean,
+            expectation_stderr=stderr,
+            truth=truth,
+            truth_bound=bound,
+            distance=np.take_along_axis(away, farthest, 2)[..., 0],
+            distance_stderr=np.take_along_axis(doubt, farthest, 2)[..., 0],
+        )
 
 
 def parts(case: Any) -> list[Part]:
@@ -75,7 +114,7 @@ class StabilityPlan(Plan):
         steps = int(self.first.steps.sum()) * self.first.samples * len(self.points)
         seconds = steps * 1e-9 * typical_ns(self.first.row, self.model)
         if self.has_truth and self.part.scheme == self.case.schemes[0]:  # which the other schemes then know
-            seconds += TRUTH_SECONDS * len(self.points)
+            seconds += _TRUTH_SECONDS * len(self.points)
         of_a_path = len(self.first.steps) * (len(casimirs(self.model, self.initial)) + 2 + len(self.initial))
         return Cost(steps, seconds, 8 * of_a_path * self.first.samples * len(self.points))
 
@@ -110,7 +149,7 @@ class StabilityPlan(Plan):
         for i in np.flatnonzero(np.isnan(extra.truth).any(axis=1)) if self.has_truth else ():
             began, truth, bound = time.perf_counter(), extra.truth.copy(), extra.truth_bound.copy()
             model, initial = self.points[i].model, self.points[i].initial
-            truth[i], bound[i] = true_expectations(model, initial, self.case.final_time, functions)
+            truth[i], bound[i] = _true_expectations(model, initial, self.case.final_time, functions)
             extra = Truth(extra.seconds + time.perf_counter() - began, truth, bound)
             yield extra
 

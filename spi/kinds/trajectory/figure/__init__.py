@@ -17,7 +17,7 @@ from spi.storage.records import Description
 from ..results import Trajectory
 from .curves import Path
 from .fields import Fields
-from .film import film as film
+from .fields import film as film
 from .panels import WORDS, Panel
 
 #: Inches of a panel, by the number of panels side by side.
@@ -110,7 +110,7 @@ def _places(rows: list[list[Panel | Fields]], four: bool) -> Places:
     strip = max(counts) <= 1 and not any(tall)
     widest = len(counts) if strip else max(1, *counts)
     most, _ = page.current().panels(max(SIZES), SIZES[1], LEAST)
-    columns = min(most, 2) if four and counts == [4] else math.ceil(widest / math.ceil(widest / most))
+    columns = min(most, 2) if four and counts == [4] else layout.even(widest, most)
     each = [1] * len(counts) if strip else [columns * math.ceil(count / columns) for count in counts]
     ends = np.cumsum(each) + columns * np.cumsum(tall)
     width, height = SIZES[columns]

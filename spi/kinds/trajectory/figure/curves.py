@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from spi.drawing.layout import Entry
 
-from ..losses import diverged, losses
-from ..results import Trajectory
+from ..results import Trajectory, diverged, losses
 
 Bound = float | np.ndarray
 Frame = tuple[Bound, Bound]  #: the lowest and the highest value, or those of each column

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from matplotlib.textpath import TextPath
 
-from spi.drawing import page, style
+from spi.drawing import style
 
 SIZE = 7  #: points, of the text
 #: Where a label may lie, the most wanted first: directions, and distances in points.
@@ -53,8 +53,8 @@ def step_labels(ax: Axes, lines: Iterable[LabelledLine], levels: Iterable[float]
                 text = f"${style.number(float(line.h[end]), steps=True)}$"
                 extent = TextPath((0, 0), text, size=SIZE).get_extents()
                 offset, box, clashes = _best(path[end], np.array([extent.width, extent.height]), covered, taken, frame)
-                if clashes and page.current().width is not None:
-                    continue  # in a small panel a label may find no room
+                if clashes:
+                    continue  # where lines are many a label may find no room
                 taken.append(box)
                 _annotate(ax, text, (line.x[end], line.y[end]), offset, line.colour)
 

@@ -1,10 +1,9 @@
-"""The figure of statistics: means with bands and quantiles over time, differences from what is known, variances,
-
-autocorrelations, histograms and correlations at the last time, and maps of densities.
-"""
+"""The figure of statistics: means with bands, quantiles, differences, variances, autocorrelations, histograms, maps."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,40 +12,30 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, rules
+from spi.drawing.axes import INTERVAL, KNOWN, dress_function, histogram
+from spi.drawing.spheres import cell_edges, dress_map
+from spi.statistics.cells import heights, mollweide
 
-from ..results import Statistics
-from .maps import law_panel, map_panel
+from .results import Statistics
 
 SIZE = (3.4, 2.7)  # inches of a panel
 MAP = (3.6, 2.3)  # inches of a map
 _MOST_MARKERS = 12
 _MOST_COLUMNS = 4
 SOME_KNOWN: dict[str, Any] = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
-KNOWN: dict[str, Any] = {"color": "black", "linewidth": 1.0, "linestyle": (0, (4, 3)), "zorder": 4}
 
 
 def draw(title: str, cases: Sequence[Sequence[Statistics]]) -> Figure:
     """The figure of a study of kind statistics: for each case lines of panels, one panel for each function."""
-    looks = style.looks(cases)
-    shared, own = style.split_facts([style.facts(readings[0], "samples", "step") for readings in cases])
-    lines = []
-    for readings, facts in zip(cases, own, strict=True):
-        panels = _panels(readings, looks)
-        curves, maps = _lines(panels, SIZE), _lines(_maps(readings), MAP)
-        if curves:
-            curves[-1] = curves[-1]._replace(legend=[_entries(readings, looks)])
-        if (found := [*curves, *maps]) and len(cases) > 1:
-            width = len(found[0].panels) * found[0].size[0]
-            found[0] = found[0]._replace(title=layout.case_title(readings[0].about, facts, width))
-        lines += found
-    return layout.arranged(title, lines, shared)
+    return layout.of_cases(title, cases, lambda reading: style.facts(reading, "samples", "step"), _lines)
 
 
-def _lines(panels: Sequence[layout.Panel], size: tuple[float, float]) -> list[layout.Line]:
-    """Panels in as many lines as they need, with about as many in each."""
-    columns = -(-len(panels) // max(1, -(-len(panels) // _MOST_COLUMNS)))
-    return [layout.Line(panels[i : i + columns], size, least=2.4) for i in range(0, len(panels), columns or 1)]
+def _lines(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Line]:
+    each = (_panels(readings, looks), SIZE), (_maps(readings), MAP)
+    curves, maps = (layout.in_lines(one, layout.even(len(one), _MOST_COLUMNS), size, least=2.4) for one, size in each)
+    if curves:
+        curves[-1] = curves[-1]._replace(legend=[_entries(readings, looks)])
+    return [*curves, *maps]
 
 
 def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Panel]:
@@ -92,10 +81,7 @@ def _known(values: np.ndarray | None, f: int) -> bool:
 
 
 def _entries(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.Entry]:
-    found: list[layout.Entry] = []
-    for reading in readings:
-        marker, colour = looks[reading.about.variant]
-        found.append((Line2D([], [], color=colour, marker=marker, markerfacecolor="none"), style.label(reading.about)))
+    found = [layout.scheme_entry(reading.about, looks, markerfacecolor="none") for reading in readings]
     if "mean" not in readings[0].panels:
         return found
     found.append((Line2D([], [], color="#777777", linewidth=5, alpha=0.35), "95 % band of all means at once"))
@@ -133,27 +119,20 @@ def _over_time(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
             ax.plot(t, reading.quantiles.quantile[f], color=look["color"], linewidth=0.8, linestyle=":")
     if (known := readings[0].reference) is not None and (there := np.isfinite(known[f])).any():
         ax.plot(readings[0].t[there], known[f, there], **(KNOWN if there.all() else SOME_KNOWN))
-    _dress(ax, readings[0], f, "time $t$", "mean")
-
-
-def _dress(ax: Axes, reading: Statistics, f: int, x: str, what: str) -> None:
-    name, text = reading.functions[f], reading.texts[f]
-    ax.set(xlabel=x, ylabel=what)
-    ax.set_title(style.plain(name if name == text or len(text) > 30 else f"{name}: {text}"))
-    rules(ax)
+    dress_function(ax, readings[0], f, "time $t$", "mean")
 
 
 def _variances(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
     for one in readings:
         _with_intervals(ax, one, one.t, one.variance, one.variance_stderr, f, looks)
-    _dress(ax, readings[0], f, "time $t$", "variance")
+    dress_function(ax, readings[0], f, "time $t$", "variance")
 
 
 def _differences(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
     ax.axhline(0, **KNOWN)
     for one in readings:
         _with_intervals(ax, one, one.t, one.difference, one.difference_stderr, f, looks)
-    _dress(ax, readings[0], f, "time $t$", "mean less reference")
+    dress_function(ax, readings[0], f, "time $t$", "mean less reference")
 
 
 def _autocorrelations(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
@@ -163,7 +142,7 @@ def _autocorrelations(ax: Axes, readings: Sequence[Statistics], f: int, looks: s
             lag = one.t - one.since[f]
             _with_intervals(ax, one, lag, one.autocorrelation, one.autocorrelation_stderr, f, looks)
             since = style.number(float(one.since[f]))
-            _dress(ax, one, f, f"lag $s$, from $t={since}$", "autocorrelation")
+            dress_function(ax, one, f, f"lag $s$, from $t={since}$", "autocorrelation")
 
 
 def _with_intervals(
@@ -190,17 +169,11 @@ def _densities(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
     for reading in readings:
         if not (found := reading.histogram):
             continue
-        density, width = found.density[f, -1], found.bin_width[f, -1]
-        used = np.flatnonzero(density)
-        low, high = (used[0], used[-1] + 1) if len(used) else (0, len(density))
-        edges = found.bin_low[f, -1] + width * np.arange(low, high + 1)
-        colour, half = looks[reading.about.variant][1], INTERVAL * found.density_stderr[f, -1]
-        ax.stairs(density[low:high], edges, color=colour, linewidth=1.0)
-        middle, chosen = (edges[1:] + edges[:-1]) / 2, slice(low, high)
-        ax.errorbar(middle, density[chosen], half[chosen], color=colour, linestyle="none", elinewidth=0.6)
+        cells, density = (found.bin_low[f, -1], found.bin_width[f, -1]), found.density[f, -1]
+        colour = looks[reading.about.variant][1]
+        histogram(ax, cells, density, found.density_stderr[f, -1], colour, np.zeros_like(density))
     ax.set_ylim(bottom=0)
-    name = readings[0].functions[f]
-    _dress(ax, readings[0], f, style.plain(name), f"density at $t={readings[0].t[-1]:.4g}$")
+    dress_function(ax, readings[0], f, None, f"density at $t={readings[0].t[-1]:.4g}$")
 
 
 def _correlations(ax: Axes, reading: Statistics) -> None:
@@ -221,3 +194,40 @@ def _correlations(ax: Axes, reading: Statistics) -> None:
     ax.set_xticks(range(count), names, rotation=30, ha="right", rotation_mode="anchor")
     ax.set_yticks(range(count), names)
     ax.set_title(f"correlations at $t={reading.t[-1]:.4g}$, {style.label(reading.about)}")
+
+
+_COLOURS = "YlGnBu"  # white for no paths
+_FINER = 4  # points between the edges of cells, which are curved
+
+
+def map_panel(ax: Axes, reading: Statistics, m: int, highest: float) -> None:
+    """The density at one of the times, with colours up to `highest`."""
+    found = reading.density_map
+    if found is None:
+        return
+    look: dict[str, Any] = {"cmap": _COLOURS, "vmin": 0.0, "vmax": highest, "rasterized": True}
+    density = np.where(found.density[m] > 0, found.density[m], np.nan)
+    if found.is_sphere:  # cells of equal area on the sphere are such cells of an ellipse
+        density = np.repeat(np.repeat(density, _FINER, axis=0), _FINER, axis=1)
+        sides, longitude = cell_edges(found, m)[0], cell_edges(found, m, _FINER)[1]
+        z = np.append([heights(*side, _FINER + 1)[:-1] for side in pairwise(sides.tolist())], sides[-1])
+        places = mollweide(*np.meshgrid(z, longitude, indexing="ij"))
+        mesh = ax.pcolormesh(*places, density, **look)
+    else:
+        edges = cell_edges(found, m)
+        mesh = ax.pcolormesh(*edges, density.T, **look)
+        used = [np.flatnonzero(np.isfinite(density).any(axis=across)) for across in (1, 0)]
+        if used[0].size:  # as far as there are paths
+            xlim, ylim = ((edge[one[0]], edge[one[-1] + 1]) for edge, one in zip(edges, used, strict=True))
+            ax.set(xlim=xlim, ylim=ylim)
+    dress_map(ax, reading.about, found, m, mesh)
+
+
+def law_panel(ax: Axes, reading: Statistics, highest: float) -> None:
+    """The Gibbs law beside the last of the maps, in its colours."""
+    found = reading.density_map
+    if found is not None and found.law is not None:
+        last = len(found.t) - 1
+        density = np.broadcast_to(found.law, found.density.shape)
+        map_panel(ax, replace(reading, density_map=replace(found, density=density)), last, highest)
+        ax.set_title("Gibbs law, exp($-H/T$)", pad=14)
