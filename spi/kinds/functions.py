@@ -83,7 +83,7 @@ def check_function(case: Any, name: str, entry: Any, more: str = "") -> None:
         path_function(case.model, case.variables, entry)
     except NumberError as error:
         known = ", ".join(case.variables) or f"y1 .. y{dimension(case.model)}"
-        right = f"must be an expression in {known}, H or C1{more}"
+        right = f"must be an expression in {known}{', H or C1' if conserved(case.model) else ' or H'}{more}"
         raise wrong(f"is {shown(entry)} ({error})", right, "functions", name) from None
 
 

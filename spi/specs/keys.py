@@ -228,6 +228,8 @@ def _record_of(cls: Any) -> Any:
 def powers_of_two(value: Any) -> Any:
     """The texts that a range such as 2^-5 .. 2^-13 stands for; a list as it is."""
     if isinstance(value, list):
+        if ranges := [entry for entry in value if isinstance(entry, str) and ".." in entry]:
+            raise wrong(f"has a range in a list, {shown(ranges[0])}", f"write it without brackets: {ranges[0]}")
         return value
     if not isinstance(value, str) or ".." not in value:
         raise wrong(f"is {shown(value)}", "must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13")

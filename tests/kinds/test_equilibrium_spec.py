@@ -31,6 +31,10 @@ MODEL = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigm
             [SCHEMES, "[splitting]\nnoise: {kind: fractional, hurst: 0.7}"],
             r"8: noise.kind: is that of a process whose increments are all made at once, .*; use another process, .*",
         ),
+        (
+            [MODEL, "{algebra: so(3), hamiltonian: cos(t)*y1^2, noises: [y1]}", "step_count: 640", "final_time: 80"],
+            r"1: functions: missing key 'functions'; add functions of the state, .*; H, the default, depends on time",
+        ),
         ([SCHEMES, "[splitting, splitting]"], r"7: schemes: has 'splitting' twice; remove one"),
         (["[1/8, 1/4]", "[1/8, 2^-3]"], r"5: steps: has '0.125' twice; remove one"),
         (

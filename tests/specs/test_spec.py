@@ -323,6 +323,11 @@ SCHEMES = (
             "0.1 .. 2^-4",
             "9: steps: is '0.1 .. 2^-4'; a range must have powers of two at both ends, such as 2^-5 .. 2^-13",
         ),
+        (
+            "2^-2 .. 2^-4",
+            "[2^-2 .. 2^-4]",
+            "9: steps: has a range in a list, '2^-2 .. 2^-4'; write it without brackets: 2^-2 .. 2^-4",
+        ),
         ("2^-2 .. 2^-4", "[1/4, 1/8, 0.25]", "9: steps: has 2^-2 twice; remove one"),
         (
             "2^-2 .. 2^-4",

@@ -7,8 +7,11 @@ import pydantic
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
+from spi.compiler.dispatch import answers
 from spi.ensemble.protocol import NonNegative, Positive, dimension
+from spi.ensemble.special import frozen
 from spi.kinds.functions import PathFunction, check_function, path_function
+from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
@@ -135,6 +138,9 @@ class Case(BaseCase):
             for key in [key for key, value in given.items() if value]:
                 raise wrong("is for means over time", "give final_time in place of step_count", key)
             return self
+        if not self.functions and answers(frozen, undamped(self.model)):
+            right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
+            raise wrong("missing key 'functions'", right, "functions")
         functions = self.functions or {"H": "H"}
         every(check_function, ((self, name, text) for name, text in functions.items()))
         return self.model_copy(update={"functions": functions})
