@@ -217,6 +217,8 @@ def check_needs(case: Any) -> None:
             raise wrong(what, "use another", "schemes")
         if needs is has_friction and not needs(case.model):
             raise wrong(f"has '{name}', which needs a temperature", "add temperature: T, or use another", "schemes")
+        if needs is lie_poisson and not needs(undamped(case.model)):
+            raise wrong_scheme(case, name, "which needs a bracket that is linear", "use another")
         if needs and not needs(case.model):
             able = " and ".join(n for n, cls in MODELS.items() if needs(cls))
             able += " without damping" if case.damping else ""

@@ -863,13 +863,19 @@ def test_bad_weak(spec, old, new, message):
 SPHERES = "schemes: has 'euler_maruyama_renormalised', which is for rigid_body and rigid_body_shared_noise"
 
 
-def test_renormalised_schemes_need_a_sphere(spec):
+def test_some_schemes_need_a_sphere_or_a_linear_bracket(spec):
     text = GOOD.replace("[euler_maruyama,", "[euler_maruyama_renormalised,")
     assert spec(text).cases[0].schemes[0] == "euler_maruyama_renormalised"
     for model in ("{name: maxwell_bloch}", "{name: lotka_volterra}"):
         initial = "[1, 2, 3]" if "maxwell" in model else "[1, 2]"
         found = error(spec, text, overrides=[f"model={model}", f"initial={initial}"])
         assert found.startswith(f"s.yaml:11: {SPHERES}") and found.endswith("; use another")
+    linear = error(
+        spec,
+        text.replace("euler_maruyama_renormalised", "munthe_kaas_euler"),
+        overrides=[f"model={model}", f"initial={initial}"],
+    )
+    assert linear == "s.yaml:11: schemes: has 'munthe_kaas_euler', which needs a bracket that is linear; use another"
 
 
 SURFACES = "is for maxwell_bloch and rigid_body, also in YAML, whose Casimir surfaces are two-dimensional"
