@@ -50,8 +50,8 @@ def last_states_only(times):
 def state_recorder(times, rows, every, lane=0):
     """The observer that puts states of lanes from `lane` on into `rows`, after every so many steps of the largest size.
 
-    These are (blocks, levels * (stored + 1), d * lanes), level after level, of each of which the first, the initial
-    ones, are left as they are.
+    These are (blocks, levels * (stored + 1), d * lanes), level after level, of each of which the first, those at
+    ``times.first_step``, are left as they are.
     """
     nothing = last_states_only(times)
     steps = nothing.levels[:, 2]

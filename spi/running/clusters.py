@@ -64,6 +64,20 @@ class Dask:
 
 
 @contextlib.contextmanager
+def _without_its_log() -> Iterator[None]:
+    """Within it Dask logs nothing: what it says with a traceback, as of a scheduler that is gone, is told in a line."""
+    logs = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    levels = [log.level for log in logs]
+    for log in logs:
+        log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for log, level in zip(logs, levels, strict=True):
+            log.setLevel(level)
+
+
+@contextlib.contextmanager
 def connected(address: str) -> Iterator[Dask]:
     """The workers of the scheduler at an address, or ``local:N`` for N of its own on this machine.
 
@@ -75,7 +89,7 @@ def connected(address: str) -> Iterator[Dask]:
     # A worker that is lost makes all its chunks suspect, and four suspicions end one; but chunks are independent.
     settings: dict[str, Any] = {f"distributed.{one}.http.routes": [] for one in ("scheduler", "worker")}  # no pages
     settings["distributed.scheduler.allowed-failures"] = MOST_LOSSES
-    with dask.config.set(settings), contextlib.ExitStack() as stack:
+    with _without_its_log(), dask.config.set(settings), contextlib.ExitStack() as stack:
         if address.startswith("local:"):
             size = int(address[6:]) if re.fullmatch("local:[0-9]{1,9}", address) else 0
             if not 1 <= size <= MOST_WORKERS:

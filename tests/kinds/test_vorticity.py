@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from helpers import loop_in_python
 from matplotlib.animation import PillowWriter
 from matplotlib.legend import Legend
 from PIL import Image
@@ -247,12 +248,13 @@ def test_bad_times(error, lines, message):
 
 
 def test_every_fourth_state(spec):
-    """Of the model whose kernel other tests need as well."""
     readings = []
     for overrides in ([], ["every=4", "times=[1, 0.25]"]):
         (case,) = spec(SPEC, "{name: sine_euler}", "{name: zeitlin, n: 5}", overrides=overrides).cases
         plan = study.plan(case, study.parts(case)[0])
-        (reading,) = views.readings(trajectories(plan.results(finished(plan)).group()))
+        with loop_in_python():
+            state = finished(plan)
+        (reading,) = views.readings(trajectories(plan.results(state).group()))
         readings.append(reading)
         assert plan.cost().path_steps == 16
     whole, some = readings
@@ -262,6 +264,20 @@ def test_every_fourth_state(spec):
     np.testing.assert_array_equal(some.hamiltonian, whole.hamiltonian[::4])
     assert (whole.lattice, whole.every, whole.shown) == (5, 1, [0, 8, 16])
     assert (some.every, some.times, some.shown) == (4, (0.25, 1.0), [1, 4])
+
+
+def test_a_fluid_in_batches_is_that_at_once(spec, monkeypatch):
+    """A path goes on from its last state, and what is stored of it before stays as it is."""
+    overrides = ["step=1/64", "final_time=4", "every=64", "times=[4]"]
+    (case,) = spec(SPEC, "{name: sine_euler}", "{name: zeitlin, n: 3}", overrides=overrides).cases
+    plan, found = study.plan(case, study.parts(case)[0]), []
+    for seconds in (1e9, 0.0):
+        monkeypatch.setattr(study, "BATCH_SECONDS", seconds)
+        with loop_in_python():
+            found.append(finished(plan).total().y)
+    whole, batches = found
+    np.testing.assert_array_equal(batches, whole)
+    assert len(set(map(tuple, whole))) == 5
 
 
 # --- figures and films -----------------------------------------------------------------------------------------------

@@ -128,7 +128,7 @@ TRAJECTORY = "kind: trajectory\n" + PAIRS + "step: 2^-4\npanels: [casimirs]\n"
     [
         (STRONG.replace(", loops", "") + "schemes: [mine, splitting_areas]\n", "9: schemes: has 'splitting_areas'"),
         (STRONG + "schemes: [mine]\n", "9: schemes: has 'mine'"),
-        (STRONG + "schemes: [splitting]\nreference_scheme: mine\n", "10: reference_scheme: has 'mine'"),
+        (STRONG + "schemes: [splitting]\nreference_scheme: mine\n", "10: reference_scheme: is 'mine'"),
         (TRAJECTORY + "schemes: [mine]\n", "8: schemes: has 'mine'"),
     ],
 )

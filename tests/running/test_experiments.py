@@ -86,7 +86,12 @@ def test_experiment_runs(path, tmp_path, capsys):
     experiment = load(path, "quick")
     results = storage.read(run(experiment, tmp_path))
     assert results.attributes["complete"]
-    parts = [(c.name, p.variant, p.estimator) for c in experiment.cases for p in KINDS[experiment.kind].study.parts(c)]
+    parts = [
+        (case.name, part.variant, part.estimator)
+        for case in experiment.cases
+        for together in KINDS[experiment.kind].study.parts(case)
+        for part in together.each()
+    ]
     if experiment.kind == "work_precision":  # which has one estimator for each scheme, and extrapolated ones besides
         assert {(case, scheme, "") for case, scheme, _ in parts} <= {(g.case, g.variant, "") for g in results.groups}
     else:

@@ -98,6 +98,7 @@ def strong_case(name, sigma, scheme, final_time):
         row=scheme_entry,
         reference_record=lambda eps: None,
         schemes=(scheme,),
+        areas="exact",
         truncate_noise=name == "maxwell_bloch",
         samples=500,
         seed=1,

@@ -123,7 +123,8 @@ class TrajectoryPlan(PathsPlan):
         while not path.paths:
             began, stop = time.perf_counter(), self._stop(path.steps)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps)
-            recorder = state_recorder(times, y[np.newaxis], self.case.every, lane)
+            to_come = y[np.newaxis, path.steps // self.case.every :]  # the first of them is where the path goes on
+            recorder = state_recorder(times, to_come, self.case.every, lane)
             start, end = self._start(y, path.steps), self.case.path + 1
             _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
             path = Path(
