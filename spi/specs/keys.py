@@ -4,11 +4,10 @@ pydantic reads values as the annotations here ask, and writes their JSON Schema.
 """
 
 import difflib
-import functools
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Sequence
-from functools import partial, reduce
+from functools import cache, partial, reduce
 from operator import or_
 from types import UnionType
 from typing import Annotated, Any, Self, Union, get_args, get_origin, get_type_hints
@@ -65,9 +64,7 @@ def wrong(what: str, right: str, *keys: str | int) -> PydanticCustomError:
     return PydanticCustomError("spec", "{what}; {right}", {"what": what, "right": right, "keys": keys})
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Keys and numbers
-# ---------------------------------------------------------------------------------------------------------------------
+# --- keys and numbers ------------------------------------------------------------------------------------------------
 
 
 def _faults_of_keys(data: dict[str, Any], known: dict[str, Any], needed: dict[str, Any]) -> list[InitErrorDetails]:
@@ -134,7 +131,7 @@ class Keys(pydantic.BaseModel):
         return record
 
 
-@functools.cache
+@cache
 def _conditions(cls: type[Keys]) -> dict[str, tuple[str, ...]]:
     """The names of the conditions of a class, and the keys that they are about."""
     named = (item for base in reversed(cls.__mro__) for item in vars(base).items())
@@ -231,12 +228,12 @@ def powers_of_two(value: Any) -> Any:
         if ranges := [entry for entry in value if isinstance(entry, str) and ".." in entry]:
             raise wrong(f"has a range in a list, {shown(ranges[0])}", f"write it without brackets: {ranges[0]}")
         return value
+    what, such = f"is {shown(value)}", "such as 2^-5 .. 2^-13"
     if not isinstance(value, str) or ".." not in value:
-        raise wrong(f"is {shown(value)}", "must be a list such as [2^-5, 2^-6], or a range such as 2^-5 .. 2^-13")
+        raise wrong(what, f"must be a list such as [2^-5, 2^-6], or a range {such}")
     ends = [math.frexp(_number(float, end)) for end in value.split("..")]
     if len(ends) != 2 or any(mantissa != 0.5 for mantissa, _ in ends):
-        right = "a range must have powers of two at both ends, such as 2^-5 .. 2^-13"
-        raise wrong(f"is {shown(value)}", right)
+        raise wrong(what, f"a range must have powers of two at both ends, {such}")
     (_, first), (_, last) = ends
     sign = 1 if last >= first else -1
     return [repr(2.0 ** (k - 1)) for k in range(first, last + sign, sign)]
