@@ -26,9 +26,7 @@ from .mistakes import again, details, every
 ABSENT: Any = Field(default_factory=lambda: None)  # a key may be left out, but the JSON Schema names no default
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# Words of messages
-# ---------------------------------------------------------------------------------------------------------------------
+# --- words of messages -----------------------------------------------------------------------------------------------
 
 
 def shown(value: Any) -> str:
