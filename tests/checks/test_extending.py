@@ -11,7 +11,7 @@ import pytest
 import test_model_fields
 import test_models
 from extending import Oscillator
-from helpers import COMPILED, INITIAL, LANES, RIGID_BODY, composed, final_states, random_states, take_step
+from helpers import INITIAL, LANES, RIGID_BODY, composed, final_states, loop_in_python, random_states, take_step
 
 from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import hamiltonian
@@ -54,8 +54,8 @@ def test_there_are_generic_checks():
 def test_the_system_integrates():
     """A step is linear, y -> A (y - (0, sigma dW)), so that mean and covariance are those of a recursion."""
     model, initial, h, steps = Oscillator((0.7,)), (0.6, -1.1), 1 / 4, 16
-    blocks = 256 if COMPILED else 8
-    states = final_states(SCHEMES["splitting"].record, model, h=h, steps=steps, blocks=blocks, initial=initial)[0]
+    with loop_in_python():
+        states = final_states(SCHEMES["splitting"].record, model, h=h, steps=steps, blocks=16, initial=initial)[0]
     step = np.array([[1, 0], [-h, 1]]) @ np.array([[1, h], [0, 1]])
     mean, covariance = np.array(initial), np.zeros((2, 2))
     for _ in range(steps):

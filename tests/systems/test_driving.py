@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from ensemble_cases import increments_of
-from helpers import SCHEMES, compiled_only, simulate, take_step
+from helpers import SCHEMES, loop_in_python, simulate, take_step
 from scipy.integrate import quad, solve_ivp
 from yaml_cases import definition
 
@@ -224,19 +224,19 @@ def by_hand(model, h, increments, sides=None):
     return y
 
 
-@compiled_only
 def test_the_loop_gives_each_step_its_time():
     """At three step sizes at once, and where pairs of steps act in reversed order."""
     model, h, steps = record(NOISY), 2.0**-4, 8
-    found, _ = simulate(
-        SCHEMES["splitting"].record,
-        model,
-        h=h,
-        steps=steps,
-        doublings=(0, 0, 1, 2),
-        initial=INITIAL,
-        reversals=[0, PAIRS_REVERSED, 0, 0],
-    )
+    with loop_in_python():
+        found, _ = simulate(
+            SCHEMES["splitting"].record,
+            model,
+            h=h,
+            steps=steps,
+            doublings=(0, 0, 1, 2),
+            initial=INITIAL,
+            reversals=[0, PAIRS_REVERSED, 0, 0],
+        )
     dW = increments_of(h=h, steps=steps)[0][:, :1]
     expected = [dW, dW.reshape(-1, 2, *dW.shape[1:])[:, ::-1].reshape(dW.shape)]
     expected += [dW.reshape(-1, 2**s, *dW.shape[1:]).sum(axis=1) for s in (1, 2)]
