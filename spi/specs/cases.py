@@ -17,10 +17,10 @@ from ..systems import hidden, variables
 from ..systems.keys import MOST
 from .checks import (
     check_count,
+    check_distinct,
     check_eps,
     check_names,
     check_needs,
-    check_once,
     check_schemes,
     check_word_of_areas,
     dyadic,
@@ -245,7 +245,7 @@ class BaseCase(Keys):
     @condition("panels", "statistics", "quantiles", "targets")
     def _check_lists(self) -> None:
         for key in ("panels", "statistics", "quantiles", "targets"):
-            check_once(getattr(self, key, None) or (), key)
+            check_distinct(getattr(self, key, None) or (), key)
 
     _check_areas = condition("areas", "schemes", "reference_scheme")(check_word_of_areas)
     _check_eps = condition("eps", "schemes")(check_eps)

@@ -54,7 +54,7 @@ def dyadic(case: Any, h: float) -> float:
     return exact
 
 
-def check_once(listed: Sequence[Any], key: str) -> None:
+def check_distinct(listed: Sequence[Any], key: str) -> None:
     if len(set(listed)) < len(listed):
         raise wrong(f"has '{next(s for s in listed if listed.count(s) > 1)}' twice", "remove one", key)
 
@@ -68,7 +68,7 @@ def check_eps(case: Any) -> None:
         if not multiscale:
             known = [name for name, row in SCHEMES.items() if row.multiscale]
             raise wrong("is used by none of the schemes", f"leave it out or use one of {', '.join(known)}", "eps")
-        check_once([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
+        check_distinct([f"{eps:g}" for eps in case.eps], "eps")  # as results are named
         for name in multiscale:
             if case.row(name).needs_eps and 0 in case.eps:
                 raise wrong(f"has 0, which '{name}' cannot have", "must be positive for it", "eps")
@@ -104,7 +104,7 @@ def times_on_grid(case: Any, between: float, of: str) -> tuple[float, ...]:
 
     every(check, enumerate(case.times))
     numbers = [round(t / between) for t in case.times]
-    check_once([quantity(n * between) for n in numbers], "times")
+    check_distinct([quantity(n * between) for n in numbers], "times")
     return tuple(n * between for n in sorted(numbers))
 
 
@@ -150,7 +150,7 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
     """No scheme twice, flows where there must be some, no Lévy areas of more pairs of noises than compiled code takes;
     and what the truncation of increments asks for, where some of the schemes are `used`."""
     listed, truncated, pairs = case.schemes, case.truncate_noise, len(area_pairs(case.model))
-    check_once(listed, "schemes")
+    check_distinct(listed, "schemes")
     if truncated and max(steps) >= 1:
         has = "has" if key == "steps" else "is"
         right = "must be below 1 with truncate_noise, whose bound is 0 there"
@@ -227,7 +227,7 @@ def check_needs(case: Any) -> None:
 
 def check_extrapolate(case: Any) -> None:
     """What the key `extrapolate` needs: schemes whose weak error is a series in known powers of h, and steps."""
-    check_once(case.extrapolate, "extrapolate")
+    check_distinct(case.extrapolate, "extrapolate")
     if not (most := max(case.extrapolate)):
         return
     for key, why in (("reference_scheme", "measures each scheme with itself"), ("truncate_noise", "needs powers of h")):

@@ -22,7 +22,7 @@ def cells_around(values: Array, number: int | tuple[int, ...], margin: float) ->
     return low - beyond, (high - low + 2 * beyond) / number
 
 
-def cell_places(sides: Array, low: Array, width: Array, number: tuple[int, int], closed: bool) -> Array:
+def places_in_cells(sides: Array, low: Array, width: Array, number: tuple[int, int], closed: bool) -> Array:
     """(blocks, T, 1, LANES): the number of the cell in rows and columns, and a half; -1 outside, NaN if lost.
 
     Of values (2, blocks, T, LANES) in cells that begin at `low` and are as wide as `width`, (T, 2) each.  With `closed`

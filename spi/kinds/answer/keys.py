@@ -13,7 +13,7 @@ from spi.expressions import as_numpy
 from spi.schemes import SCHEMES, has_theory
 from spi.specs.cases import BaseCase, FunctionKeys
 from spi.specs.checks import ROUNDING as RATIO
-from spi.specs.checks import check_count, check_flows, check_once
+from spi.specs.checks import check_count, check_distinct, check_flows
 from spi.specs.conversion import Given
 from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
@@ -84,7 +84,7 @@ class Case(FunctionKeys, BaseCase):
 
     @condition("extrapolate")
     def _check_extrapolate(self) -> Self:
-        check_once(self.extrapolate, "extrapolate")
+        check_distinct(self.extrapolate, "extrapolate")
         return self
 
     @condition("steps", "final_time", "extrapolate")
@@ -122,7 +122,7 @@ class Case(FunctionKeys, BaseCase):
     @condition("final_time", "schemes", "reference_scheme", "model")
     def _check_schemes(self) -> Self:
         check_count(self.final_time, self.final_time / 2.0**FINEST, "final_time")
-        check_once(self.schemes, "schemes")
+        check_distinct(self.schemes, "schemes")
         for name in self.schemes_used:
             key, has = ("schemes", "has") if name in self.schemes else ("reference_scheme", "is")
             if self.row(name).needs_truncation:

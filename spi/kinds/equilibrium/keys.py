@@ -14,7 +14,7 @@ from spi.kinds.functions import PathFunction, check_function, path_function
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import ROUNDING, check_count, check_multiple, check_once, check_schemes
+from spi.specs.checks import ROUNDING, check_count, check_distinct, check_multiple, check_schemes
 from spi.specs.conversion import Given
 from spi.specs.keys import Functions, Samples, Schemes, Steps, condition, key_of, quantity, wrong
 from spi.specs.mistakes import every
@@ -118,7 +118,7 @@ class Case(BaseCase):
             lower = max(self.step_count // STEPS_PER_TOSS, 1) * STEPS_PER_TOSS
             nearest = f"must be a multiple of {STEPS_PER_TOSS}, such as {lower} or {lower + STEPS_PER_TOSS}"
             raise wrong(f"is {self.step_count}", nearest, "step_count")
-        check_once(self.steps, "steps")
+        check_distinct(self.steps, "steps")
         for h in self.steps if self.final_time else ():
             check_multiple(self.final_time, h, "steps", "has")
             check_count(self.final_time, h, "steps")

@@ -24,7 +24,7 @@ from spi.kinds.plans import KernelCall, PathsPlan
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES
-from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cell_places, cells_around, count_places, mollweide
+from spi.statistics.cells import HALF_HEIGHT, HALF_WIDTH, cells_around, count_places, mollweide, places_in_cells
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr
 from spi.statistics.powers import add_values, mean_over_paths
 from spi.statistics.tallies import PathSet, sum_of_fields
@@ -158,7 +158,7 @@ class Pulled:
             apart = y - np.roll(y, LANES // 2, axis=-1)
             distance = np.sqrt((apart * apart).sum(axis=2))
             size = np.sqrt((y * y).sum(axis=2))
-        places = cell_places(self.sides(y), *self.ends, self._number, closed=self._sphere is not None)
+        places = places_in_cells(self.sides(y), *self.ends, self._number, closed=self._sphere is not None)
         return Seen(places, np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2))
 
     def added(self, sums: Counts, rows: Seen, at: slice, first: int, end: int) -> Counts:

@@ -11,7 +11,7 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.special import frozen
 from spi.kinds.functions import path_function
 from spi.models.delegation import undamped
-from spi.statistics.cells import cell_places, cells_around
+from spi.statistics.cells import cells_around, places_in_cells
 from spi.storage.records import INTERVAL
 
 from .results import DensityMap, Histogram, Quantiles
@@ -130,7 +130,7 @@ class Cells(NamedTuple):
         Of states (3, blocks, times, LANES) or of the values (2, blocks, times, LANES) of two functions.
         """
         sides = values if self.pair else _directions(states)
-        return cell_places(sides, self.low, self.width, self.number, closed=not self.pair)
+        return places_in_cells(sides, self.low, self.width, self.number, closed=not self.pair)
 
     def gibbs(self, model: Any, initial: Any, temperature: float) -> np.ndarray | None:
         """The density of exp(-H/T) in the cells of the sphere through `initial`; None if that is not known."""

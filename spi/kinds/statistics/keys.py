@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 from spi.ensemble.protocol import NonNegative, Positive, dimension
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, path_function
 from spi.specs.cases import CLIP, BaseCase
-from spi.specs.checks import ROUNDING, check_every, check_once, check_step, times_on_grid
+from spi.specs.checks import ROUNDING, check_distinct, check_every, check_step, times_on_grid
 from spi.specs.conversion import Given
 from spi.specs.keys import NAME, Keys, Samples, Schemes, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.specs.mistakes import every
@@ -242,7 +242,7 @@ class Case(BaseCase):
             raise wrong(what, "name two functions, as in of: [y1, y2]", "density", "of")
         if of != (SPHERE,):
             every(self._check_name, ((name, "density", "of", i) for i, name in enumerate(of)))
-            check_once(of, "density")
+            check_distinct(of, "density")
             if len(of) != 2:
                 raise wrong(f"has {len(of)} names", f"must be {SPHERE} or the names of two functions", "density", "of")
         if len(given) > _MOST_MAPS:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from annotated_types import MinLen
 
 from spi.specs.cases import FunctionsCase
-from spi.specs.checks import check_extrapolate, check_once
+from spi.specs.checks import check_distinct, check_extrapolate
 from spi.specs.conversion import Given
 from spi.specs.keys import Functions, Levels, Samples, condition, key_of, wrong
 from spi.statistics.claims import AT_MOST, EQUAL, ORDER, Sort
@@ -41,7 +41,7 @@ class SampledCase(KeysOfEstimators, FunctionsCase):
 
     @condition("estimators", "schemes", "steps", "functions", "initial", "model")
     def _check_estimators(self) -> Self:
-        check_once(self.estimators, "estimators")
+        check_distinct(self.estimators, "estimators")
         for name in self.estimators if self.functions else ():
             ESTIMATORS[name].keys.check(self)
         return self
