@@ -1,5 +1,6 @@
 """The command line: arguments and messages only."""
 
+import os
 import signal
 import sys
 from typing import Annotated, NoReturn
@@ -105,7 +106,7 @@ def main() -> NoReturn:
     if arguments[:1] == ["help"]:  # `spi help run` means `spi run --help`
         arguments = [*arguments[1:], "--help"]
     try:
-        code = _run(arguments)
+        code = INVALID if _number_of_threads_is_wrong() else _run(arguments)
     except KeyboardInterrupt:
         code = 128 + signal.SIGINT
     if code == 128 + signal.SIGINT:
@@ -114,6 +115,14 @@ def main() -> NoReturn:
         code = STOPPED
     drop_unwritable_output()
     sys.exit(code or DONE)
+
+
+def _number_of_threads_is_wrong() -> bool:
+    """Say what is wrong with it, as Numba, which reads it when it is imported, would with a traceback."""
+    threads = os.environ.get("NUMBA_NUM_THREADS", "1")
+    if wrong := not (threads.isdecimal() and int(threads) > 0):
+        tell(f"spi: the environment has NUMBA_NUM_THREADS={threads}; must be a whole number from 1 on, or unset")
+    return wrong
 
 
 def _run(arguments: list[str]) -> int:

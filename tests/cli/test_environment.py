@@ -41,6 +41,12 @@ def refusal(*arguments):
     return err
 
 
+@pytest.mark.parametrize("threads", ["0", "-1", "many", ""])
+def test_a_number_of_threads_that_numba_does_not_take(monkeypatch, threads):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    assert "must be a whole number from 1 on" in refusal("list")
+
+
 # --- output ----------------------------------------------------------------------------------------------------------
 
 
