@@ -144,10 +144,14 @@ class MeansPlan(BlocksPlan):
 
     def _values(self, name: str, y: np.ndarray) -> np.ndarray:
         """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
+        y = y.view()
+        y.flags.writeable = False  # so that no function changes what the next one is given
         with np.errstate(all="ignore"):
             values = np.asarray(self.functions[name](y))
         if values.shape != y.shape[-1:]:
             raise ValueError(f"the function {name} returned shape {values.shape} for {y.shape[-1]} paths; one each")
+        if values.dtype.kind == "c":
+            raise ValueError(f"the function {name} returned complex numbers; return real ones")
         return values
 
     def empty(self, number: int) -> Sums:

@@ -1,6 +1,5 @@
 """The integrator as a library: steps of many paths, from states and with noise that a program of one's own has."""
 
-import math
 from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any, NamedTuple
@@ -21,7 +20,7 @@ from ..numerics.rng import LANES, STEPS_PER_TOSS
 from ..specs import SpecError
 from ..specs.drivers import law_of, stream_of
 from .paths import plan_of
-from .specs import whole
+from .specs import real, whole
 
 Array = npt.NDArray[np.float64]
 
@@ -57,7 +56,7 @@ def increments(
 
     Raises SpecError for numbers that are none.
     """
-    if not 0 < step < math.inf:
+    if not real("step", step) > 0:
         raise SpecError(f"step: is {step!r}; must be a positive number")
     shape = whole("steps", steps, 1), whole("paths", paths, 1), whole("noises", noises, 1)
     first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
@@ -144,7 +143,7 @@ class Integrator:
             raise SpecError(f"{missing[0]}: missing; this scheme needs them, and Integrator.noise has some")
         areas = _array("areas", areas, n, len(self.pairs), first=steps) if self.pairs else _NO_AREAS
         coins = _array("coins", coins, n, first=steps) if "coins" in self.needs else _NO_COINS
-        return self._moved(y, Given(dW, areas, coins, 0), steps, 0, 0, out, float(time))
+        return self._moved(y, Given(dW, areas, coins, 0), steps, 0, 0, out, real("time", time))
 
     def sample(
         self, y: Any, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0, out: Array | None = None
@@ -195,8 +194,8 @@ class Integrator:
         """The states after steps along some noise."""
         if out is None:
             out = np.empty_like(y)
-        elif out.shape != y.shape or out.dtype != float:
-            raise SpecError(f"out: must be an array of floats of the shape of y, {y.shape}")
+        elif not (isinstance(out, np.ndarray) and out.shape == y.shape and out.dtype == float and out.flags.writeable):
+            raise SpecError(f"out: must be a writeable array of floats of the shape of y, {y.shape}")
         paths, d = y.shape
         blocks = -(-paths // LANES)
         if paths < blocks * LANES:
@@ -229,7 +228,8 @@ class Integrator:
 def _array(name: str, value: Any, *shape: int, first: int | None = None) -> Array:
     """An argument as an array (first, *shape) of floats in C order, where no `first` means any; SpecError otherwise."""
     try:
-        found = np.ascontiguousarray(value, float)
+        found = np.ascontiguousarray(value)
+        found = found.astype(float, casting="same_kind" if found.dtype.kind == "c" else "unsafe", copy=False)
     except (TypeError, ValueError):
         raise SpecError(f"{name}: is {value!r}; must be an array of numbers") from None
     if found.ndim != 1 + len(shape) or found.shape[1:] != shape or first not in (None, len(found)):

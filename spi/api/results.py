@@ -92,7 +92,12 @@ class Results:
         return str(self.attributes["spec"])
 
     def __getitem__(self, name: str) -> "Results":
-        """The parts whose names have all words of `name`, divided by slashes; KeyError if there are none."""
+        """The parts whose names have all words of `name`, divided by slashes; KeyError if there are none.
+
+        TypeError if `name` is not text.
+        """
+        if not isinstance(name, str):
+            raise TypeError(f"results are indexed by the name of a part, not by {name!r}; parts: {self._listed()}")
         words = set(name.split("/"))
         found = tuple(group for group in self.stored.groups if words <= set(group.name.split("/")))
         if not found:

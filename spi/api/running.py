@@ -81,6 +81,7 @@ def _threads(count: int | None) -> Iterator[None]:
     """Set the number of threads within a block; SpecError if there are not that many."""
     before = thread_count()
     if count is not None:
+        whole("threads", count, 1)
         try:
             use_threads(count)
         except ValueError as error:

@@ -2,6 +2,7 @@
 
 import contextlib
 import inspect
+import math
 import re
 import reprlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -114,11 +115,23 @@ def check_type(name: str, value: Any, types: tuple[type, ...], right: str) -> No
         raise SpecError(f"{name}: is {reprlib.repr(value)}; {right}")
 
 
+_LARGEST = {"seed": 2**64 - 1, "first_path": 2**62, "first_step": 2**62}  # what their types in kernels hold
+
+
 def whole(name: str, value: Any, least: int) -> int:
-    """A number of paths; SpecError if it is none."""
+    """A number of paths, or another whole number; SpecError if it is none."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
         raise SpecError(f"{name}: is {value!r}; must be a whole number, at least {least}")
+    if value > _LARGEST.get(name, value):
+        raise SpecError(f"{name}: is {value}; must be at most {_LARGEST[name]}")
     return int(value)
+
+
+def real(name: str, value: Any) -> float:
+    """A finite number; SpecError if it is none."""
+    if not isinstance(value, int | float | np.integer | np.floating) or not math.isfinite(value):
+        raise SpecError(f"{name}: is {value!r}; must be a number")
+    return float(value)
 
 
 @contextlib.contextmanager

@@ -208,6 +208,9 @@ def test_threads_and_workers_are_those_of_the_run(monkeypatch):
     assert told == [(before, None), (1, None), (before, 1)] and thread_count() == before
     (line,) = messages(spi.run, "rigid_body_strong", threads=10**4)
     assert line.startswith("threads: is 10000; ") and len(told) == 3
+    assert messages(spi.run, "rigid_body_strong", threads="1") == [
+        "threads: is '1'; must be a whole number, at least 1"
+    ]
     assert messages(spi.run, "rigid_body_strong", workers=0) == ["workers: is 0; must be a whole number, at least 1"]
 
 
@@ -339,6 +342,10 @@ def test_what_is_wrong_with_expectations_is_told():
     )
     with pytest.raises(ValueError, match=r"the function phi returned shape \(\) for 10 paths"):
         spi.expectations(BODY, "splitting", np.sum, steps=0.5, **keys)
+    with pytest.raises(ValueError, match="read-only"):  # the next function would be given other states
+        spi.expectations(BODY, "splitting", lambda y: np.negative(y[0], out=y[0]), steps=0.5, **keys)
+    with pytest.raises(ValueError, match="returned complex numbers"):
+        spi.expectations(BODY, "splitting", lambda y: 1j * y[0], steps=0.5, **keys)
 
 
 # --- the package -----------------------------------------------------------------------------------------------------

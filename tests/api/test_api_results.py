@@ -47,6 +47,8 @@ def test_indexing_narrows(results):
         results["zzz"]
     with pytest.raises(KeyError):
         results["one"]["three"]
+    with pytest.raises(TypeError, match="indexed by the name of a part, not by 0; parts: three/euler_maruyama, "):
+        results[0]
 
 
 def test_estimators_and_eps_are_words_of_names():

@@ -109,10 +109,16 @@ def test_a_solver_reports():
         (lambda one: one.steps(one.start(2), "x"), "dW: is 'x'; must be an array of numbers"),
         (lambda one: one.sample(one.start(2), 1, first_path=3), "first_path: is 3; must be a multiple of 64"),
         (lambda one: one.sample(one.start(2), -1), "steps: is -1; must be a whole number, at least 0"),
-        (lambda one: one.sample(one.start(2), 1, out=np.zeros(2)), "out: must be an array of floats"),
+        (lambda one: one.sample(one.start(2), 1, out=np.zeros(2)), "out: must be a writeable array of floats"),
+        (lambda one: one.sample(one.start(2), 1, out=[0]), "out: must be a writeable array of floats"),
+        (lambda one: one.sample(one.start(2), 1, seed=2**64), "seed: is 18446744073709551616; must be at most 184467"),
+        (lambda one: one.noise(2, 1, first_path=2**63), "first_path: is 9223372036854775808; must be at most 461168"),
+        (lambda one: one.sample(np.full((2, 3), 1j), 1), "y: is array([[0.+1.j, "),
+        (lambda one: one.steps(one.start(2), *one.noise(2, 1), time="x"), "time: is 'x'; must be a number"),
         (lambda one: one.steps(one.start(2), np.zeros((1, 2, 3))), "areas: missing; this"),
         (lambda one: integrator("ap_splitting", eps=0.1), "scheme: is 'ap_splitting', which has a fast process"),
         (lambda one: spi.increments(1, 2, 0, 3), "step: is 0; must be a positive number"),
+        (lambda one: spi.increments(1, 2, "x", 3), "step: is 'x'; must be a number"),
     ],
 )
 def test_mistakes_are_one_line(call, message):
