@@ -188,7 +188,7 @@ class Integrator:
         steps: int,
         first_step: int,
         first_path: int,
-        out: Array | None,
+        out: Any,
         time: float = 0.0,
     ) -> Array:
         """The states after steps along some noise."""
