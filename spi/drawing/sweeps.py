@@ -21,7 +21,7 @@ ALONE = (4.6, 3.5)  # the same where there is only one
 COLUMNS = 3  # panels side by side
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
 PALE = 0.4  # of what says nothing
-KNOWN: dict[str, Any] = {"linestyle": (0, (2, 2)), "linewidth": 1.0, "zorder": 2}
+KNOWN: dict[str, Any] = {"linestyle": (0, (2, 2)), "linewidth": 1.0, "zorder": 3.5}  # over a curve that agrees
 
 
 MAP = (4.3, 3.4)  # inches of a map
@@ -109,7 +109,7 @@ def _panel(
         if np.isfinite(expected := curve.of("expected")[order]).any():
             known.setdefault((x[order].tobytes(), expected.tobytes()), []).append((x[order], expected, colour))
     for (x, expected, colour), *others in known.values():
-        ax.plot(x, expected, color="#777777" if others else colour, **KNOWN)
+        ax.plot(x, expected, color=colour if len(curves) > 1 and not others else "#777777", **KNOWN)
     ax.set_ylabel(_label(curves))
     ax.set_title(style.plain(first.function))
 

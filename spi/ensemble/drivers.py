@@ -56,7 +56,8 @@ class Driver:
     def pieces(self, scheme, model, times, first, blocks, end):
         """As those of ``RandomStream.pieces``, with noise as arrays."""
         used = [one for one in (scheme, times.reference_scheme) if one is not None]
-        parts, paths, unit = max(map(substeps, used)), end - first * LANES, self._unit(times)
+        parts, unit = max(map(substeps, used)), self._unit(times)
+        paths = min(end, (first + blocks) * LANES) - first * LANES
         count = max(1, _BYTES // (8 * paths * noises(model) * self.parts * unit)) * unit
         last = times.first_step + times.reference_steps
         for n in range(times.first_step, last, count):

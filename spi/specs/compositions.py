@@ -160,7 +160,7 @@ def _read(value: dict[str, Any], info: pydantic.ValidationInfo) -> dict[str, Any
 def _entry(name: str, value: Any, files: Any) -> Any:
     _check_name(name)
     if isinstance(value, dict) and "python" in value:
-        if files is None:  # the keys of the file alone are looked at
+        if not isinstance(files, Files):  # the keys of the file alone are looked at
             return value
         try:
             return read_scheme(name, value, files)

@@ -25,7 +25,7 @@ from ..ensemble.streams import brownian
 from .checks import ROUNDING
 from .document import SpecError
 from .explaining import explained
-from .files import arrays_in
+from .files import Files, arrays_in
 from .keys import Keys, key_of, quantity, shown, suggestion, wrong
 
 _MOST_AT_ONCE = 2**18  # increments of all noises of a path that are made together: of 64 paths 134 MB
@@ -78,7 +78,7 @@ def _read(value: Any, inner: Any, info: pydantic.ValidationInfo) -> Any:
         raise wrong(f"is {shown(value)}", _EXAMPLE)
     if "file" in value:
         keys = _File.model_validate(value)
-        return recorded(info.context, keys.file, keys.finer) if info.context else keys
+        return recorded(info.context, keys.file, keys.finer) if isinstance(info.context, Files) else keys
     if not isinstance(value["kind"], str) or value["kind"] not in _KEYS:
         raise wrong(f"is {shown(value['kind'])}", suggestion(value["kind"], _KEYS), "kind")
     keys = _KEYS[value["kind"]].model_validate(value)

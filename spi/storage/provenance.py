@@ -65,7 +65,7 @@ def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | Non
     """
     if not Path(path).exists():
         return None
-    stored = read_root(path)
+    stored = _existing(path)
     same = all(stored.get(name) == value for name, value in identity.items() if name != "source_digest")
     return stored if same and stored.get("complete") else None
 
@@ -78,7 +78,7 @@ def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[st
     """
     if not Path(path).exists():
         return
-    stored = read_root(path)
+    stored = _existing(path)
     sizes, old = _sizes(parts), _stored_sizes(stored)
     among_them = old.keys() <= sizes.keys()
     if stored.get("source_digest") != identity["source_digest"] and (
@@ -100,6 +100,16 @@ def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[st
             f"{path}: holds results of more samples or of a longer time; "
             "use --fresh to replace it or --out for another folder"
         )
+
+
+def _existing(path: str | Path) -> dict[str, Any]:
+    """The root attributes of a file to be written; the StorageError about another file says what a run can do."""
+    try:
+        return read_root(path)
+    except StorageError as error:
+        what, right = str(error).rpartition("; ")[0], "use --fresh to replace it or --out for another folder"
+        right = "move it away or use --out for another folder" if Path(path).is_dir() else right
+        raise StorageError(f"{what}; {right}") from error
 
 
 def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:

@@ -118,6 +118,8 @@ def test_states_do_not_depend_on_how_much_is_made_at_a_time(law, monkeypatch):
     expected = states(0, 2, 70)[..., :70]
     monkeypatch.setattr(drivers, "_BYTES", 1)
     assert len(list(driver.pieces(scheme, RIGID_BODY, times, 0, 1, LANES))) == 4
+    piece = next(driver.pieces(scheme, RIGID_BODY, times, 0, 1, 3 * LANES))  # of one block of three
+    assert piece[1].dW.shape[1] == piece[3] == LANES
     assert driver.most_blocks(RIGID_BODY, times) == 1
     assert np.array_equal(states(0, 2, 70)[..., :70], expected)
     assert np.array_equal(states(1, 1, 70)[..., :6], expected[..., 64:])

@@ -89,7 +89,9 @@ def test_levels_not_to_be_trusted(results):
     v = results.groups[1].variables
     v["level_kurtosis"][1][0, 2], v["level_consistency"][1][1, 6], v["level_nonfinite"][1][3] = 345.6, 1.3, 7
     v["level_kurtosis"][1][0, 0], v["level_consistency"][1][0, 0] = math.nan, math.nan
+    v["level_variance_rate_low"][1][0] = math.nan  # the jackknife's, where a level without some paths has no variance
     text = printed(results)
+    assert "variance not resolved" in text and "[nan" not in text
     assert text.count("heavy tails: kurtosis 346 at 2^-7; few samples carry the variance, so that intervals") == 1
     assert text.count("consistency 1.30 at 2^-3: the means of neighbouring levels disagree") == 1
     assert any(line.startswith("2^-6, 2^-7") and line.rstrip().endswith(" 7") for line in text.splitlines())

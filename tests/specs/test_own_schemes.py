@@ -79,6 +79,7 @@ def test_an_entry_is_one_of_the_table(spec):
     before = load(spec).hash
     spec.with_name("mine.py").write_text(MINE + "\n# edited\n", encoding="utf-8")
     assert load(spec).hash != before
+    assert len(load(spec, overrides=["sweep={damping: [0, 1]}"]).cases) == 2
 
 
 @compiled_only

@@ -268,7 +268,13 @@ def test_results_of_another_spec_are_not_replaced(tmp_path):
     finished_with(path, parts=None)
     assert "another spec" in message(storage.check_replaceable, path, identity, parts)
     path.write_bytes(b"no results")
-    assert "not a whole HDF5 file" in message(storage.check_replaceable, path, identity, parts)
+    for called in (storage.check_replaceable, path, identity, parts), (storage.finished, path, identity):
+        assert (
+            message(*called) == f"{path}: not a whole HDF5 file; use --fresh to replace it or --out for another folder"
+        )
+    path.unlink()
+    path.mkdir()
+    assert message(storage.finished, path, identity).endswith("; move it away or use --out for another folder")
     assert storage.spec_and_sources(path) is None
 
 

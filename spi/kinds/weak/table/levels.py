@@ -92,4 +92,6 @@ def _doubts(h: np.ndarray, rows: Levels | Differences, f: int, inconsistency: st
 
 
 def _rate(rate: Order) -> str:
-    return f"h^{rate.order:.2f} [{rate.low:.2f}, {rate.high:.2f}]" if math.isfinite(rate.order) else "not resolved"
+    """A fitted power of h with its interval, which is not known where a group of the jackknife has no variance left."""
+    known = all(map(math.isfinite, (rate.order, rate.low, rate.high)))
+    return f"h^{rate.order:.2f} [{rate.low:.2f}, {rate.high:.2f}]" if known else "not resolved"
