@@ -182,13 +182,19 @@ def test_laws_that_are_not_known_are_refused_with_the_reason():
     ):
         with pytest.raises(ValueError, match=reason):
             law_of(model, point, temperature)
-    for formula, temperature in (("1/y3", 1.0), ("log(1 - y3)", 0.5), ("y3^2 + y1", 1e-7)):
-        singular = made(f"{{algebra: so(3), hamiltonian: {formula}, noises: [y1]}}").record
-        law = law_of(singular, (0.6, 0.0, 0.8), temperature)
-        with pytest.raises(ValueError, match="not integrable or too narrow"):
-            law.expectation(lambda y: y[2])
-        assert mean_divergence(singular, temperature, (0.6, 0.0, 0.8)) is None
     law = law_of(ring, (0.0, 0.6, 0.8) * 4, 1.0)
     assert isinstance(law, Chain)
     with pytest.raises(ValueError, match="on many spheres"):
         law.expectation(lambda y: y[0] * y[3] * y[6])
+
+
+@pytest.mark.parametrize(
+    ("formula", "temperature"),
+    [("1/y3", 1.0), pytest.param("log(1 - y3)", 0.5, marks=pytest.mark.slow), ("y3^2 + y1", 1e-7)],
+)
+def test_laws_that_quadrature_does_not_resolve_are_refused(formula, temperature):
+    singular = made(f"{{algebra: so(3), hamiltonian: {formula}, noises: [y1]}}").record
+    law = law_of(singular, (0.6, 0.0, 0.8), temperature)
+    with pytest.raises(ValueError, match="not integrable or too narrow"):
+        law.expectation(lambda y: y[2])
+    assert mean_divergence(singular, temperature, (0.6, 0.0, 0.8)) is None

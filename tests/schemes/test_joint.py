@@ -316,7 +316,9 @@ def test_families_of_the_gallery():
 
 
 @pytest.mark.skipif(not COMPILED, reason="compares with the compiler")
-@pytest.mark.parametrize("scheme", [JOINT_COIN, JOINT_AREAS], ids=["coin", "areas"])
+@pytest.mark.parametrize(
+    "scheme", [pytest.param(JOINT_COIN, marks=pytest.mark.slow), JOINT_AREAS], ids=["coin", "areas"]
+)
 def test_kernels(scheme, generator):
     """Of one piece that goes with two noises and another with one, in an order that a coin decides; of a bracket."""
     record = made("{algebra: so(3)^2, hamiltonian: y1*y4 + y2*y5, noises: [y4, y1, y5^2, y3]}").record
