@@ -138,9 +138,10 @@ class MeansPlan(BlocksPlan):
 
     @property
     def at_start(self) -> np.ndarray:
-        """(F,) phi(y_0)."""
+        """(F,) phi(y_0), from which values are counted for their spread; 0 where it is not finite."""
         y = np.repeat(np.reshape(self.initial, (-1, 1)), LANES, axis=1)
-        return np.array([self._values(name, y)[0] for name in self.functions])
+        values = np.array([self._values(name, y)[0] for name in self.functions])
+        return np.where(np.isfinite(values), values, 0.0)
 
     def _values(self, name: str, y: np.ndarray) -> np.ndarray:
         """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""

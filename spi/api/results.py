@@ -106,6 +106,12 @@ class Results:
             raise KeyError(f"no part {name}; " + (f"did you mean {near[0]}?" if near else f"parts: {self._listed()}"))
         return Results(records.Results(self._narrowed(found), found, self.stored.chunks), self.path)
 
+    def __contains__(self, name: object) -> bool:
+        """Whether there are parts of that name, as in :meth:`__getitem__`."""
+        return isinstance(name, str) and any(
+            set(name.split("/")) <= set(group.name.split("/")) for group in self.stored.groups
+        )
+
     def _narrowed(self, groups: tuple[records.Group, ...]) -> dict[str, Any]:
         """The attributes with the claims about some groups only."""
         stated = claims.of_text(self.attributes.get("expect"))

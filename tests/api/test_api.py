@@ -319,10 +319,14 @@ def test_standard_errors_are_those_of_the_paths(monkeypatch):
     keys = {key: value for key, value in PATH.items() if key != "step"}
     for most in (1, 16e6):  # bytes of final states at a time
         monkeypatch.setattr("spi.api.expecting._BATCH_BYTES", most)
-        found = spi.expectations(BODY, "splitting", "y1", steps="1/8", samples=2 * LANES + 3, **keys)
+        functions = {"y1": "y1", "infinite at the start": f"1/(y1 - {INITIAL[0]!r})"}
+        found = spi.expectations(BODY, "splitting", functions, steps="1/8", samples=2 * LANES + 3, **keys)
         last = spi.trajectory(BODY, "splitting", samples=2 * LANES + 3, **PATH).y[:, -1, 0].values
-        np.testing.assert_allclose(found.expectation[0, 0], last.mean(), rtol=1e-12)
-        np.testing.assert_allclose(found.expectation_stderr[0, 0], last.std(ddof=1) / len(last) ** 0.5, rtol=1e-12)
+        for f, values in enumerate((last, 1 / (last - INITIAL[0]))):
+            np.testing.assert_allclose(found.expectation[f, 0], values.mean(), rtol=1e-12)
+            np.testing.assert_allclose(
+                found.expectation_stderr[f, 0], values.std(ddof=1) / len(last) ** 0.5, rtol=1e-12
+            )
 
 
 def test_what_is_wrong_with_expectations_is_told():

@@ -41,6 +41,7 @@ def test_indexing_narrows(results):
     for name in ("one/splitting", "splitting/one"):
         assert results[name].parts == results["one"]["splitting"].parts == ("one/splitting",)
     assert results["one/splitting"]["splitting"].parts == ("one/splitting",)
+    assert "splitting" in results and "splitting/one" in results and "spliting" not in results and 0 not in results
     with pytest.raises(KeyError, match="no part spliting; did you mean splitting"):
         results["spliting"]
     with pytest.raises(KeyError, match="no part zzz; parts: three/euler_maruyama, three/splitting"):

@@ -105,6 +105,12 @@ def test_truth_does_not_depend_on_a_scheme(case_of, sigma):
     assert found["truth_bound"].max() < 1e-3
 
 
+def test_truth_that_would_take_hours_is_not_known():
+    initial = tuple(1000 * y for y in INITIAL)
+    limit, error = kolmogorov.exact_expectations(RIGID_BODY, initial, 2.0, PHI, 1e-3)
+    assert np.isnan(limit).all() and np.isinf(error).all()
+
+
 def test_truth_where_it_is_elementary():
     """On an axis nothing moves; with equal inertia and noise, E y falls as exp(-(sigma r)^2 T) to first order."""
     limit, error = kolmogorov.exact_expectations(RIGID_BODY, (0.0, 2.0, 0.0), 3.0, PHI, 1e-6)

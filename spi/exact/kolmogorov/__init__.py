@@ -112,11 +112,12 @@ def expectations(model, compositions, initial, final_time, steps, functions, acc
     return solve(model, by_place(model, compositions), initial, final_time, steps, functions, accuracy)
 
 
-def exact_expectations(model, initial, final_time, functions, accuracy):
+def exact_expectations(model, initial, final_time, functions, accuracy, **limits):
     """E phi(y(T)) of the equation for F functions, and a bound of its numerical error, two arrays (F,).
 
-    At several times, which increase, in place of the final one: (F, times).
+    At several times, which increase, in place of the final one: (F, times).  NaN and infinite where it would take too
+    long, with ``most_seconds=`` longer than that.
 
     No scheme is looked at.  ValueError for a model for which that is not possible (:func:`can_solve_equation`).
     """
-    return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy)
+    return _solver(model, equation=True).exact_expectations(model, initial, final_time, functions, accuracy, **limits)

@@ -114,19 +114,28 @@ def _settled_weak_errors(problem, rounding, accuracy):
     return weak, limits, weak_error, weak_error_bound, goal
 
 
-def exact_expectations(model, initial, final_time, functions, accuracy):
+def exact_expectations(model, initial, final_time, functions, accuracy, most_seconds=LONGEST_FIRST):
     """E phi(y(T)) of the equation, (F,), and its error, refined until that is below `accuracy` or would take long.
 
-    At several times, which increase, (F, times) each.
+    At several times, which increase, (F, times) each.  NaN where the coarsest degrees take more than `most_seconds`, as
+    on a large sphere, where noise is strong.
     """
     times = np.atleast_1d(np.asarray(final_time, float))
     problem = _Problem.of(model, ((1.0, ()),), initial, times[-1], [times[-1]], functions)
     if np.count_nonzero(initial) <= 1:
         found = _at_rest(problem, initial)
         limit, bound = (np.repeat(each[:, None], len(times), axis=1) for each in (found.limit, found.limit_bound))
+    elif not _cost_of_first_limits(problem) <= most_seconds:
+        limit, bound = (np.full((len(functions), len(times)), unknown) for unknown in (np.nan, np.inf))
     else:
         limit, bound = _refined_limit(problem, {}, accuracy, ROUNDING * problem.size()[0][:, None], times)
     return (limit, bound) if np.ndim(final_time) else (limit[:, 0], bound[:, 0])
+
+
+def _cost_of_first_limits(problem):
+    """About how many seconds the three coarsest degrees of the limit take."""
+    with np.errstate(all="ignore"):
+        return 2 * problem.cost_of_limit(LEVELS[2], rough=True)
 
 
 def _refined_limit(problem, found, goal, rounding, times=None):

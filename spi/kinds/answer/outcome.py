@@ -186,7 +186,7 @@ def _why(p: "AnswerPlan", state: State) -> str:
 
 def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached: bool) -> Iterator[str]:
     case, extra = p.case, state.extra
-    if extra.aim > case.accuracy:
+    if extra.aim > case.accuracy and not (one.half <= case.accuracy).all():
         what = f"accuracy {short(case.accuracy, 'g')} would take more than {case.seconds:g} s of typical speed"
         what += f" or {case.samples:,} samples" if case.samples else ""
         yield f"{what}; {short(extra.aim)} is what these allow; raise {'them' if case.samples else 'seconds'}"

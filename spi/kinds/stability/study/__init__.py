@@ -32,6 +32,7 @@ from .paths import Paths, ValuePlan
 
 _PER_POINT = ("finite", "largest_norm", "error", "error_stderr")
 _TRUTH_SECONDS = 3.0  # that the true expectations take for one value, on one thread
+_MOST_SECONDS = 60.0  # that they may take: otherwise they are not known
 _ACCURACY = 1e-3  # numerical error that they may have
 
 
@@ -43,7 +44,8 @@ def _true_expectations(
 
     Typed, because models of two classes may be equal tuples.
     """
-    return exact_expectations(model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY)
+    asked = model, initial, final_time, functions_of(functions, dimension(model)), _ACCURACY
+    return exact_expectations(*asked, most_seconds=_MOST_SECONDS)
 
 
 class Truth(NamedTuple):
