@@ -103,13 +103,15 @@ def check_replaceable(path: str | Path, identity: dict[str, Any], parts: dict[st
 
 
 def _existing(path: str | Path) -> dict[str, Any]:
-    """The root attributes of a file to be written; the StorageError about another file says what a run can do."""
+    """The root attributes of a file to be written; of one that is not ours the StorageError says what a run can do."""
     try:
         return read_root(path)
     except StorageError as error:
-        what, right = str(error).rpartition("; ")[0], "use --fresh to replace it or --out for another folder"
-        right = "move it away or use --out for another folder" if Path(path).is_dir() else right
-        raise StorageError(f"{what}; {right}") from error
+        what, found, _ = str(error).partition("; give a results file")
+        if not found:
+            raise
+        right = "move it away or use" if Path(path).is_dir() else "use --fresh to replace it or"
+        raise StorageError(f"{what}; {right} --out for another folder") from error
 
 
 def _sizes(parts: dict[str, dict[str, int]]) -> dict[str, int]:
