@@ -127,6 +127,7 @@ def test_mistakes_are_one_line(call, message):
     assert str(caught.value).startswith(message) and "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not is_compiling(), reason="there is nothing that Numba compiles")
 def test_numba_code_of_others_can_call_it():
     from own_numba import highest

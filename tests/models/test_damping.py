@@ -225,9 +225,9 @@ initial: [cos(1.1), 0, sin(1.1)]
 damping: 0.5
 schemes: [splitting, euler_maruyama]
 """
-STRONG = HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 70\n"
+STRONG = HEAD + "kind: strong\nfinal_time: 1\nsteps: 2^-3 .. 2^-5\nreference_step: 2^-6\nsamples: 60\n"
 TRAJECTORY = HEAD + "kind: trajectory\nfinal_time: 2\nstep: 1/8\npanels: [casimir_errors]\n"
-EQUILIBRIUM = HEAD + "kind: equilibrium\nsteps: [1/8]\nstep_count: 1280\nsamples: 70\n"
+EQUILIBRIUM = HEAD + "kind: equilibrium\nsteps: [1/8]\nstep_count: 1280\nsamples: 60\n"
 STABILITY = (
     HEAD.replace("0.5", "g")
     + "kind: stability\nsweep: {g: [0, 0.5]}\nfinal_time: 1\nsteps: [2^-3, 2^-4]\nreference_step: 2^-6\nsamples: 70\n"
