@@ -23,8 +23,11 @@ class Stop:
             signal.signal(number, self._wanted)
 
     def _unraisable(self, lost: "sys.UnraisableHookArgs") -> None:
-        """Say nothing of the exception that got lost, since it is remembered."""
-        if not (self.wanted and isinstance(lost.exc_value, KeyboardInterrupt)):
+        """Say nothing once a stop is wanted.
+
+        The exception that got lost is remembered; objects whose making it broke off raise others when they are deleted.
+        """
+        if not self.wanted:
             self.usual_hook(lost)
 
     def ignore(self) -> None:

@@ -30,6 +30,28 @@ def test_a_stop_that_becomes_another_error_is_a_stop(monkeypatch, error):
     assert call("check", "x") == (3, "", "spi: stopped\n")
 
 
+class HalfMade:
+    """What the exception leaves of an object of a library that counts on having been made."""
+
+    def __del__(self):
+        raise AttributeError("_ptr")
+
+
+@pytest.mark.parametrize("stops", [True, False])
+def test_what_a_stop_left_half_made_is_not_told(monkeypatch, stops):
+    def app(*_, **__):
+        STOP.wanted = stops
+        del (made := [HalfMade()])[0]
+        return len(made)
+
+    told = []
+    monkeypatch.setattr(cli, "app", app)
+    STOP.listen()
+    monkeypatch.setattr(STOP, "usual_hook", told.append)
+    assert call("check", "x") == (0, "", "")
+    assert len(told) == (not stops)
+
+
 def test_an_innocent_file_is_not_blamed(monkeypatch):
     def app(*_, **__):
         STOP.wanted = True
