@@ -37,7 +37,7 @@ class Acceptance(Described):
 def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
     """`part` over `whole`, and `otherwise` where the whole is 0."""
     whole = np.asarray(whole, float)
-    return np.divide(part, whole, out=np.full(whole.shape, otherwise), where=whole > 0)
+    return np.divide(part, whole, out=np.full(whole.shape, otherwise), where=whole != 0)
 
 
 def reported(report: np.ndarray) -> dict[str, Any]:

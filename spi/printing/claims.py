@@ -1,5 +1,6 @@
 """Tables of claims and their verdicts."""
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,7 @@ def _table(verdicts: Sequence[Verdict], stacked: bool = False) -> "Table":
     for column in table.columns[:2]:
         column.no_wrap = False
     for one in verdicts:
-        found, at = came_out(one).replace(" [", f"{then}["), _at(one).replace(", ", f",{then}")
+        found, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
         verdict = Text(one.verdict, style=_STYLES.get(one.verdict, "yellow"))
         table.add_row(*map(Text, (one.subject, one.claim.text, found, at)), verdict)
     return table
@@ -51,10 +52,14 @@ def _at(one: Verdict) -> str:
 
 
 def came_out(one: Verdict) -> str:
-    """The value with its interval."""
+    """The value with its interval, and what of it is not finite."""
     if one.found is None:
         return "not computed"
-    _, _, value, low, high, *_ = one.found
+    return _number(one.found) + f" ({one.found.lost})" * bool(one.found.lost)
+
+
+def _number(found: Quantity) -> str:
+    _, _, value, low, high, *_ = found
     if value != value:
         return "not resolved"
     form = ".3f" if abs(value) < 100 and abs(value) >= 0.01 else ".2e"

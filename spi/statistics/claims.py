@@ -9,13 +9,16 @@ claim allows, it is
     failed         if not even the interval of twice that width meets [a, b],
     inconclusive   otherwise, and if the interval is too wide to say anything or the number is not known.
 
+No claim passes about what is not finite, be it in part, or of which paths diverged: it fails if what is finite
+contradicts it, else it is inconclusive.  Only how many paths diverged is a number all the same (:data:`COUNTS`).
+
 An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim hardly ever fails.
 """
 
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +39,9 @@ class Sort(NamedTuple):
     sense: str  #: in which a bare number is meant
     per_step: bool = False  #: whether it is known for each step size
 
+
+#: The quantities that say how many paths diverged, or how many did not, and what they are if none did.
+COUNTS = {"nonfinite": 0.0, "finite": 1.0}
 
 #: The quantities of several kinds.
 ORDER = {"order": Sort(EQUAL)}
@@ -91,6 +97,7 @@ class Quantity(NamedTuple):
     swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
     widest: float = math.inf  #: half the width of an interval from which on it says nothing
     expected: float = math.nan  #: what theory, a reference or a solver without sampling says; NaN where none does
+    lost: str = ""  #: what of it is not finite, or which paths diverged, so that no claim about it passes
 
     @property
     def at(self) -> tuple[str, float] | None:
@@ -142,10 +149,17 @@ def quantity(
     function: str = "",
     h: float | None = None,
     expected: float = math.nan,
+    lost: str = "",
 ) -> Quantity:
     """A quantity with half the width of its interval; one that is infinite is known for certain to be that."""
     value, half = float(value), 0.0 if math.isinf(value) else float(half)
-    return Quantity(name, about, value, value - half, value + half, function, h, expected=float(expected))
+    return Quantity(name, about, value, value - half, value + half, function, h, expected=float(expected), lost=lost)
+
+
+def lost_among(values: np.ndarray, what: str) -> str:
+    """``not finite: 3 of 5 times`` of values of which 3 are not, where `what` is "times"; "" if all are finite."""
+    lost = np.count_nonzero(~np.isfinite(values))
+    return f"not finite: {lost} of {np.size(values)} {what}" if lost else ""
 
 
 def order(
@@ -195,13 +209,36 @@ def judge(claims: Iterable[Claim], quantities: Iterable[Quantity]) -> list[Verdi
 
     Of the step sizes that a claim covers the worst one counts.  A claim without a result is inconclusive.
     """
-    quantities, verdicts = list(quantities), []
+    quantities, verdicts = _with_diverged(list(quantities)), []
     for claim in claims:
         covered: dict[str, list[Quantity]] = {}
         for one in filter(claim.covers, quantities):
             covered.setdefault(one.subject, []).append(one)
         verdicts += [_worst(claim, members) for members in covered.values()] or [Verdict(claim, None, INCONCLUSIVE)]
     return verdicts
+
+
+def _with_diverged(quantities: Sequence[Quantity]) -> list[Quantity]:
+    """The quantities, of which those are lost that are of paths that diverged.
+
+    A quantity that belongs to no step size is of the paths at all of them.
+    """
+    diverged: dict[tuple[Any, ...], str] = {}
+    for one in quantities:
+        if one.name in COUNTS and one.value != COUNTS[one.name]:
+            count = f"{one.value:g}" if one.name == "nonfinite" else f"{1 - one.value:.3g} of the paths"
+            told = f"{count} diverged"
+            diverged[_paths(one)] = told
+            diverged.setdefault(_paths(one._replace(h=None)), told if one.h is None else f"{told} at h = {one.h:g}")
+    return [
+        one if one.name in COUNTS else one._replace(lost=one.lost or diverged.get(_paths(one), ""))
+        for one in quantities
+    ]
+
+
+def _paths(one: Quantity) -> tuple[Any, ...]:
+    """Which paths a quantity is of."""
+    return one.about.case, one.about.variant, one.about.estimator, one.swept, one.h
 
 
 def _worst(claim: Claim, members: Sequence[Quantity]) -> Verdict:
@@ -223,7 +260,7 @@ def _verdict(claim: Claim, one: Quantity) -> str:
         return INCONCLUSIVE
     meets = one.low <= b and one.high >= a
     if meets if claim.sense == EQUAL else a <= one.low and one.high <= b:
-        return PASSED
+        return INCONCLUSIVE if one.lost or not all(map(math.isfinite, (one.value, one.low, one.high))) else PASSED
     return INCONCLUSIVE if one.value - 2 * down <= b and one.value + 2 * up >= a else FAILED
 
 

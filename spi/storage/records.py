@@ -12,6 +12,13 @@ from .fitting import check_fact
 INTERVAL = 1.96  #: half the width of a 95 % interval in standard errors
 HEAVY_TAILS = 100.0  #: a kurtosis of which a person is told: few samples carry the variance, whose estimate is poor
 
+
+def in_standard_errors(difference: np.ndarray, stderr: np.ndarray) -> np.ndarray:
+    """Differences in standard errors; NaN where one of these is not finite, as it says nothing of the difference."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.asarray(difference / np.where(np.isfinite(stderr), stderr, np.nan))
+
+
 #: Kinds of experiment by the names that they had in files of earlier versions.
 RENAMED_KINDS = {"long_time": "equilibrium"}
 

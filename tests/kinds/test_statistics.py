@@ -99,7 +99,7 @@ def test_results_are_written_and_read_and_judged(case_of):
     assert np.array_equal(again.reference, found.reference, equal_nan=True)
     told = {(one.name, one.function): one for one in quantities([again])}
     of_values = {(name, f) for name in ("mean", "variance") for f in case.functions}
-    known = {(name, "length") for name in ("difference", "deviation")}
+    known = {(name, "length") for name in ("difference", "deviation")} | {("nonfinite", "")}
     assert told.keys() == of_values | known | {("quantile", name) for name in case.quantile_names}
     median = told["quantile", "square, 0.5-quantile"]
     assert median.low < median.value == again.quantiles.quantile[1, -1, 1] < median.high

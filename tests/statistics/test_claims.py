@@ -4,6 +4,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def came_out(value, half=0.0, **others):
         (AT_LEAST, 1.0, 0.0, 1.0, 0.0, PASSED),
         (AT_LEAST, 1.0, 0.0, 0.999, 0.0, FAILED),
         (AT_LEAST, 1.0, 0.0, 1.03, 0.05, INCONCLUSIVE),
-        (AT_LEAST, 1.0, 0.0, math.inf, 0.0, PASSED),
+        (AT_LEAST, 1.0, 0.0, math.inf, 0.0, INCONCLUSIVE),  # as what is not finite passes nowhere
     ],
 )
 def test_a_number_is_judged_with_its_interval(sense, number, tolerance, value, half, verdict):
@@ -367,6 +368,136 @@ def test_what_comes_out_is_what_the_results_hold():
     assert (growth[0].value, growth[0].low, growth[0].high) == pytest.approx((0.5, 0.47, 0.53))
     swept = {one.swept for one in quantities_of("stability")}
     assert {word for word, _ in swept} == {"sigma"} and len(swept) > 1
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What is not a number
+# ---------------------------------------------------------------------------------------------------------------------
+
+WIDE = 1e300  # of claims that hold whatever number came out
+#: What may be no number: one of two standard errors, in whose place the other is then taken.
+SPARE = ("averages", "stderr_paths")
+
+
+def numbers_in(record, path=()):
+    """The paths to numbers of a record, of an array to its first and its last."""
+    for field in record.described:
+        value, here = getattr(record, field.name), (*path, field.name)
+        if field.is_record and value is not None:
+            yield from numbers_in(value, here)
+        elif isinstance(value, np.ndarray) and not field.meaning.is_axis and field.name != "nonfinite":
+            places = list(np.ndindex(value.shape))
+            yield from ((*here, places[i]) for i in {0, len(places) - 1} if places)
+        elif field.is_order and isinstance(value, Order):
+            yield from ((*here, name) for name in Order._fields[:3])
+        elif isinstance(value, tuple):
+            yield from ((*here, i) for i, one in enumerate(value) if isinstance(one, float | Order))
+        elif isinstance(value, float):
+            yield here
+
+
+def changed(record, path, change):
+    """The record with another number at the end of the path."""
+    first, *rest = path
+    if isinstance(record, np.ndarray):
+        other = record.astype(float)
+        other[first] = change(record[first])
+        return other
+    old = record[first] if isinstance(first, int) else getattr(record, first)
+    if isinstance(old, Order) and not rest:
+        new = Order(*map(change, old[:3]), old.points)
+    else:
+        new = changed(old, rest, change) if rest else change(old)
+    if isinstance(record, Order):
+        return record._replace(**{first: new})
+    if isinstance(record, tuple):
+        return (*record[:first], new, *record[first + 1 :])
+    return replace(record, **{first: new})
+
+
+def whose(one):
+    """What tells a quantity from others."""
+    return one.name, one.about.case, one.about.variant, one.about.estimator, one.function, one.h, one.swept
+
+
+def came_out_of(kind, readings):
+    return {whose(one): one for one in KINDS[kind].claims.quantities(readings)}
+
+
+def verdicts_on(one, quantities):
+    """Of all claims about the quantity that hold whatever number it is, up to its step size and of its function."""
+    limits = (("h", one.h),) if one.h is not None else ()
+    quantities = [other for other in quantities if other.name == one.name or other.name in claims.COUNTS]
+    about = one.about.owner, one.about.scheme, one.name
+    for sense in (EQUAL, AT_MOST, AT_LEAST):
+        number, tolerance = {EQUAL: (0.0, WIDE), AT_MOST: (WIDE, 0.0), AT_LEAST: (-WIDE, 0.0)}[sense]
+        stated = Claim(*about, sense, number, tolerance, "", tuple(filter(None, (one.function,))), limits)
+        yield next(v.verdict for v in judge([stated], quantities) if v.found is None or v.subject == one.subject)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_claim_passes_on_what_is_no_number(kind):
+    """Every number of the records on which a quantity depends is NaN or infinite in turn; counts are judged always."""
+    judged = set()
+    for readings in by_case(views.readings(WHOLE[kind])):
+        before = came_out_of(kind, readings)
+        for i, reading in enumerate(readings):
+            for path in (path for path in numbers_in(reading) if path[:2] != SPARE):
+
+                def quantities(value, i=i, path=path, readings=readings, reading=reading):
+                    other = changed(reading, path, value)
+                    return came_out_of(kind, [*readings[:i], other, *readings[i + 1 :]])
+
+                depend = set()
+                for value in (lambda x: x + 1e3, lambda x: x - 1e3, lambda x: 0.5 * x):
+                    after = quantities(value)
+                    depend |= {key for key in before if key in after and before[key][2:5] != after[key][2:5]}
+                for value in (math.nan, *[math.inf] * (path[0] != "solver")) if depend else ():  # which counts
+                    after = quantities(lambda _, value=value: value)
+                    for key in depend:
+                        one = before[key]
+                        passed = PASSED in verdicts_on(one, after.values())
+                        assert one.name == "finite" or not passed, (path, value, key)
+                        judged.add(one.name)
+    assert judged == set(KINDS[kind].keys.Case.quantities) - {"nonfinite"}
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if {*claims.COUNTS} & {*KINDS[kind].keys.Case.quantities}])
+def test_no_claim_passes_on_paths_that_diverged(kind):
+    """But those about how many: that they diverge can be claimed, and is then true at all step sizes."""
+    (count,) = {*claims.COUNTS} & {*KINDS[kind].keys.Case.quantities}
+    for readings in by_case(views.readings(WHOLE[kind])):
+        found = [one for one in came_out_of(kind, readings).values() if not one.lost]
+        for lost in [one for one in found if one.name == count][::5]:
+            others = [one if one is not lost else one._replace(value=0.5, low=0.5, high=0.5) for one in found]
+            for one in found:
+                same = whose(one)[1:4] == whose(lost)[1:4] and one.h in (lost.h, None) and one.swept == lost.swept
+                if same and one.name != count:
+                    assert PASSED not in verdicts_on(one, others)
+            assert {*verdicts_on(lost, others)} == {PASSED}
+
+
+def test_what_is_finite_may_contradict_a_claim_all_the_same():
+    quantities = [came_out(value, lost="not finite: 1 of 3 times") for value in (2.0, math.nan)]
+    assert [one.verdict for one in judge([claim(1.0, AT_MOST)], quantities[:1])] == [FAILED]
+    assert [one.verdict for one in judge([claim(3.0, AT_MOST)], quantities[:1])] == [INCONCLUSIVE]
+    (found,) = judge([claim(3.0, AT_MOST)], quantities[:1])
+    assert printed_claims.came_out(found) == "2 (not finite: 1 of 3 times)"
+    (found,) = judge([claim(3.0, AT_MOST)], quantities[1:])
+    assert printed_claims.came_out(found) == "not resolved (not finite: 1 of 3 times)"
+
+
+def test_the_largest_deviation_is_that_of_all_times():
+    """As by Euler-Maruyama with much noise: the mean is known at the first times, and then no number."""
+    nan, one = math.nan, np.ones((1, 3))
+    lost = replace(MEANS, mean=np.array([[1.0, 2.0, nan]]), difference=np.array([[0.0, 0.1, nan]]), t=np.arange(3.0))
+    lost = replace(lost, difference_stderr=np.array([[0.0, 0.1, nan]]), reference=one, quantiles=None, variance=None)
+    lost = replace(lost, since=None, autocorrelation=None, mean_stderr=one)
+    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].claims.quantities([lost])}
+    assert told["deviation"] == (1.0, "not finite: 1 of 3 times") and told["mean"][1] == "not finite at the last time"
+    at_first = replace(lost, mean=one, difference=0 * one, reference=np.array([[nan, 1.0, 1.0]]))
+    told = {one.name: (one.value, one.lost) for one in KINDS["statistics"].claims.quantities([at_first])}
+    assert told["deviation"] == (0.0, "")  # nothing was known at the first time
 
 
 # ---------------------------------------------------------------------------------------------------------------------

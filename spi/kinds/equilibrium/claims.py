@@ -48,7 +48,9 @@ def _averages(one: Equilibrium, found: Averages) -> Iterator[Quantity]:
         yield from of_function("tau", *at, found.tau[:, f], INTERVAL * found.tau_stderr[:, f])
         yield from of_function("halves", *at, np.abs(found.halves[:, f]))
         if np.isfinite(found.reference[f]):
-            yield from of_function("deviation", *at, np.abs(found.deviation[:, f]))
+            own = found.bias[:, f] == 0  # where the reference is the mean itself, which is no deviation
+            steps, values = one.h[~own], np.abs(found.deviation[~own, f])
+            yield from of_function("deviation", one.about, steps, name, values)
         if np.isfinite(factor):
             values, half = factor * found.variance[:, f], INTERVAL * abs(factor) * found.variance_stderr[:, f]
             yield from of_function(response.replace(" ", "_"), *at, values, half, factor * found.reference_variance[f])
@@ -64,7 +66,6 @@ def of_function(
     halves: np.ndarray | float = 0.0,
     expected: float = np.nan,
 ) -> Iterator[Quantity]:
-    """A quantity of a function at each step size in `h` (S,), with half the widths of intervals; none of NaN."""
+    """A quantity of a function at each step size in `h` (S,), with half the widths of intervals."""
     for one in at_steps(name, about, h, values, np.broadcast_to(halves, len(h)), function):
-        if not np.isnan(one.value):
-            yield one._replace(expected=float(expected))
+        yield one._replace(expected=float(expected))

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from spi.kinds.solver import Acceptance, Solver
-from spi.storage.records import Order
+from spi.storage.records import Order, in_standard_errors
 from spi.storage.stored import Array, Described, Stored, array, axis, fact
 
 #: What the figure can show: of Casimir functions and the uniform law, and of functions.
@@ -46,8 +46,7 @@ class Law(Described):
     @property
     def z(self) -> np.ndarray:
         """(S, M) means less their exact values, in standard errors."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return (self.mean - self.mean_exact) / self.mean_stderr
+        return in_standard_errors(self.mean - self.mean_exact, self.mean_stderr)
 
 
 class Averages(Described):
@@ -106,8 +105,7 @@ class Averages(Described):
     @property
     def deviation(self) -> np.ndarray:
         """(S, F) the same in standard errors."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self.bias / self.bias_stderr
+        return in_standard_errors(self.bias, self.bias_stderr)
 
     def response(self, f: int) -> tuple[str, float]:
         """What a variance becomes, "heat capacity" or "susceptibility", and the factor; NaN without a temperature."""

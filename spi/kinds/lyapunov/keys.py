@@ -18,7 +18,7 @@ from spi.specs.checks import ROUNDING, check_step
 from spi.specs.conversion import Given
 from spi.specs.keys import Keys, Samples, Schemes, condition, entries_in, key_of, quantity, shown, wrong
 from spi.specs.mistakes import every
-from spi.statistics.claims import EQUAL, Sort
+from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .results import PANELS
 from .tangents import leaf_dimension
@@ -58,7 +58,10 @@ class Case(BaseCase):
     ) = ()
     truncate_noise: key_of(pydantic.StrictBool, CLIP) = False
 
-    quantities: ClassVar = dict.fromkeys(("largest_exponent", "exponent_sum", "dimension"), Sort(EQUAL))
+    quantities: ClassVar = {
+        **dict.fromkeys(("largest_exponent", "exponent_sum", "dimension"), Sort(EQUAL)),
+        "nonfinite": Sort(AT_MOST),
+    }
     shown_over: ClassVar = ("largest_exponent", "exponent_sum")
     neutral: ClassVar[frozenset[str]] = BaseCase.neutral | {"pullback"}
     driven: ClassVar = False  # between two stops paths use numbers of their own, so steps do not go on from one another

@@ -4,31 +4,56 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, quantity
+from spi.statistics.claims import Quantity, lost_among, quantity
 from spi.storage.records import INTERVAL
 
 from .results import Quantiles, Statistics
 
 
 def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
-    """For each function what is known at the last time, and the largest deviation in standard errors."""
+    """For each function what is known at the last time, and the largest deviation; how many paths diverged."""
     for one in readings:
-        deviation = one.deviation
+        yield quantity("nonfinite", one.about, one.nonfinite)
         for f, name in enumerate(one.functions):
-            for quantity_name in ("mean", "variance", "autocorrelation", "difference"):
-                values, errors = getattr(one, quantity_name), getattr(one, f"{quantity_name}_stderr")
-                known = one.reference[f, -1] if quantity_name == "mean" and one.reference is not None else np.nan
-                if values is not None and not np.isnan(values[f, -1]):
-                    half = INTERVAL * errors[f, -1]
-                    yield quantity(quantity_name, one.about, values[f, -1], half, name, expected=known)
-            if deviation is not None and np.isfinite(deviation[f]).any():
-                yield quantity("deviation", one.about, np.nanmax(np.abs(deviation[f])), 0.0, name)
+            lost = "" if np.isfinite(one.mean[f, -1]) else "not finite at the last time"
+            for which in _told(one, f):
+                value, stderr = getattr(one, which)[f, -1], getattr(one, f"{which}_stderr")[f, -1]
+                known = one.reference[f, -1] if which == "mean" and one.reference is not None else np.nan
+                yield quantity(which, one.about, value, INTERVAL * stderr, name, expected=known, lost=lost)
+            yield from _deviation(one, f)
             if one.quantiles:
-                yield from _quantiles(one, one.quantiles, f)
+                yield from _quantiles(one, one.quantiles, f, lost)
 
 
-def _quantiles(one: Statistics, known: Quantiles, f: int) -> Iterator[Quantity]:
+def _told(one: Statistics, f: int) -> Iterator[str]:
+    """What there is of a function at the last time, be it finite or not."""
+    yield "mean"
+    if one.variance is not None:
+        yield "variance"
+    if one.since is not None and not np.isnan(one.since[f]):
+        yield "autocorrelation"
+    if _compared(one, f)[-1]:
+        yield "difference"
+
+
+def _compared(one: Statistics, f: int) -> np.ndarray:
+    """(T,) at which times the mean of a function is compared; finer paths are to tell it at all of them."""
+    if one.reference is None:
+        return np.zeros(len(one.t), bool)
+    return np.array((one.reference_step is not None) | ~np.isnan(one.reference[f]))
+
+
+def _deviation(one: Statistics, f: int) -> Iterator[Quantity]:
+    """The largest deviation of a function, without its sign, in standard errors, and at how many times it is lost."""
+    at = _compared(one, f)
+    if one.deviation is not None and one.difference is not None and at.any():
+        values = np.where(one.difference[f] == 0.0, 0.0, np.abs(one.deviation[f]))[at]  # no error without a difference
+        largest = np.fmax.reduce(values)
+        yield quantity("deviation", one.about, largest, 0.0, one.functions[f], lost=lost_among(values, "times"))
+
+
+def _quantiles(one: Statistics, known: Quantiles, f: int, lost: str) -> Iterator[Quantity]:
     """The quantiles of a function at the last time, each as that of ``function, level``."""
     for i, level in enumerate(known.level.tolist()):
         value, low, high = (float(each[f, -1, i]) for each in (known.quantile, known.quantile_low, known.quantile_high))
-        yield Quantity("quantile", one.about, value, low, high, f"{one.functions[f]}, {level:g}-quantile")
+        yield Quantity("quantile", one.about, value, low, high, f"{one.functions[f]}, {level:g}-quantile", lost=lost)

@@ -126,7 +126,7 @@ class Case(BaseCase):
 
     quantities: ClassVar = {
         **dict.fromkeys(("mean", "variance", "quantile", "autocorrelation", "difference"), Sort(EQUAL)),
-        "deviation": Sort(AT_MOST),
+        **dict.fromkeys(("deviation", "nonfinite"), Sort(AT_MOST)),
     }
     scoping: ClassVar = ("functions", "quantile_names")
     unless_asked: ClassVar = ()

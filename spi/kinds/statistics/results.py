@@ -5,6 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from spi.kinds.solver import Acceptance
+from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
@@ -111,8 +112,7 @@ class Statistics(Stored):
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
         if self.difference is None or self.difference_stderr is None:
             return None
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self.difference / self.difference_stderr
+        return in_standard_errors(self.difference, self.difference_stderr)
 
 
 Record = Statistics

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.statistics.claims import Quantity, at_steps, each_step, order, quantity
+from spi.statistics.claims import Quantity, at_steps, each_step, lost_among, order, quantity
 
 from .comparisons import agreement, comparable_sweeps, largest_over_eps
 from .results import WeakErrors
@@ -24,13 +24,15 @@ def quantities(readings: Sequence[WeakErrors]) -> Iterator[Quantity]:
             for i, h in enumerate(one.h.tolist()):
                 told = one.expectation[f, i], one.expectation_half[f, i], function, h, limit
                 yield quantity("expectation", one.about, *told)
-        if found := agreement(one, readings):
+        if near := agreement(one, readings):
             exact = np.zeros(len(one.h))
             for f, function in enumerate(one.functions):
-                yield from at_steps("agreement", one.about, one.h, np.abs(found.deviation[f]), exact, function)
+                yield from at_steps("agreement", one.about, one.h, np.abs(near.deviation[f]), exact, function)
         if one.nonfinite is not None:
             yield from each_step("nonfinite", one.about, one.h, one.nonfinite)
     for members in comparable_sweeps(readings).values():
         about = members[0].about._replace(eps=None, variant=members[0].about.scheme)
         for f, function in enumerate(members[0].functions):
-            yield order(about, largest_over_eps(members, f).order, "uniform_order", function)
+            largest = largest_over_eps(members, f)
+            found = order(about, largest.order, "uniform_order", function)
+            yield found._replace(lost=lost_among(largest.value + largest.stderr, "errors"))

@@ -7,6 +7,7 @@ import numpy as np
 
 from spi.printing.sentences import joined
 from spi.printing.text import short
+from spi.storage.records import in_standard_errors
 
 from .results import WeakErrors
 
@@ -35,9 +36,9 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
                 continue
             at = exact.functions.index(name), int(np.flatnonzero(exact.h == h)[0])
             stderr = reading.sampled.error_stderr[f, i]
+            difference = reading.error[f, i] - exact.error[at]
+            found.deviation[f, i] = in_standard_errors(difference, np.hypot(stderr, bounds.error_bound[at]))
             with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-                spread = np.hypot(stderr, bounds.error_bound[at])
-                found.deviation[f, i] = (reading.error[f, i] - exact.error[at]) / spread
                 found.share[f, i] = stderr / np.abs(exact.error[at])
     return found
 
