@@ -2,7 +2,7 @@
 
 import contextlib
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,6 +25,7 @@ from .options import (
     end,
     stored,
 )
+from .signals import STOP
 from .streams import takes_all_characters, tell
 
 if TYPE_CHECKING:
@@ -142,7 +143,8 @@ def plot(
         end(INVALID, f"--{error}")
     if results is None and out is not None and out.resolve() != RESULTS.resolve():
         _refuse_results_in(out, sources)
-    for path in stored(sources, results or RESULTS, profile, overrides, samples, seed, kind, unfinished=True):
+
+    def draw(path: Path) -> None:
         found = so_far.read(path, trust_code)
         with _about(path):
             figure = views.figure(found, style, width, font)
@@ -156,6 +158,29 @@ def plot(
                 tell(f"spi: the figure is {height:.1f} inches high, more than a page has; {more}")
         if film:
             _write_film(path, found, out or folder, stem)
+
+    _each(draw, stored(sources, results or RESULTS, profile, overrides, samples, seed, kind, unfinished=True))
+
+
+def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
+    """Do it for every file; one of several that cannot be shown has a line, and ends the command when all are done."""
+    from ..report.page import problem
+
+    if len(paths) == 1:
+        act(paths[0])
+        return
+    codes = []
+    for path in paths:
+        try:
+            act(path)
+        except typer.Exit as told:
+            codes.append(told.exit_code)
+        except Exception as error:
+            STOP.check()  # which may have become any other error
+            tell(f"spi: {problem(path, error)}")
+            codes.append(INVALID)
+    if codes:
+        raise typer.Exit(max(codes))
 
 
 def _write_film(path: Path, found: "Results", folder: Path, stem: str) -> None:
@@ -189,7 +214,10 @@ def report(
     latex: Annotated[Path | None, typer.Option(help="Folder for the tables as LaTeX: <latex>/<name>.tex.")] = None,
     data: Annotated[Path | None, typer.Option(help="Folder for the curves as CSV: <data>/<name>.csv.")] = None,
 ) -> None:
-    """Write results to one self-contained HTML page."""
+    """Write results to one self-contained HTML page.
+
+    A file that cannot be shown has a line there, and the exit code is 2.
+    """
     from ..report.page import files
     from ..storage import write_all
     from .progress import ProgressLine
@@ -198,12 +226,23 @@ def report(
         if str(folder).startswith("-"):  # an option was taken for its value
             end(INVALID, f"{option}: is '{folder}'; must be a folder, e.g. {option} tables")
     paths = stored(sources, results, profile, overrides, samples, seed, kind)
+    problems: list[str] = []
     with ProgressLine(out.name) as line:
-        written = files(paths, out, latex, data, lambda n, total, name: line.report_work(n, total, f"drawing {name}"))
+
+        def drawing(number: int, total: int, name: str) -> None:
+            line.report_work(number, total, f"drawing {name}")
+
+        written = files(paths, out, latex, data, drawing, problems.append)
+    STOP.check()  # what is drawn by others may turn a stop into any other error
     write_all(written)
     tell(f"wrote {out}")
     for folder in filter(None, (latex, data)):
-        tell(f"wrote {len(paths)} file{'s' * (len(paths) > 1)} into {folder}")
+        count = sum(file.parent == folder and file != out for file in written)
+        tell(f"wrote {count} file{'s' * (count > 1)} into {folder}")
+    for problem in problems:
+        tell(f"spi: {problem}")
+    if problems:
+        raise typer.Exit(INVALID)
 
 
 @contextlib.contextmanager

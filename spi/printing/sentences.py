@@ -59,7 +59,7 @@ def _fitted(fits: Sequence[Order]) -> str:
 
 
 def _expected(order: float | None, whose: str = "") -> str:
-    return "" if order is None else f" ({whose}expected {fraction(order)})"
+    return "" if order is None or math.isnan(order) else f" ({whose}expected {fraction(order)})"
 
 
 def casimirs(found: Iterable[tuple[str, float]]) -> str:

@@ -216,7 +216,9 @@ def _multiple_of_pi(match: re.Match[str]) -> str:
 
 
 def fraction(x: float) -> str:
-    """``1/2`` for 0.5, and numbers that are no simple fraction as they are."""
+    """``1/2`` for 0.5, and numbers that are no simple fraction as they are; "not known" for NaN."""
+    if math.isnan(x):
+        return "not known"
     nearest = Fraction(x).limit_denominator(12)
     return str(nearest) if abs(nearest - x) < 1e-12 else f"{x:g}"
 
@@ -233,7 +235,8 @@ def short(x: float | None, form: str = ".1e") -> str:
 def order_found(order: float, low: float, high: float, expected: float | None = None) -> str:
     """A fitted order with its interval, and what theory says."""
     found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
-    return f"{found} (measured; theory states none)" if expected is None else f"{found} (expected {fraction(expected)})"
+    stated = expected is not None and not math.isnan(expected)
+    return f"{found} (expected {fraction(expected)})" if stated else f"{found} (measured; theory states none)"
 
 
 def angle_note(largest: float) -> str:

@@ -27,23 +27,31 @@ _REFERENCE = re.compile(r'(\bid="|href="#|url\(#)')
 _MANY = 4
 
 
-def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup]:
-    """The :func:`picture` of each of the results, in their order; many are drawn by several processes."""
+def drawn(found: Sequence[Results], prefixes: Sequence[str]) -> Iterator[Markup | Exception]:
+    """The :func:`picture` of each of the results, in their order, or why there is none; several processes draw many."""
     if len(found) < _MANY or processors() == 1:
-        yield from map(picture, found, prefixes)
+        yield from map(_tried, found, prefixes)
         return
     size = min(processors(), len(found))
     ignore = signal.SIGINT, signal.SIG_IGN  # which stops this process, and it the others
     executor = ProcessPoolExecutor(size, get_context("spawn"), initializer=signal.signal, initargs=ignore)
     done = 0
     try:
-        for one in executor.map(picture, found, prefixes):
+        for one in executor.map(_tried, found, prefixes):
             done += 1
             yield one
     except BrokenExecutor:  # one of them was killed; this process does what is left
-        yield from map(picture, found[done:], prefixes[done:])
+        yield from map(_tried, found[done:], prefixes[done:])
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _tried(results: Results, prefix: str) -> Markup | Exception:
+    """The picture, or the error of one that cannot be drawn, so that the others are."""
+    try:
+        return picture(results, prefix)
+    except Exception as error:
+        return error
 
 
 def picture(results: Results, prefix: str) -> Markup:

@@ -76,6 +76,7 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
     """All results files in a folder, or those of runs with some options; StorageError if there are none."""
     paths = sorted(folder.glob("*.h5"))
     if wanted != PLAIN:
+        wanted.name("")  # so that a wrong profile or kind is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]
     if not paths:
         such = f" of runs with {shlex.join(wanted.options)}" if wanted != PLAIN else ""
@@ -85,7 +86,10 @@ def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
 
 
 def _is_of(path: Path, wanted: Wanted) -> bool:
-    experiment = read_root(path).get("experiment", "")
+    try:
+        experiment = str(read_root(path).get("experiment", ""))
+    except StorageError:
+        return False  # of which nobody knows what it is; `spi show` lists it
     kind = "" if wanted.kind is None else f".{wanted.kind}"
     return experiment.endswith(kind) and path.stem == wanted.name(experiment.removesuffix(kind))
 
@@ -109,17 +113,20 @@ def listed(folder: Path) -> tuple[list[Listed], list[str]]:
             stored = read_root(path)
             how = Wanted(stored["profile"], tuple(stored["overrides"])).options
             told = [str(stored.get(key, "")) for key in ("kind", "created", "title")]
-            created = told[1][:16].replace("T", " ")
-            readable.append(Listed(path.stem, told[0], tuple(stored["samples"]), created, shlex.join(how), told[2]))
+            created, samples = told[1][:16].replace("T", " "), tuple(map(int, stored["samples"]))
+            readable.append(Listed(path.stem, told[0], samples, created, shlex.join(how), told[2]))
         except StorageError as error:
             problems.append(str(error))
-        except (KeyError, TypeError, ValueError, AttributeError):
+        except Exception:  # of whatever kind, since the others can be listed
             problems.append(f"{path}: does not tell its spec; run the experiment again with --fresh")
     for one in {one.name: one for one in _unfinished(folder)}.values():
         run = one.about["run"]
-        options = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
-        unfinished = f"unfinished: {one.about['progress']}"
-        readable.append(Listed(one.name, run["kind"], (), unfinished, options, run["title"]))
+        try:
+            options = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
+            unfinished = f"unfinished: {one.about['progress']}"
+            readable.append(Listed(one.name, str(run["kind"]), (), unfinished, options, str(run["title"])))
+        except Exception:
+            problems.append(f"{one.path}: does not tell its run; it is computed from nothing when it is run again")
     return readable, problems
 
 

@@ -4,10 +4,11 @@ import csv
 import io
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 
@@ -204,16 +205,22 @@ def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_pa
         with pytest.raises(storage.StorageError, match=match) as caught:
             files(paths, tmp_path / "r.html", **folders)
         assert "\n" not in str(caught.value)
+        if damaged in paths:  # of several files that one has a line
+            text = files([*stored, damaged], tmp_path / "r.html", tell=(told := []).append)[
+                tmp_path / "r.html"
+            ].decode()
+            assert "Results of 2 experiments" in text and text.count("not shown") == len(told) == 1
+            assert re.search(match, told[0]) and str(escape(told[0])) in text
 
     damaged = tmp_path / "damaged.h5"
     damaged.write_bytes(stored[0].read_bytes()[:-200] + b"x" * 200)
-    refused("damaged.h5: ", [*stored, damaged])
+    refused("damaged.h5: ", [damaged])
     storage.write(damaged, Results({"kind": "other"}, strong_results().groups))
-    refused("damaged.h5: there is no report of results of kind 'other'; known kinds: strong, ", [*stored, damaged])
+    refused("damaged.h5: there is no report of results of kind 'other'; known kinds: strong, ", [damaged])
     storage.write(damaged, Results({"kind": "strong"}, ()))
-    refused("damaged.h5: the results hold no scheme", [*stored, damaged])
+    refused("damaged.h5: the results hold no scheme", [damaged])
     storage.write(damaged, Results({"kind": "weak"}, strong_results().groups))
-    refused("damaged.h5: the group three/.* cannot be read as results of kind weak", [*stored, damaged])
+    refused("damaged.h5: the group three/.* cannot be read as results of kind weak", [damaged])
     (tmp_path / "more").mkdir()
     twin = tmp_path / "more" / "first.h5"
     twin.write_bytes(stored[0].read_bytes())
@@ -224,13 +231,50 @@ def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_pa
 
 
 def test_what_cannot_be_drawn_is_told_with_its_file(stored, tmp_path, monkeypatch):
-    def drawn(found, prefixes):
-        yield Markup("a figure")
-        raise ValueError("there is no panel 'x'")
+    def picture(results, prefix):
+        if prefix == "e2":
+            raise KeyError("x")
+        return Markup("a figure")
 
-    monkeypatch.setattr("spi.report.page.drawn", drawn)
-    with pytest.raises(storage.StorageError, match=r"second.h5: there is no panel 'x'$"):
-        files(stored, tmp_path / "r.html")
+    monkeypatch.setattr(pictures, "picture", picture)
+    text = files(stored, tmp_path / "r.html", tell=(told := []).append)[tmp_path / "r.html"].decode()
+    assert told == [f"{stored[1]}: cannot be shown (KeyError('x'))"]
+    assert "a figure" in text and f"No figure: {escape(told[0])}" in text and "Results of 2 experiments" in text
+
+
+def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypatch, capfd):
+    """Whatever is wrong with it, even what nobody foresaw: it has a line, and the others are shown."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("spi.report.page.drawn", lambda found, prefixes: iter([Markup("figure")] * len(found)))
+    storage.write(Path("third.h5"), strong_results(samples=(5,), profile="quick", overrides=()))
+    real = views.readings
+
+    def readings(results):
+        if results.attributes["title"] == "A path":
+            raise ZeroDivisionError("of a kind that nobody foresaw")
+        return real(results)
+
+    monkeypatch.setattr("spi.report.views.readings", readings)
+    assert app(["report", "--results", ".", "--data", "csv"], standalone_mode=False) == 2
+    line = "second.h5: cannot be shown (ZeroDivisionError('of a kind that nobody foresaw'))"
+    assert capfd.readouterr() == ("", f"wrote report.html\nwrote 2 files into csv\nspi: {line}\n")
+    text = Path("report.html").read_text()
+    assert "Results of 2 experiments" in text and str(escape(line)) in text
+    monkeypatch.setattr("spi.report.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
+    monkeypatch.setattr("spi.report.views.figure", lambda results, *look: readings(results))
+    assert app(["plot", "--results", "."], standalone_mode=False) == 2
+    assert capfd.readouterr() == ("", f"wrote first.pdf\nspi: {line}\nwrote third.pdf\n")
+    for samples in (("x",), 5, (None,), ((1, 2),)):
+        monkeypatch.setattr("spi.running.finding.read_root", lambda path, samples=samples: root(path, samples))
+        assert app(["show", "--results", "."], standalone_mode=False) in (0, None)
+        out, err = capfd.readouterr()
+        assert "third" in out and err.count("does not tell its spec") == 2 == err.count("\n")
+
+
+def root(path, samples):
+    """The attributes of the whole file, those but of one with other numbers of samples."""
+    told = {"kind": "strong", "profile": "quick", "overrides": (), "created": "", "title": ""}
+    return told | {"samples": (5,) if path.stem == "third" else samples}
 
 
 def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypatch, capfd):

@@ -5,14 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import INITIAL, RIGID_BODY, compiled_only
+from helpers import INITIAL, RIGID_BODY, compiled_only, loop_in_python, printed
+from strong_results import strong, strong_group
 
 import spi
+from spi import storage
 from spi.checks.scheme_checks import check_scheme
 from spi.models import MaxwellBloch
-from spi.running.run import load
+from spi.report import sections
+from spi.running.run import load, run
 from spi.schemes import SCHEMES
 from spi.specs import SpecError
+from spi.specs.compositions import Told
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 MINE = '''
@@ -117,6 +121,33 @@ def test_mistakes_are_one_line(spec, entry, message):
     with pytest.raises(SpecError) as caught:
         load(spec, overrides=[f"compositions={{mine: {entry}}}"])
     assert len(caught.value.messages) == 1 and message in str(caught.value)
+
+
+@pytest.mark.parametrize("left_out", [*(key for key in Told.model_fields if "order" in key), "all orders"])
+def test_what_may_be_left_out_is_not_needed_for_any_page(spec, tmp_path, left_out):
+    """Each order in turn, and all; with one noise and with three."""
+    orders = {key: 1 for key in Told.model_fields if "order" in key and left_out not in (key, "all orders")}
+    mine = "{python: mine.py, name: Mine, " + ", ".join(f"{key}: {value}" for key, value in orders.items()) + "}"
+    for sigma in ("[1, 0, 0]", "[1, 1, 1]"):
+        few = f"compositions={{mine: {mine}}}", f"model.sigma={sigma}", "schemes=[mine]", "samples=64"
+        experiment = load(spec, overrides=few)
+        with loop_in_python():
+            path = run(experiment, tmp_path / sigma)
+        used = "strong_order_commuting" if sigma == "[1, 0, 0]" else "strong_order"
+        results = storage.read(path)
+        told = "expected 1" if used in orders else "measured; theory states none"
+        assert told in printed(results) and results.groups[0].attributes.get("expected_order") == orders.get(used)
+        assert sections.section(path, results, "e1").orders
+
+
+@pytest.mark.parametrize("order", [np.nan, None])
+def test_files_with_an_order_that_is_no_number_are_shown(order, tmp_path):
+    """As were written where a scheme did not state its order."""
+    results = strong(strong_group("splitting", expected_order=order))
+    assert "measured; theory states none" in printed(results)
+    storage.write(path := tmp_path / "s.h5", results)
+    one = sections.section(path, storage.read(path), "e1")
+    assert "expected" not in one.told[0][1] and one.orders
 
 
 @pytest.mark.slow
