@@ -1,15 +1,20 @@
 """Spec files made from the experiments by random changes, and whether ``spi check`` takes or refuses them in one line.
 
-    python tests/mutations.py 10000
+    python tests/mutations.py 10000 7
 
-checks that many and says what came of them; ``test_mutations.py`` does the same with few.
+checks that many, as many of each kind, from the seed 7 (1 without), and says what came of them; ``test_mutations.py``
+does the same with few.
 """
 
+import contextlib
+import copy
 import os
 import random
 import re
+import signal
 import sys
 import tempfile
+import traceback
 from collections import Counter
 from pathlib import Path
 
@@ -22,7 +27,126 @@ EXPERIMENTS = [
     for path in sorted((Path(__file__).parents[1] / "experiments").glob("*.yaml"))
     if not re.search("(system|python):", path.read_text(encoding="utf-8"))  # which name files of their own
 ]
-TEXTS = [path.read_text(encoding="utf-8") for path in EXPERIMENTS]
+_BODY = """
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3], sigma: [1, 1, 1]}
+initial: [cos(1.1), 0, sin(1.1)]
+"""
+_HELD = """
+model: {algebra: so(3), variables: [y1, y2, y3], parameters: {a: 1/4}, hamiltonian: a*y1^2 + y2^2/2 + 3*y3^2/4,
+  noises: [y1, y2, y3], sigma: [1, 1, 1]}
+temperature: 1/4
+initial: {law: gibbs, through: [0, 0, 1], temperature: 1/4}
+"""
+#: Specs with many keys of kinds of which few experiments have them.
+MANY_KEYS = [
+    f"""kind: statistics{_BODY}
+final_time: 1
+step: 2^-4
+every: 2
+schemes: [splitting, mine]
+compositions: {{mine: [noise 1/2, drift 1, noise 1/2 backwards]}}
+samples: 640
+functions: {{a: y1^2, e: H, turned: {{passage: "y1 < 0"}}, highest: {{maximum: y3}}, b: y3}}
+statistics: [mean, variance, covariance, quantiles, histogram]
+quantiles: [0.1, 0.5]
+bins: 32
+density: {{of: [a, b], times: [1/2, 1], cells: 8}}
+autocorrelation: {{b: 1/2}}
+reference: {{a: exact, e: {{file: known.csv}}, b: "sin(1.1)*exp(-t)"}}
+reference_step: 2^-5
+panels: [mean, histogram, maps]
+expect: {{splitting: {{deviation: 4, a: {{mean: 0.2 +- 1}}, "b, 0.5-quantile": {{quantile: 0.3 +- 1}}}}}}
+""",
+    f"""kind: statistics{_HELD}
+final_time: 2
+step: 2^-3
+times: [0, 1, 2]
+schemes: [splitting_metropolis]
+samples: 128
+functions: {{energy: H, square: y3^2}}
+density: sphere
+reference: {{energy: stationary, square: stationary}}
+sweep: {{s: [1, 2], of: [mean, variance]}}
+cases: [{{name: one, model: {{sigma: [s, 1, 1]}}}}]
+""",
+    f"""kind: lyapunov{_BODY}
+final_time: 4
+warm_up: 1
+step: 2^-4
+every: 4
+exponents: 2
+schemes: [splitting, euler_maruyama]
+samples: 128
+panels: [lyapunov, pullback]
+pullback: {{times: [1, 4], points: 500, of: [y1, y2]}}
+truncate_noise: true
+expect: {{splitting: {{exponent_sum: 0 +- 1e-3, dimension: 2 +- 0.1, nonfinite: 0}}}}
+""",
+    f"""kind: equilibrium{_HELD}
+steps: [1/2, 1/4]
+final_time: 64
+burn_in: 8
+spacing: 1/2
+schemes: [splitting_symmetric, splitting_metropolis]
+samples: 64
+functions: {{energy: H, square: y3^2}}
+reference: {{energy: exact, square: finest}}
+bins: 10
+accuracy: 1e-2
+panels: [means, histogram, autocorrelation, heat, acceptance]
+expect: {{splitting_symmetric: {{up to 1/4: {{energy: {{average: 0.4 +- 0.1}}}}, order: 2 +- 1}}}}
+profiles: {{quick: {{samples: 32}}}}
+""",
+    f"""kind: answer{_BODY}
+final_time: 1
+functions: {{square: y1^2, wave: sin(2*pi*y1), far: y1 > 0.5}}
+accuracy: 2e-2
+schemes: [splitting_order2, splitting_symmetric]
+extrapolate: [0, 1]
+steps: [1, 1/2, 1/4, 1/8]
+samples: 2^12
+reference_scheme: roessler_rs2
+sampling: true
+seconds: 10
+expect: {{splitting_order2: {{square: {{value: 0.2 +- 1, interval: 0.1}}}}}}
+""".replace(", far: y1 > 0.5", ""),
+    f"""kind: answer{_BODY}
+final_time: 1/2
+functions: y1^2
+accuracy: 1e-3
+cases: [{{name: other, model: {{sigma: [0, s, 0]}}, sweep: {{s: [1, 2]}}}}]
+damping: 1/10
+""",
+    f"""kind: stability{_BODY.replace("[1, 1, 1]", "[s, s, 0]")}
+final_time: 1
+steps: 2^-1 .. 2^-3
+reference_step: 2^-5
+schemes: [splitting, midpoint]
+reference_scheme: splitting
+samples: 64
+sweep: {{s: [0.1, 1]}}
+functions: {{m: y1, e: y1^2}}
+accurate: 0.1
+panels: [regimes, law]
+expect: {{splitting: {{finite: 1, up to 2^-2: {{s up to 1: {{casimir_worst: 1e-10}}}}}}}}
+""",
+]
+#: The file that one of these names.
+KNOWN = "t,value,stderr\n0,0,0\n1/2,1,0\n1,0.3,1e-3\n".replace("1/2", "0.5")
+
+
+def kind_of(text):
+    """The kind of a spec."""
+    return re.search(r"^kind: (\w+)", text, re.MULTILINE)[1]
+
+
+#: kind -> (name of the file, text) of all specs of that kind.
+TEXTS = {}
+for _path in EXPERIMENTS:
+    _text = _path.read_text(encoding="utf-8")
+    TEXTS.setdefault(kind_of(_text), []).append((_path.name, _text))
+for _n, _text in enumerate(MANY_KEYS):
+    TEXTS.setdefault(kind_of(_text), []).append((f"many{_n}.yaml", _text))
 
 #: What may stand in the place of a value; most of it is wrong nearly everywhere.
 VALUES = (
@@ -46,6 +170,7 @@ VALUES = (
     *([], {}, [[]], [None], ["1"] * 3, ["1e200"] * 3, ["0"] * 3, ["1"] * 5000, {"a": {"b": ["c"]}}, {"": ""}),
     *({"name": "rigid_body"}, {"name": []}, {"<<": "1"}, "!!binary aGk=", "2023-01-01", "0x10", "1_000", "~", "yes"),
 )
+LONGEST = 30  #: seconds of the processor that a check may take
 #: Wording of the libraries below, which nobody who writes a spec should have to read.
 FOREIGN = re.compile(
     r"Value error|Input should|pydantic|validation error|Traceback|<class|Extra inputs|Field required|\.py\b"
@@ -60,6 +185,13 @@ def places(data, here=()):
         yield from places(value, (*here, key))
 
 
+def value_at(data, place):
+    """What stands at a place."""
+    for step in place:
+        data = data[step]
+    return data
+
+
 def mutated(draw, text):
     """(what was done, whether it is certainly wrong, the text) of one random change to the document."""
     if draw.random() < 0.25:
@@ -69,9 +201,14 @@ def mutated(draw, text):
     owner = data
     for step in place[:-1]:
         owner = owner[step]
-    what, key = draw.choice(("value", "value", "value", "key", "drop", "nest", "copy")), place[-1]
+    ways = ("value", "value", "value", "key", "drop", "nest", "copy", "another", "of another")
+    what, key = draw.choice(ways), place[-1]
     if what == "value":
         owner[key] = draw.choice(VALUES)
+    elif what in ("another", "of another"):
+        other = yaml.load(draw.choice(draw.choice(list(TEXTS.values())))[1], yaml.BaseLoader)
+        source = data if what == "another" else other
+        owner[key] = copy.deepcopy(value_at(source, draw.choice(list(places(source)))))
     elif what == "key" and isinstance(owner, dict):
         owner[draw.choice((f"{key}x", "", "σ", "\0", "name", "model", key.upper()))] = owner.pop(key)
     elif what == "drop":
@@ -108,13 +245,21 @@ def changed_text(draw, text):
     return what, what == "insert" and odd == "\0", new
 
 
-def answer(draw, folder):
-    """(what was done, exit code, whether that is as it should be, stderr, text) of one changed experiment."""
-    number = draw.randrange(len(TEXTS))
-    what, certain, text = mutated(draw, TEXTS[number])
-    file = folder / EXPERIMENTS[number].name
+def answer(draw, folder, kind=None):
+    """(what was done, exit code, whether that is as it should be, stderr, text) of one changed experiment of a kind."""
+    kind = draw.choice(list(TEXTS)) if kind is None else kind
+    name, text = draw.choice(TEXTS[kind])
+    what, certain, text = mutated(draw, text)
+    file = folder / name
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
-    code, out, err = call("check", file)
+    (folder / "known.csv").write_text(KNOWN, encoding="utf-8")
+    try:
+        with limited(LONGEST):
+            code, out, err = call("check", file)
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        code, out, err = "traceback", "", traceback.format_exc()
     if code == 0:
         first, *more = out.splitlines() or [""]  # under the line of the cost stands what was found of the model
         right = not certain and first.startswith(f"{file}: valid") and not err and not FOREIGN.search("".join(more))
@@ -122,24 +267,45 @@ def answer(draw, folder):
         lines = err.splitlines()  # one for each mistake
         right = code == 2 and not out and len({*lines}) == len(lines) > 0
         right = right and all(line.startswith(f"spi: {file}:") for line in lines)
-    right = right and not FOREIGN.search(err.replace(f"spi: {file}", "")) and os.listdir(folder) == [file.name]
-    file.unlink()
+    right = right and not FOREIGN.search(err.replace(f"spi: {file}", ""))
+    right = right and sorted(os.listdir(folder)) == sorted([file.name, "known.csv"])
+    for made in folder.iterdir():
+        made.unlink()
     return what, code, right, err, text
 
 
-def main(count):
-    draw, found, wrong = random.Random(1), Counter(), 0
+@contextlib.contextmanager
+def limited(seconds):
+    """TimeoutError where what is within takes more seconds of the processor."""
+
+    def end(*_):
+        raise TimeoutError(f"more than {seconds} s of the processor")
+
+    before = signal.signal(signal.SIGVTALRM, end)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
+def main(count, seed=1):
+    draw, found, of_kinds, wrong = random.Random(seed), Counter(), Counter(), 0
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(count):
-            what, code, right, err, text = answer(draw, Path(folder))
+        for number in range(count):
+            kind = list(TEXTS)[number % len(TEXTS)]
+            what, code, right, err, text = answer(draw, Path(folder), kind)
             found[what, code] += 1
+            of_kinds[kind, "taken" if code == 0 else "refused"] += right
             if not right:
                 wrong += 1
-                print(f"WRONG: {what}, exit code {code}: {err!r}\n{text[:3000]}")
-    print(*(f"{what}: exit code {code}: {n}" for (what, code), n in sorted(found.items())), sep="\n")
+                print(f"WRONG: {kind}: {what}, exit code {code}: {err[-3000:]}\n{text[:3000]}\nEND", flush=True)
+    print(*(f"{what}: exit code {code}: {n}" for (what, code), n in sorted(found.items(), key=str)), sep="\n")
+    print(*(f"{kind}: {what}: {n}" for (kind, what), n in sorted(of_kinds.items())), sep="\n")
     print(f"{count} specs, {count - wrong} taken or refused in one line, as they should be")
     return 1 if wrong else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 10_000))
+    sys.exit(main(*map(int, sys.argv[1:])) if sys.argv[1:] else main(10_000))

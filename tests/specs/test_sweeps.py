@@ -130,6 +130,7 @@ def test_cases_are_swept_each_by_itself(spec):
     [
         ([SWEEP, "sweep: {sgima: [1, 2]}"], r"3: sweep: the parameter 'sgima' is not used; did you mean 'sigma'\?"),
         ([SWEEP, "sweep: {word: [1, 2]}"], r"3: sweep: the parameter 'word' is not used; use it in one of model, .*"),
+        (["name: rigid_body", "name: [rigid_body]"], r"4: model\.name: is a list; .*"),
         ([SWEEP, "sweep: {sigma: [1]}"], r"3: sweep\.sigma: has one value; give several, or leave out the sweep .*"),
         ([SWEEP, "sweep: {sigma: [1, -1]}"], r"3: sweep\.sigma: with sigma = -1: model\.sigma: entry 1 is '-1'; .*"),
         (

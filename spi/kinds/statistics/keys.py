@@ -20,7 +20,7 @@ from spi.specs.mistakes import every
 from spi.statistics.claims import AT_MOST, EQUAL, Sort
 
 from .counts import SPHERE, on_sphere
-from .references import EXACT, STATIONARY, check, curve
+from .references import EXACT, RIGHT, STATIONARY, check, curve
 from .results import PANELS
 
 QUANTITIES = ("mean", "variance", "covariance", "quantiles", "histogram")
@@ -58,9 +58,11 @@ class InFile(Keys):
 
 
 def _read(value: Any, handler: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
-    """A text as it is, and a file as the numbers in it."""
-    if not isinstance(value, dict):
+    """A text as it is, and a file as the numbers in it; raises the error about anything else."""
+    if isinstance(value, str | tuple):  # a tuple has been read already
         return handler(value)
+    if not isinstance(value, dict):
+        raise wrong(f"is {shown(value)}", RIGHT)
     given = InFile.model_validate(value)
     return () if info.context is None else curve(info.context.text(given.file, "file"), given.file)
 

@@ -20,7 +20,7 @@ from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
 
 EXACT, STATIONARY = "exact", "stationary"
-_RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"
+RIGHT = f"must be an expression in t, {EXACT}, {STATIONARY} or {{file: known.csv}}"
 _ACCURACY = 1e-6  # numerical error that exact expectations may have
 
 #: Known means and their standard errors at some times.
@@ -70,7 +70,7 @@ def _check_formula(name: str, known: str) -> None:
             raise NumberError("unknown name 'y1'")
         parse_expression(known, 1, ("t",))
     except NumberError as error:
-        raise wrong(f"is {shown(known)} ({error})", _RIGHT, "reference", name) from None
+        raise wrong(f"is {shown(known)} ({error})", RIGHT, "reference", name) from None
 
 
 def _unknown(case: Any, name: str, known: str) -> str | None:
