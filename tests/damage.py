@@ -17,8 +17,9 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from damaged_sums import sums_main
+from damaged_sums import SUMS, broken_main, sums_main
 from equilibrium_results import equilibrium, equilibrium_group
+from filled_results import filled
 from stability_results import stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -27,6 +28,7 @@ from work_results import work_results
 
 from spi import cli, storage
 from spi.storage.files import with_checksum
+from spi.storage.records import Results
 
 T = np.linspace(0.0, 1.0, 9)
 
@@ -42,6 +44,8 @@ def originals(folder):
         "equilibrium": equilibrium(equilibrium_group("splitting")),
         "work_precision": work_results(),
     }
+    for kind in ("equilibrium", "statistics", "lyapunov", "answer"):
+        each[f"{kind}, filled"] = Results({"kind": kind, "title": "A title"}, (filled(kind),))
     for name, results in each.items():
         storage.write(folder / f"{name}.h5", results)
     return {name: (folder / f"{name}.h5").read_bytes() for name in each}
@@ -230,8 +234,12 @@ def main(count):
     print(f"{count} broken files, {count - len(worst)} refused in one line with exit code 2, or shown if they may be")
     print(*worst, sep="\n")
     with tempfile.TemporaryDirectory() as there:
-        wrong = sums_main(draw, Path(there), count // 4)
-    print(f"{count // 4} edited sums, {count // 4 - wrong} gone on with or left out")
+        wrong = sum(sums_main(draw, Path(there, kind), count // 20, kind) for kind in SUMS)
+        broken = sum(broken_main(draw, Path(there, f"{kind}, broken"), count // 20, kind, DAMAGES[:6]) for kind in SUMS)
+    total = count // 20 * len(SUMS)
+    print(f"{total} edited sums, {total - wrong} gone on with or left out")
+    print(f"{total} broken sums, {total - broken} computed from nothing, or from whole ones, with equal bits")
+    wrong += broken
     return 1 if worst or wrong else 0
 
 
