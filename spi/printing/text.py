@@ -235,8 +235,9 @@ def short(x: float | None, form: str = ".1e") -> str:
 def order_found(order: float, low: float, high: float, expected: float | None = None) -> str:
     """A fitted order with its interval, and what theory says."""
     found = f"order {order:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(order) else "order not resolved"
-    stated = expected is not None and not math.isnan(expected)
-    return f"{found} (expected {fraction(expected)})" if stated else f"{found} (measured; theory states none)"
+    if expected is None or math.isnan(expected):
+        return f"{found} (measured; theory states none)"
+    return f"{found} (expected {fraction(expected)})"
 
 
 def angle_note(largest: float) -> str:

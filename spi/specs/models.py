@@ -160,14 +160,16 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
         return
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
+        if systems.variables(model):  # nobody wrote its class, whose name and lines say nothing
+            found = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
+            raise wrong(f"{found}{more}", _remedy(found), "model", *SOURCES)
         what = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"
-        right = _remedy(complaints[0]) if systems.variables(model) else "correct the class, see docs/own_models.md"
-        raise wrong(what, right, "model", *SOURCES)
+        raise wrong(what, "correct the class, see docs/own_models.md", "model", *SOURCES)
 
 
 def _remedy(complaint: str) -> str:
     """What would be right where a system written in YAML fails a generic check."""
-    if "not finite" in complaint or " raises " in complaint:
+    if "not finite" in complaint or "cannot be computed" in complaint:
         return "near the initial state the formulas must be finite; take others, or another state"
     if "gradient" in complaint or "hessian" in complaint:
         return "near the initial state the formulas must be smooth; take others, or another state"

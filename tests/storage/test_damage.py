@@ -7,7 +7,7 @@ import damage
 import h5py
 import numpy as np
 import pytest
-from damaged_sums import sums_main
+from damaged_sums import SUMS, broken_main, sums_main
 from helpers import COMPILED
 
 from spi.kinds.state import _fitting
@@ -41,6 +41,15 @@ def test_a_broken_file_with_a_right_checksum_is_shown_or_refused_in_one_line(who
 @pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
 def test_runs_that_find_edited_sums_come_to_their_end(tmp_path, monkeypatch):
     assert sums_main(random.Random(1), tmp_path, 10) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
+@pytest.mark.parametrize("kind", SUMS)
+def test_damaged_sums_of_every_kind_change_no_number(tmp_path, kind):
+    draw = random.Random(kind)
+    assert sums_main(draw, tmp_path / "edited", 10, kind) == 0
+    assert broken_main(draw, tmp_path / "broken", 10, kind, damage.DAMAGES[:6]) == 0
 
 
 @pytest.mark.parametrize(

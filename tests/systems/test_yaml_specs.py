@@ -1,5 +1,6 @@
 """Systems written in YAML in experiments: layers, sweeps, several at once, and errors with their place."""
 
+import re
 import sys
 import time
 from pathlib import Path
@@ -94,6 +95,18 @@ def test_formulas_that_are_not_finite_near_the_initial_state(spec, tmp_path):
     with pytest.raises(SpecError, match=r"^s.yaml:3: model.system: .*; near the initial state the formulas must be"):
         spec(SPEC.replace("0.2]", "-3]"))
     assert spec(SPEC.replace("0.2]", "3]")).cases[0].model.a == 3.0
+
+
+def test_what_is_wrong_with_a_generated_class_names_none_of_its_lines(spec, tmp_path, monkeypatch):
+    """Nobody wrote it: the words are about the formulas."""
+    (tmp_path / "top.yaml").write_text(FILE)
+    complaint = "rate, line 94, raises ZeroDivisionError at y = (1e150, 0, 0): float division by zero"
+    monkeypatch.setattr("spi.specs.models.check_once", lambda *_: [complaint])
+    told = (
+        "a number cannot be computed at y = (1e150, 0, 0): float division by zero; near the initial state the formulas"
+    )
+    with pytest.raises(SpecError, match=f"^s.yaml:3: model.system: {re.escape(told)} must be finite; "):
+        spec(SPEC)
 
 
 FINITE = "near the initial state the formulas must be finite"
