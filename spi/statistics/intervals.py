@@ -47,3 +47,24 @@ def student_of_paths(samples: int, least: int = 2) -> float:
     """:func:`student_factor` of the jackknife groups of so many paths; NaN where there are fewer than `least`."""
     groups = int(np.count_nonzero(group_counts(samples)))
     return student_factor(groups) if groups >= least else float("nan")
+
+
+def order_statistics(samples: int, level: float, confidence: float = CONFIDENCE) -> tuple[int, int]:
+    """(low, high): the low-th and the high-th smallest of so many values enclose the quantile of this level.
+
+    By the binomial law of how many values lie below it, with at most (1 - confidence) / 2 on either side.  0 or
+    samples + 1 where there is no such value.
+    """
+    from scipy.special import bdtr
+
+    tail = 0.5 * (1.0 - confidence)
+
+    def first(probability: float) -> int:
+        """The smallest k such that k values or fewer lie below with this probability or more."""
+        low, high = -1, samples
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if bdtr(middle, samples, level) >= probability else (middle, high)
+        return high
+
+    return first(tail), first(1.0 - tail) + 1

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from spi.statistics.claims import Quantity, quantity
-from spi.storage.records import INTERVAL
 
 from .results import Quantiles, Statistics
 
@@ -19,8 +18,11 @@ def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
                 values, errors = getattr(one, quantity_name), getattr(one, f"{quantity_name}_stderr")
                 known = one.reference[f, -1] if quantity_name == "mean" and one.reference is not None else np.nan
                 if values is not None and not np.isnan(values[f, -1]):
-                    half = INTERVAL * errors[f, -1]
-                    yield quantity(quantity_name, one.about, values[f, -1], half, name, expected=known)
+                    half = one.interval * errors[f, -1] if errors[f, -1] else 0.0
+                    found = quantity(quantity_name, one.about, values[f, -1], half, name, expected=known)
+                    is_mean = quantity_name == "mean" and np.isfinite(found.value)
+                    low, high = (float(end[f, -1]) for end in one.mean_ends)
+                    yield found._replace(low=low, high=high) if is_mean else found
             if deviation is not None and np.isfinite(deviation[f]).any():
                 yield quantity("deviation", one.about, np.nanmax(np.abs(deviation[f])), 0.0, name)
             if one.quantiles:
