@@ -10,9 +10,8 @@ import numpy as np
 from spi.ensemble.loop import integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
-from spi.ensemble.protocol import noise_indices
 from spi.ensemble.random_states import RandomState, block_states
-from spi.ensemble.scheme_protocol import REPORT, SUMMED, tosses
+from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State, path_grid
 from spi.kinds.solver import reported
@@ -286,8 +285,7 @@ class StatisticsPlan(MeansPlan):
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
         case, functions = self.case, self.columns.functions[: len(self.case.functions)]
         random = isinstance(self.initial, RandomState)
-        noiseless = not (random or noise_indices(self.model) or tosses(self.scheme))
-        always = np.array([[one.is_constant or noiseless] for one in functions])
+        always = np.array([[one.is_constant or not self.is_random] for one in functions])
         at_start = np.array([[one.functional == "start"] for one in functions]) | (case.t == 0)
         return always | (at_start & (not random))
 

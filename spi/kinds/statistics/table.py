@@ -76,7 +76,7 @@ def _mean_cell(reading: Statistics, f: int, i: int) -> str:
     if reading.finite_share[f, i] < 1.0:
         return f"finite in {_percent(reading.finite_share[f, i])}"
     if _is_share(reading, f) and reading.mean_stderr[f, i] != 0:
-        low, high = (short(float(end[f, i]), ".2g") for end in reading.mean_ends)
+        low, high = (short(float(end[f, i]), ".3g") for end in reading.mean_ends)
         return f"{short(float(reading.mean[f, i]), '.4g')} [{low}, {high}]"
     return _cell(reading, reading.mean[f, i], reading.mean_stderr[f, i])
 
