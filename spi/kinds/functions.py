@@ -49,6 +49,19 @@ class PathFunction(NamedTuple):
             return f"share with {self.text} until t"
         return f"{self.functional} of {self.text}" if self.functional else self.text
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is a number by its formula."""
+        try:
+            return not self.functional and math.isfinite(float(self.text))
+        except ValueError:
+            return False
+
+    @property
+    def is_casimir(self) -> bool:
+        """Whether it is a Casimir function, or the largest or smallest of one, which paths without damping keep."""
+        return re.fullmatch(r"C\d*", self.text) is not None and self.functional in ("", "maximum", "minimum")
+
     def along(self, values: Array, between: float) -> Array:
         """What it makes of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
         match self.functional:

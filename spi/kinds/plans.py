@@ -18,7 +18,7 @@ from spi.ensemble.given import draw_paths
 from spi.ensemble.invariants import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.loop import Grid, arguments_of, grid, integrate, thread_count
 from spi.ensemble.observer import path_observer
-from spi.ensemble.protocol import casimirs, in_kernels, large
+from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
 from spi.ensemble.streams import brownian
 from spi.numerics.rng import LANES
@@ -100,6 +100,11 @@ class Plan:
     def initial(self) -> Any:
         """y_0, a tuple of floats or of a large model an array; or what stands for states at random."""
         return np.array(self.case.initial) if large(self.model) else self.case.initial
+
+    @property
+    def is_random(self) -> bool:
+        """Whether paths differ: by noise of some strength, or by their initial states."""
+        return isinstance(self.initial, RandomState) or bool(np.any(np.asarray(strengths(self.model), float)))
 
     def initial_states(self, first: int, blocks: int) -> np.ndarray:
         """(d, 1), or (d, paths): y_0 of the paths of some blocks, of which each has its own where that is random."""

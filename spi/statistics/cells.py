@@ -18,8 +18,9 @@ def range_of(values: Array) -> tuple[Array, Array]:
 def cells_around(values: Array, number: int | tuple[int, ...], margin: float) -> tuple[Array, Array]:
     """(begin, width), (...,) each, of so many cells that hold values (..., n), and that share of their range more."""
     low, high = range_of(values)
-    beyond = np.maximum(margin * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
-    return low - beyond, (high - low + 2 * beyond) / number
+    with np.errstate(over="ignore", invalid="ignore"):
+        beyond = np.maximum(margin * (high - low), 1e-9 * np.maximum(1.0, np.abs(high)))
+        return low - beyond, (high - low + 2 * beyond) / number
 
 
 def places_in_cells(sides: Array, low: Array, width: Array, number: tuple[int, int], closed: bool) -> Array:

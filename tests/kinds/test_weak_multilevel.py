@@ -112,9 +112,9 @@ def test_standard_errors_of_multilevel_leave_out_groups():
     case = case_of("seed=5", *([] if COMPILED else ["steps=[2^-1, 2^-2]", "reference_step=2^-3"]))
     p = levels_plan_of(case, "splitting")
     blocks = [ROUND] * len(p.levels)
-    error, without, counts = p.errors(levels_after(p, blocks))
+    error, without, counts, unseen = p.errors(levels_after(p, blocks))
     found = p.results(after_blocks(p, blocks)).group().arrays["error_stderr"]
-    assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1
+    assert without.shape == (GROUPS, *error.shape) and len(set(counts)) == 1 and not unseen.any()
     levels, *_ = levels_by_hand(case, "splitting", blocks)
     for i, shares in enumerate(shares_of_levels(case, "splitting")):
         for f in range(len(FUNCTIONS)):

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from spi.statistics.claims import Quantity, lost_among, quantity
-from spi.storage.records import INTERVAL
 
 from .results import Quantiles, Statistics
 
@@ -19,7 +18,12 @@ def quantities(readings: Sequence[Statistics]) -> Iterator[Quantity]:
             for which in _told(one, f):
                 value, stderr = getattr(one, which)[f, -1], getattr(one, f"{which}_stderr")[f, -1]
                 known = one.reference[f, -1] if which == "mean" and one.reference is not None else np.nan
-                yield quantity(which, one.about, value, INTERVAL * stderr, name, expected=known, lost=lost)
+                half = one.interval * stderr if stderr else 0.0
+                found = quantity(which, one.about, value, half, name, expected=known, lost=lost)
+                if which == "mean" and np.isfinite(found.value):
+                    low, high = (float(end[f, -1]) for end in one.mean_ends)
+                    found = found._replace(low=low, high=high)
+                yield found
             yield from _deviation(one, f)
             if one.quantiles:
                 yield from _quantiles(one, one.quantiles, f, lost)

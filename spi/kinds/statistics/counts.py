@@ -12,7 +12,7 @@ from spi.ensemble.special import frozen
 from spi.kinds.functions import path_function
 from spi.models.delegation import undamped
 from spi.statistics.cells import cells_around, places_in_cells
-from spi.storage.records import INTERVAL
+from spi.statistics.intervals import order_statistics, student_of_paths, zero_share_bound
 
 from .results import DensityMap, Histogram, Quantiles
 
@@ -30,20 +30,31 @@ class Bins(NamedTuple):
         return cls(*cells_around(values, number, margin), number)
 
 
-def quantiles(counts: np.ndarray, bins: Bins, of_values: Sequence[bool], levels: tuple[float, ...]) -> Quantiles:
-    """Quantiles from counts; their intervals are those of ranks, which are binomial, and one bin wider.
+def quantiles(
+    counts: np.ndarray, lost: np.ndarray, bins: Bins, of_values: Sequence[bool], levels: tuple[float, ...]
+) -> Quantiles:
+    """Quantiles from counts, of which `lost` (T, F, 2) are of minus infinity, and of infinity or NaN.
 
-    NaN where a function has no values but 0 and 1, which `of_values` says.
+    Their intervals are those of ranks, which are binomial, and one bin wider.  NaN where a function has no values but
+    0 and 1, which `of_values` says, and where no value is finite.
     """
     counts, bins = _some(counts, bins, of_values)
-    n = counts[0, 0].sum()
-    level = np.array(levels)
-    spread = INTERVAL * np.sqrt(level * (1 - level) / n)
-    ends = [np.moveaxis(_quantile(counts, bins, at), 0, 1) for at in (level, level - spread, level + spread)]
+    counts[..., [0, -1]] -= lost[:, np.flatnonzero(of_values)]
+    n = counts.sum(axis=-1)
+    ranks = {size: [order_statistics(size, level) for level in levels] for size in np.unique(n).tolist()}
+    each = np.array([ranks[size] for size in n.ravel().tolist()], int).reshape(*n.shape, len(levels), 2)
+    first, last = each[..., 0], each[..., 1]
+    wanted = n[..., np.newaxis] * np.array(levels), first - 0.5, last - 0.5  # a rank is in the bin that holds its value
+    ends = [_quantile(counts, bins, at) for at in wanted]
+    ends[1][first == 0], ends[2][last > n[..., np.newaxis]] = -np.inf, np.inf
+    for end in ends:
+        end[n == 0] = np.nan
+    ends = [np.moveaxis(end, 0, 1) for end in ends]
     width = bins.width.T[..., np.newaxis]
-    found = ends[0], ends[1] - width, ends[2] + width
+    with np.errstate(invalid="ignore"):
+        found = ends[0], ends[1] - width, ends[2] + width
     quantile, low, high = (_all(values, of_values) for values in found)
-    return Quantiles(level=level, quantile=quantile, quantile_low=low, quantile_high=high)
+    return Quantiles(level=np.array(levels), quantile=quantile, quantile_low=low, quantile_high=high)
 
 
 def _some(counts: np.ndarray, bins: Bins, of_values: Sequence[bool]) -> tuple[np.ndarray, Bins]:
@@ -58,12 +69,12 @@ def _all(values: np.ndarray, of_values: Sequence[bool]) -> np.ndarray:
     return found
 
 
-def _quantile(counts: np.ndarray, bins: Bins, level: np.ndarray) -> np.ndarray:
-    """(T, F, levels) where the distribution function, linear in each bin, has these values, or +-inf."""
+def _quantile(counts: np.ndarray, bins: Bins, wanted: np.ndarray) -> np.ndarray:
+    """(T, F, levels) where the distribution function, linear in each bin, has so many paths below, or +-inf."""
     below = np.cumsum(counts, axis=-1)  # of the number of paths up to the upper end of each bin
-    wanted = np.clip(level, 0.0, 1.0) * below[..., -1:]
-    edges = bins.low[..., np.newaxis] + bins.width[..., np.newaxis] * np.arange(bins.number + 1)
-    found = np.empty((*counts.shape[:2], len(level)))
+    with np.errstate(invalid="ignore", over="ignore"):
+        edges = bins.low[..., np.newaxis] + bins.width[..., np.newaxis] * np.arange(bins.number + 1)
+    found = np.empty(wanted.shape)
     for place in np.ndindex(*counts.shape[:2]):
         inner = below[place][:-1]
         found[place] = np.interp(wanted[place], inner, edges[place])
@@ -72,21 +83,26 @@ def _quantile(counts: np.ndarray, bins: Bins, level: np.ndarray) -> np.ndarray:
     return found
 
 
-def histogram(counts: np.ndarray, bins: Bins, of_values: Sequence[bool], number: int) -> Histogram:
+def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:
+    """Standard error of a share of independent paths; of none or all of them by the rule of three."""
+    unseen = zero_share_bound(samples) / student_of_paths(samples)
+    return np.where((share > 0) & (share < 1), np.sqrt(share * (1 - share) / samples), unseen)
+
+
+def histogram(counts: np.ndarray, samples: int, bins: Bins, of_values: Sequence[bool], number: int) -> Histogram:
     """Densities in `number` bins, which divides that of the counts; NaN as for :func:`quantiles`."""
     counts, bins = _some(counts, bins, of_values)
     times, functions = bins.low.shape
-    n = counts[0, 0].sum()
-    inner = counts[..., 1:-1].reshape(times, functions, number, -1).sum(axis=-1)
+    inner = counts[..., 1:-1].reshape(times, functions, number, bins.number // number).sum(axis=-1)
     width = bins.width * (bins.number // number)
-    share = np.moveaxis(inner / n, 0, 1)
+    share = np.moveaxis(inner / samples, 0, 1)
     scale = 1 / width.T[..., np.newaxis]
     found = {
         "bin_low": bins.low.T,
         "bin_width": width.T,
         "density": share * scale,
-        "density_stderr": np.sqrt(share * (1 - share) / n) * scale,
-        "outside": ((counts[..., 0] + counts[..., -1]) / n).T,
+        "density_stderr": share_stderr(share, samples) * scale,
+        "outside": ((counts[..., 0] + counts[..., -1]) / samples).T,
     }
     return Histogram(**{name: _all(values, of_values) for name, values in found.items()})
 
@@ -159,7 +175,7 @@ class Cells(NamedTuple):
             low=self.low + origins,
             width=self.width,
             density=share / area,
-            stderr=np.sqrt(share * (1 - share) / n) / area,
+            stderr=share_stderr(share, n) / area,
             outside=(counts[:, 0, 0] + counts[:, 0, -1]) / n,
             law=law,
         )

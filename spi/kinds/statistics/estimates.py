@@ -7,15 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from spi.statistics.estimators import group_counts, jackknife_stderr
+from spi.statistics.intervals import student_factor, student_of_paths, zero_share_bound
 from spi.statistics.powers import mean_over_paths
 
-from .results import Passages
+from .results import LEAST_GROUPS, Passages
 
 Array = np.ndarray
 
 #: Passages are also looked for at every so many of the times, which tells the bias of looking at some times only.
 COARSER = 2, 4
 _DRAWS = 4000  # for the factor of simultaneous bands
+_SAME = 1e-12  # relative: values that differ by less differ by rounding
 
 
 class Estimate(NamedTuple):
@@ -45,23 +47,32 @@ class Moments(NamedTuple):
         return cls(samples, groups, *found)
 
     def stderr(self, value: Array, without: Array) -> Array:
-        """Standard error of what has these leave-one-out values."""
+        """Standard error of what has these leave-one-out values; NaN where there are too few groups."""
+        if np.count_nonzero(self.groups) < LEAST_GROUPS:
+            return np.full(np.shape(value), np.nan)
         return jackknife_stderr(value, without, self.groups)
 
+    def same(self) -> Array:
+        """(C, T) of which columns all paths have the same value, but for rounding."""
+        error = self.stderr(self.mean, self.mean_without)
+        return error <= _SAME * np.abs(self.mean)  # false for NaN
+
     def _unbiased(self, value: Array, without: Array) -> Estimate:
-        """Of a second moment about the mean."""
-        factor = self.samples / max(self.samples - 1, 1)
+        """Of a second moment about the mean; one path has none."""
+        factor = self.samples / (self.samples - 1) if self.samples > 1 else np.nan
         return Estimate(factor * value, factor * self.stderr(value, without))
 
     def variances(self, count: int) -> Estimate:
         """(count, T) those of the first columns."""
-        value = self.square - self.mean**2
-        without = self.square_without - self.mean_without**2
+        with np.errstate(invalid="ignore", over="ignore"):
+            value = self.square - self.mean**2
+            without = self.square_without - self.mean_without**2
         return self._unbiased(value[:count], without[:, :count])
 
     def _covariance(self, pairs: slice, one: Array, other: Array) -> tuple[Array, Array]:
-        value = self.product[pairs] - self.mean[one] * self.mean[other]
-        return value, self.product_without[:, pairs] - self.mean_without[:, one] * self.mean_without[:, other]
+        with np.errstate(invalid="ignore", over="ignore"):
+            value = self.product[pairs] - self.mean[one] * self.mean[other]
+            return value, self.product_without[:, pairs] - self.mean_without[:, one] * self.mean_without[:, other]
 
     def covariances(self, one: Array, other: Array, count: int) -> Estimate:
         """(count, count, T) of the first columns, the pairs (one, other) of which are the first products."""
@@ -82,28 +93,45 @@ class Moments(NamedTuple):
         before = np.arange(value.shape[1]) < since[:, np.newaxis]
         return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
-    def passages(self, functions: list[int], count: int, t: Array, looks: Array) -> Passages:
+    def passages(self, functions: list[int], count: int, t: Array, looks: Array, bins: int, random: bool) -> Passages:
         """What the shares of paths tell that have met a condition, (F, T) or (F,), NaN for other functions.
 
         Looking at some times only makes shares too small by an amount of order 1/2 in the time between two looks, of
         which those that look at every second and fourth time, the columns from `count` on, show the order.  `looks`
-        are the numbers of looks at a path until t, at t = 0 not counted.
+        are the numbers of looks at a path until t, at t = 0 not counted.  With `bins` also the density of the first
+        times, in so many intervals or fewer.  `random` says whether initial states are.
+
+        Where all paths tell the same, an error is the most that one is wrong by if as many paths as the rule of three
+        allows tell something else.
         """
         even, fourth = np.flatnonzero(looks % 2 == 0), np.flatnonzero(looks % 4 == 0)
         share, share_stderr = np.full((2, count, len(t)), np.nan)
         order, order_stderr, mean, mean_stderr = np.full((4, count), np.nan)
+        edges = even[np.unique(np.linspace(0, len(even) - 1, bins + 1).round().astype(int))] if bins else even[:0]
+        density, density_stderr = np.full((2, count, max(len(edges) - 1, 0)), np.nan)
+        unseen, width = _LARGEST * self.unseen, np.diff(t[edges])
         for i, f in enumerate(functions):
             columns = [f, count + i, count + len(functions) + i]
 
-            def told(of_shares: Callable[[Array], Array], columns: list[int] = columns) -> Estimate:
+            def told(
+                of_shares: Callable[[Array], Array], most: Array | float, columns: list[int] = columns
+            ) -> Estimate:
                 value = of_shares(self.mean[columns])
-                return Estimate(value, self.stderr(value, of_shares(self.mean_without[:, columns])))
+                error = self.stderr(value, of_shares(self.mean_without[:, columns]))
+                return Estimate(value, np.where(error <= _SAME * np.abs(value), most, error))
 
-            share[f, even], share_stderr[f, even] = told(lambda shares: _extrapolated(shares[..., even]))
+            most = np.where((looks[even] == 0) & (not random), 0.0, unseen)
+            share[f, even], share_stderr[f, even] = told(lambda shares: _extrapolated(shares[..., even]), most)
             if len(fourth):
-                order[f], order_stderr[f] = told(lambda shares: _order(shares[..., fourth[-1]]))
+                order[f], order_stderr[f] = told(lambda shares: _order(shares[..., fourth[-1]]), np.nan)
             if len(even) > 1:
-                mean[f], mean_stderr[f] = told(lambda shares: _mean_time(_extrapolated(shares[..., even]), t[even]))
+                mean[f], mean_stderr[f] = told(
+                    lambda shares: _mean_time(_extrapolated(shares[..., even]), t[even]), unseen * t[even[-1]]
+                )
+            if len(edges) > 1:
+                density[f], density_stderr[f] = told(
+                    lambda shares: np.diff(_extrapolated(shares[..., edges]), axis=-1) / width, unseen / width
+                )
         return Passages(
             share=share,
             share_stderr=share_stderr,
@@ -111,11 +139,21 @@ class Moments(NamedTuple):
             order_stderr=order_stderr,
             time=mean,
             time_stderr=mean_stderr,
+            **({"from_t": t[edges[:-1]], "until_t": t[edges[1:]]} if len(edges) > 1 else {}),
+            **({"density": density, "density_stderr": density_stderr} if len(edges) > 1 else {}),
         )
+
+    @property
+    def unseen(self) -> float:
+        """The standard error of a share of the paths that is 0 or 1, by the rule of three."""
+        return float(zero_share_bound(self.samples) / student_of_paths(self.samples, LEAST_GROUPS))
 
     def band(self, count: int) -> Array:
         """(count,) of the first columns the factor of :func:`simultaneous`."""
         return simultaneous(self.mean_without[:, :count])
+
+
+_LARGEST = 2 + math.sqrt(2)  #: the largest weight of :func:`_extrapolated`
 
 
 def _extrapolated(shares: Array) -> Array:
@@ -138,13 +176,18 @@ def _mean_time(share: Array, t: Array) -> Array:
 def simultaneous(without: Array) -> Array:
     """(F,) the factor c by which mean -+ c stderr holds all true means (F, T) at once in 95 % of cases.
 
-    The largest of correlated normal variables, of which the correlations are those of the leave-one-out values
-    `without` (groups, F, T); with normal weights for these, drawn from a fixed seed.
+    The largest of correlated Student variables, of which the correlations are those of the leave-one-out values
+    `without` (groups, F, T); with normal weights for these over one spread, drawn from a fixed seed.
     """
-    spread = without - without.mean(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    groups = len(without)
+    if groups < LEAST_GROUPS:
+        return np.full(without.shape[1], np.nan)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        spread = without - without.mean(axis=0)
         units = spread / np.sqrt((spread**2).sum(axis=0))
     units[~np.isfinite(units)] = 0.0
-    weights = np.random.default_rng(1).standard_normal((_DRAWS, len(units)))
+    random = np.random.default_rng(1)
+    weights = random.standard_normal((_DRAWS, groups))
+    weights /= np.sqrt(random.chisquare(groups - 1, (_DRAWS, 1)) / (groups - 1))
     found = [np.abs(weights @ units[:, f]).max(axis=1) for f in range(units.shape[1])]
-    return np.maximum(np.quantile(found, 0.95, axis=1), 1.96)
+    return np.maximum(np.quantile(found, 0.95, axis=1), student_factor(groups))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from spi.drawing import layout, style
-from spi.drawing.axes import INTERVAL, KNOWN, dress_function, histogram
+from spi.drawing.axes import KNOWN, dress_function, histogram
 from spi.drawing.spheres import cell_edges, dress_map
 from spi.statistics.cells import heights, mollweide
 
@@ -43,17 +43,19 @@ def _panels(readings: Sequence[Statistics], looks: style.Looks) -> list[layout.P
     first = readings[0]
     every = range(len(first.functions))
     of_values = [f for f in every if first.passages is None or np.isnan(first.passages.share[f]).all()]
+    passages = [f for f in every if f not in of_values]
     shown: dict[str, tuple[Callable[..., None], Sequence[int]]] = {
         "mean": (_over_time, every),
         "difference": (_differences, [f for f in every if _known(first.difference, f)]),
         "histogram": (_densities, of_values if first.histogram else ()),
+        "passages": (_passage_densities, passages if first.passages and first.passages.density is not None else ()),
         "variance": (_variances, of_values if first.variance is not None else ()),
         "autocorrelation": (_autocorrelations, [f for f in every if _known(first.autocorrelation, f)]),
     }
     panels: list[layout.Panel] = [
         partial(panel, readings=readings, f=f, looks=looks)
         for word, (panel, functions) in shown.items()
-        if word in first.panels
+        if ("histogram" if word == "passages" else word) in first.panels
         for f in functions
     ]
     if "correlations" in first.panels and first.covariance is not None and len(every) > 1:
@@ -114,7 +116,9 @@ def _over_time(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
         ax.plot(t, reading.mean[f], linewidth=1.1, **look)
         if reading.passages and (known := np.isfinite(reading.passages.share[f])).any():
             ax.plot(t[known], reading.passages.share[f, known], color=look["color"], linewidth=0.8, linestyle="-.")
-        ax.fill_between(t, reading.mean[f] - half, reading.mean[f] + half, color=look["color"], alpha=0.3, linewidth=0)
+        with np.errstate(invalid="ignore"):
+            ends = reading.mean[f] - half, reading.mean[f] + half
+        ax.fill_between(t, *ends, color=look["color"], alpha=0.3, linewidth=0)
         if reading.quantiles:
             ax.plot(t, reading.quantiles.quantile[f], color=look["color"], linewidth=0.8, linestyle=":")
     if (known := readings[0].reference) is not None and (there := np.isfinite(known[f])).any():
@@ -158,7 +162,7 @@ def _with_intervals(
     if values is None or errors is None:
         return
     there = np.isfinite(values[f])
-    x, value, half = x[there], values[f, there], INTERVAL * errors[f, there]
+    x, value, half = x[there], values[f, there], one.interval * errors[f, there]
     look = _look(one, looks)
     ax.plot(x, value, linewidth=1.1, **look)
     ax.fill_between(x, value - half, value + half, color=look["color"], alpha=0.3, linewidth=0)
@@ -174,6 +178,21 @@ def _densities(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Lo
         histogram(ax, cells, density, found.density_stderr[f, -1], colour, np.zeros_like(density))
     ax.set_ylim(bottom=0)
     dress_function(ax, readings[0], f, None, f"density at $t={readings[0].t[-1]:.4g}$")
+
+
+def _passage_densities(ax: Axes, readings: Sequence[Statistics], f: int, looks: style.Looks) -> None:
+    """The density of first times, with 95 % intervals."""
+    for reading in readings:
+        found = reading.passages
+        if found is None or found.density is None or found.density_stderr is None:
+            continue
+        if found.from_t is None or found.until_t is None:
+            continue
+        colour = looks[reading.about.variant][1]
+        ax.stairs(found.density[f], np.append(found.from_t, found.until_t[-1]), color=colour, linewidth=1.0)
+        middle, half = (found.from_t + found.until_t) / 2, reading.interval * np.nan_to_num(found.density_stderr[f])
+        ax.errorbar(middle, found.density[f], half, color=colour, linestyle="none", elinewidth=0.6)
+    dress_function(ax, readings[0], f, "first time $t$", "density")
 
 
 def _correlations(ax: Axes, reading: Statistics) -> None:

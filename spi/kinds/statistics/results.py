@@ -5,6 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from spi.kinds.solver import Acceptance
+from spi.statistics.intervals import student_of_paths
 from spi.storage.records import in_standard_errors
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
@@ -16,8 +17,12 @@ SPHERE_SIDES = "y3 / |y|", "longitude"
 PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "correlations", "maps")
 
 
+#: Of fewer groups of paths no standard error is told.
+LEAST_GROUPS = 8
+
+
 class Quantiles(Described):
-    """Quantiles, by linear interpolation within bins of equal width."""
+    """Quantiles of the paths whose value is finite, by linear interpolation within bins of equal width."""
 
     level: Annotated[Array, axis("probability of the quantile")]
     quantile: Annotated[Array, array("function t level", "quantile")]
@@ -32,7 +37,7 @@ class Histogram(Described):
     bin_width: Annotated[Array, array("function t", "width of a bin")]
     density: Annotated[Array, array("function t bin", "density, 1 / (samples width) of each path in the bin")]
     density_stderr: Annotated[Array, array("function t bin", "standard error of the density")]
-    outside: Annotated[Array, array("function t", "share of the paths outside of all bins")]
+    outside: Annotated[Array, array("function t", "share of the paths outside of all bins, or not finite")]
 
 
 class Passages(Described):
@@ -46,6 +51,12 @@ class Passages(Described):
     order_stderr: Annotated[Array, array("function", "standard error of this order")]
     time: Annotated[Array, array("function", "mean time of passage, the last time where it has not come", "time")]
     time_stderr: Annotated[Array, array("function", "standard error of the mean time of passage", "time")]
+    from_t: Annotated[Array | None, array("until_t", "beginning of an interval of first times", "time")] = None
+    until_t: Annotated[Array | None, axis("end of an interval of first times", "time", name="until_t")] = None
+    density: Annotated[
+        Array | None, array("function until_t", "density of the first time in the interval, from the corrected shares")
+    ] = None
+    density_stderr: Annotated[Array | None, array("function until_t", "standard error of this density")] = None
 
 
 class DensityMap(Described):
@@ -73,10 +84,13 @@ class Statistics(Stored):
     texts: Annotated[tuple[str, ...], fact("what the functions are")]
     t: Annotated[Array, axis("time", "time")]
     mean: Annotated[Array, array("function t", "mean over the paths", formula="E phi(y(t))")]
-    mean_stderr: Annotated[Array, array("function t", "standard error of the mean")]
+    mean_stderr: Annotated[Array, array("function t", "standard error of the mean; NaN where it is not known")]
     band: Annotated[
         Array, array("function", "so many standard errors are a band that holds all means at once with 95 %")
     ]
+    mean_low: Annotated[Array | None, array("function t", "lower end of the 95 % interval of the mean")] = None
+    mean_high: Annotated[Array | None, array("function t", "upper end of the 95 % interval of the mean")] = None
+    finite: Annotated[Array | None, array("function t", "share of the paths whose value is finite")] = None
     passages: Annotated[Passages | None, nested(prefix="passage_")] = None
     variance: Annotated[Array | None, array("function t", "variance over the paths")] = None
     variance_stderr: Annotated[Array | None, array("function t", "standard error of the variance")] = None
@@ -106,6 +120,24 @@ class Statistics(Stored):
     step: Annotated[float, fact("step size", "time")]
     samples: Annotated[int, fact("number of paths", column=True)]
     ns_per_step: Annotated[float, fact("time of a step and path, statistics included", "ns")]
+
+    @property
+    def interval(self) -> float:
+        """Half the width of a 95 % interval in standard errors, by Student's law; NaN of too few paths."""
+        return student_of_paths(self.samples, LEAST_GROUPS)
+
+    @property
+    def mean_ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """(F, T) the ends of the 95 % intervals of the means."""
+        if self.mean_low is not None and self.mean_high is not None:
+            return self.mean_low, self.mean_high
+        half = self.interval * self.mean_stderr
+        return self.mean - half, self.mean + half
+
+    @property
+    def finite_share(self) -> np.ndarray:
+        """(F, T) of the paths, whose value is finite; of files of earlier versions 1 or 0."""
+        return np.isfinite(self.mean) * 1.0 if self.finite is None else self.finite
 
     @property
     def deviation(self) -> np.ndarray | None:

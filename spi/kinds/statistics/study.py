@@ -10,7 +10,7 @@ import numpy as np
 from spi.ensemble.loop import integrated, thread_count
 from spi.ensemble.moments import add_moments, count_values
 from spi.ensemble.observer import state_recorder
-from spi.ensemble.random_states import block_states
+from spi.ensemble.random_states import RandomState, block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import MeansPlan, lost_among
 from spi.kinds.plans import Cost, KernelCall, State, path_grid
@@ -19,6 +19,7 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.cells import count_places
 from spi.statistics.estimators import GROUPS
+from spi.statistics.intervals import clopper_pearson, student_of_paths
 from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
@@ -26,7 +27,7 @@ from .columns import Columns, Map, in_threads
 from .counts import SPHERE, Bins, Cells, histogram, quantiles
 from .estimates import Moments
 from .references import known_means
-from .results import PANELS, SPHERE_SIDES, DensityMap, Statistics
+from .results import LEAST_GROUPS, PANELS, SPHERE_SIDES, DensityMap, Passages, Statistics
 
 _BATCH_BYTES = 24e6
 _PILOT = 16  # blocks, whatever the number of samples, so that more samples have the same bins
@@ -42,6 +43,7 @@ class Sums(NamedTuple):
     values: np.ndarray  #: (2, T, columns, GROUPS) sums of values and of their squares
     products: np.ndarray  #: (1, T, P, GROUPS) sums of products of pairs of columns
     counts: np.ndarray  #: (T, F, 2 + bins) int64: below all bins, in each, and above all or NaN
+    lost: np.ndarray  #: (T, F, 2) int64: of minus infinity, and of infinity or NaN
     cells: np.ndarray  #: (maps, 1, 2 + cells) int64: outside of all cells, in each, and NaN
     nonfinite: int
     report: np.ndarray  #: (SUMMED,) what steps report that is summed up
@@ -60,6 +62,19 @@ class Rows(NamedTuple):
     def at(self, some: slice) -> "Rows":
         """Those of some of the blocks."""
         return Rows(*(each[some] for each in self))
+
+
+def _lost(values: np.ndarray, first: int, end: int) -> np.ndarray:
+    """(T, F, 2): how many values (blocks, T, F, LANES) are minus infinity, and how many infinity or NaN.
+
+    The first block is number `first`; paths from number `end` on do not count.
+    """
+    finite = np.isfinite(values)
+    if finite.all():
+        return np.zeros((*values.shape[1:3], 2), np.int64)
+    counted = (first * LANES + np.arange(len(values) * LANES)).reshape(len(values), 1, 1, LANES) < end
+    below, others = (values == -np.inf) & counted, ~finite & (values != -np.inf) & counted
+    return np.stack([below.sum(axis=(0, 3)), others.sum(axis=(0, 3))], axis=-1)
 
 
 def parts(case: Any) -> list[Part]:
@@ -143,6 +158,7 @@ class StatisticsPlan(MeansPlan):
             values=np.zeros((2, times, columns.number, GROUPS)),
             products=np.zeros((1, times, len(self.pairs[0]), GROUPS)),
             counts=np.zeros((times, len(columns.functions) if case.fine_bins else 0, 2 + case.fine_bins), np.int64),
+            lost=np.zeros((times, len(columns.functions), 2), np.int64),
             cells=np.zeros((len(self.map_times), 1, 2 + (case.density.count if case.density else 0)), np.int64),
             nonfinite=0,
             report=np.zeros(SUMMED),
@@ -168,7 +184,7 @@ class StatisticsPlan(MeansPlan):
         As many blocks at once as caches hold, if memory does.
         """
         (states, report), times, columns = rows.at(at), len(self.case.places), self.columns
-        copied = ("values", "products", "counts", "cells")
+        copied = ("values", "products", "counts", "lost", "cells")
         added = sums._replace(**{name: getattr(sums, name).copy() for name in copied})
         few = max(1, _CACHED // (columns.stored * LANES)) * thread_count()
         few = max(1, min(few, int(_BATCH_BYTES / (8 * LANES * times * columns.number))))
@@ -188,6 +204,7 @@ class StatisticsPlan(MeansPlan):
 
         def add(times: tuple[int, int]) -> None:
             add_moments(values, first, end, sums.values, *pairs, sums.products, times)
+            sums.lost[slice(*times)] += _lost(values[:, slice(*times), : sums.lost.shape[1]], first, end)
             if bins is not None:
                 count_values(values, first, end, bins.low, 1 / bins.width, sums.counts, times)
 
@@ -206,21 +223,25 @@ class StatisticsPlan(MeansPlan):
         found = Moments.of(sums.values, sums.products, self.samples)
         bins = self.bins._replace(low=self.bins.low + self.columns.origins.T) if sums.counts.size else None
         of_values = [function.functional != "passage" for function in functions[:count]]
-        counted: tuple[Any, Any, Any] = sums.counts, bins, of_values
         passages = [f for f in range(count) if not of_values[f]]
+        of_passages = self._passages(found, passages) if passages else None
         mean = (found.mean[: len(functions)] + self.columns.origins)[:count]
+        stderr, alike = self._stderr(found, np.array(of_values))
+        low, high = self._ends(found, mean, stderr[:count], passages)
         return Statistics(
             **self.whole(state),
             functions=names,
             texts=tuple(function.told for function in functions[:count]),
             t=case.t,
             mean=mean,
-            mean_stderr=(stderr := found.stderr(found.mean, found.mean_without))[:count],
+            mean_stderr=stderr[:count],
+            mean_low=low,
+            mean_high=high,
+            finite=(self.samples - sums.lost[:, :count].sum(axis=-1).T) / self.samples,
             band=found.band(count),
-            passages=found.passages(passages, count, case.t, case.places) if passages else None,
-            **self._second_moments(found),
-            quantiles=quantiles(*counted, case.quantiles) if "quantiles" in case.statistics else None,
-            histogram=histogram(*counted, case.bins) if "histogram" in case.statistics else None,
+            passages=of_passages,
+            **self._second_moments(found, alike[:count]),
+            **self._counted(sums, bins, of_values),
             density_map=self._map(sums.cells, names),
             **self._differences(found, mean, stderr),
             acceptance=reported(np.append(sums.report, np.zeros(len(REPORT) - SUMMED)))["acceptance"],
@@ -231,17 +252,71 @@ class StatisticsPlan(MeansPlan):
             ns_per_step=1e9 * sums.cpu_seconds / (int(self.steps.sum()) * self.samples),
         )
 
-    def _second_moments(self, found: Moments) -> dict[str, Any]:
-        """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that are asked for."""
+    def _passages(self, found: Moments, functions: list[int]) -> Passages:
+        case, random = self.case, isinstance(self.initial, RandomState)
+        bins = case.bins if "histogram" in case.statistics else 0
+        return found.passages(functions, len(case.functions), case.t, case.places, bins, random)
+
+    def _counted(self, sums: Sums, bins: Bins | None, of_values: list[bool]) -> dict[str, Any]:
+        """What follows from the counts in bins, as far as it is asked for."""
+        asked, found = self.case.statistics, {}
+        if bins is not None and "quantiles" in asked:
+            found["quantiles"] = quantiles(sums.counts, sums.lost, bins, of_values, self.case.quantiles)
+        if bins is not None and "histogram" in asked:
+            found["histogram"] = histogram(sums.counts, self.samples, bins, of_values, self.case.bins)
+        return found
+
+    def _stderr(self, found: Moments, of_values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(columns, T) of the means, and where all paths are alike though they need not be.
+
+        There of shares the rule of three tells an error; of other values nothing does, and it is NaN.
+        """
+        stderr, columns = found.stderr(found.mean, found.mean_without), self.columns
+        places = np.zeros(columns.number, int)
+        places[: len(of_values)] = np.arange(len(of_values))
+        if columns.compared:
+            places[-len(columns.compared) :] = columns.compared
+        sure = self._not_random()[places]
+        alike = found.same() & ~sure & ~np.array([one.is_casimir for one in columns.functions])[places, np.newaxis]
+        stderr = np.where(alike, np.where(of_values[places], np.nan, found.unseen)[:, np.newaxis], stderr)
+        return np.where(sure & np.isfinite(found.mean), 0.0, stderr), alike
+
+    def _not_random(self) -> np.ndarray:
+        """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
+        case, functions = self.case, self.columns.functions[: len(self.case.functions)]
+        random = isinstance(self.initial, RandomState)
+        always = np.array([[one.is_constant or not self.is_random] for one in functions])
+        at_start = np.array([[one.functional == "start"] for one in functions]) | (case.t == 0)
+        return always | (at_start & (not random))
+
+    def _ends(
+        self, found: Moments, mean: np.ndarray, stderr: np.ndarray, passages: list[int]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The ends of the 95 % intervals of means (F, T): Student's, and of shares those of Clopper and Pearson."""
+        half = student_of_paths(self.samples, LEAST_GROUPS) * stderr
+        with np.errstate(invalid="ignore"):
+            low, high = mean - half, mean + half
+        for f in passages:
+            ends = clopper_pearson(np.round(mean[f] * self.samples), self.samples)
+            low[f], high[f] = (np.where(stderr[f] == 0, mean[f], end) for end in ends)  # at t = 0 it is exact
+        return low, high
+
+    def _second_moments(self, found: Moments, alike: np.ndarray) -> dict[str, Any]:
+        """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that are asked for.
+
+        Nothing tells the error of what comes of values that are `alike` (F, T) on all paths.
+        """
         case, count = self.case, len(self.case.functions)
         told: dict[str, Any] = {}
         if "variance" in case.statistics:
-            told["variance"], told["variance_stderr"] = found.variances(count)
+            told["variance"], error = found.variances(count)
+            told["variance_stderr"] = np.where(alike, np.nan, error)
         one, other = self.pairs
         own = len(one) - len(self.columns.since)
         if "covariance" in case.statistics:
             told["others"] = tuple(case.functions)
-            told["covariance"], told["covariance_stderr"] = found.covariances(one[:own], other[:own], count)
+            told["covariance"], error = found.covariances(one[:own], other[:own], count)
+            told["covariance_stderr"] = np.where(alike | alike[:, np.newaxis], np.nan, error)
         if self.columns.since:
             value, error = np.full((2, count, len(case.t)), np.nan)
             since = np.full(count, np.nan)

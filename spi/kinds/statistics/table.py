@@ -8,9 +8,10 @@ import numpy as np
 from spi.kinds.solver import acceptance_note
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence, whose
-from spi.printing.text import INTERVAL, add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.printing.text import add_rows, lines_of, new_table, print_with_remarks, short, with_interval
+from spi.statistics.claims import WIDEST
 
-from .results import DensityMap, Passages, Statistics
+from .results import LEAST_GROUPS, DensityMap, Passages, Quantiles, Statistics
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -58,19 +59,43 @@ def _further(reading: Statistics) -> list[tuple[str, Any, Any]]:
 
 
 def _cells(reading: Statistics, f: int, i: int) -> Iterator[str]:
-    yield _cell(reading.mean[f, i], reading.mean_stderr[f, i])
+    yield _mean_cell(reading, f, i)
     if (deviation := reading.deviation) is not None:
-        yield _cell(*(each[f, i] for each in (reading.difference, reading.difference_stderr) if each is not None))
+        known = (each[f, i] for each in (reading.difference, reading.difference_stderr) if each is not None)
+        yield _cell(reading, *known)
         yield f"{deviation[f, i]:.1f}" if np.isfinite(deviation[f, i]) else "-"
     for _, values, errors in _further(reading):
         if values is not None:
-            yield _cell(values[f, i], errors[f, i])
+            yield _cell(reading, values[f, i], errors[f, i])
     if found := reading.quantiles:
         yield from (short(value, ".4g") if np.isfinite(value) else "-" for value in found.quantile[f, i])
 
 
-def _cell(value: float, stderr: float) -> str:
-    return "-" if np.isnan(value) else with_interval(float(value), INTERVAL * float(stderr))
+def _mean_cell(reading: Statistics, f: int, i: int) -> str:
+    """A mean with its interval, of a share from end to end; of values that are not all finite how many are."""
+    if reading.finite_share[f, i] < 1.0:
+        return f"finite in {_percent(reading.finite_share[f, i])}"
+    if _is_share(reading, f) and reading.mean_stderr[f, i] != 0:
+        low, high = (short(float(end[f, i]), ".3g") for end in reading.mean_ends)
+        return f"{short(float(reading.mean[f, i]), '.4g')} [{low}, {high}]"
+    return _cell(reading, reading.mean[f, i], reading.mean_stderr[f, i])
+
+
+def _is_share(reading: Statistics, f: int) -> bool:
+    return reading.passages is not None and bool(np.isfinite(reading.passages.share[f]).any())
+
+
+def _percent(share: float) -> str:
+    """Three digits, and never 100 % of less than all."""
+    told = f"{100 * share:.3g}"
+    return f"{told if told != '100' else f'{100 * share:.7f}'} %"
+
+
+def _cell(reading: Statistics, value: float, stderr: float) -> str:
+    if np.isnan(value):
+        return "-"
+    told = with_interval(float(value), reading.interval * float(stderr) if stderr else 0.0)
+    return f"{told} ± ?" if np.isnan(stderr) and np.isfinite(value) else told
 
 
 def _remarks(readings: Sequence[Statistics]) -> Iterator[str]:
@@ -84,6 +109,7 @@ def _remarks(readings: Sequence[Statistics]) -> Iterator[str]:
         yield f"{one.about.label}: {one.samples} paths with h = {one.step:g}{lost}, {speed}"
         if note := acceptance_note(one.acceptance):
             yield f"    {note}"
+        yield from _errors_told(one)
         if one.passages:
             yield from _passages_told(one, one.passages)
         if one.reference_step:
@@ -92,8 +118,33 @@ def _remarks(readings: Sequence[Statistics]) -> Iterator[str]:
         if (found := one.density_map) is not None:
             yield f"    {_map_told(found)}"
         if one.quantiles:
-            width = np.nanmax(one.quantiles.quantile_high - one.quantiles.quantile_low, initial=0.0)
-            yield f"    intervals of quantiles, one bin on either side included, are at most {short(float(width))} wide"
+            yield f"    {_quantiles_told(one.quantiles)}"
+
+
+def _errors_told(one: Statistics) -> Iterator[str]:
+    """What is to be said where values are not finite, or errors are not known."""
+    if (one.finite_share < 1.0).any():
+        told = ", and quantiles are those of these paths" if one.quantiles else ""
+        yield f"    finite in so many: the share of the paths whose value is finite; there is no mean of all{told}"
+    unknown = np.isnan(one.mean_stderr) & np.isfinite(one.mean)
+    if np.isnan(one.interval):
+        yield f"    ± ?: fewer than {LEAST_GROUPS} paths tell no errors"
+    elif unknown.any():
+        yield "    ± ?: all paths have the same value, which tells no error"
+    shares = np.array([_is_share(one, f) for f in range(len(one.functions))])
+    if shares.any():
+        yield "    in brackets: 95 % intervals of shares by Clopper and Pearson"
+
+
+def _quantiles_told(found: Quantiles) -> str:
+    """How wide their intervals are."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        width = found.quantile_high - found.quantile_low
+    finite = width[np.isfinite(width)]
+    if not finite.size:
+        return "the paths are too few for intervals of quantiles"
+    told = f"are at most {short(float(finite.max()))} wide"
+    return f"intervals of quantiles, one bin on either side included, {told}"
 
 
 def _passages_told(one: Statistics, found: Passages) -> Iterator[str]:
@@ -101,20 +152,24 @@ def _passages_told(one: Statistics, found: Passages) -> Iterator[str]:
     for f in np.flatnonzero(np.isfinite(found.share).any(axis=1)):
         last = np.flatnonzero(np.isfinite(found.share[f]))[-1]
         share, error = found.share[f, last], found.share_stderr[f, last]
-        end, order = f"{one.t[last]:.5g}", f"order {_cell(found.order[f], found.order_stderr[f])}"
-        yield f"    {one.functions[f]}: {_cell(share, error)} of the paths until t = {end}, the others never by then,"
-        yield f"        corrected for looking at given times only (observed {order} in the time between two looks);"
-        yield f"        mean time, {end} where it has not come: {_cell(found.time[f], found.time_stderr[f])}"
+        end, half = f"{one.t[last]:.5g}", one.interval * found.order_stderr[f]
+        told = f"observed order {_cell(one, found.order[f], found.order_stderr[f])} in the time between two looks"
+        order = f" ({told})" if np.isfinite(found.order[f]) and half < WIDEST else ""
+        passed = f"{one.functions[f]}: {_cell(one, share, error)} of the paths until t = {end}"
+        yield f"    {passed}, the others never by then,"
+        yield f"        corrected for looking at given times only{order};"
+        yield f"        mean time, {end} where it has not come: {_cell(one, found.time[f], found.time_stderr[f])}"
 
 
 def _map_told(found: DensityMap) -> str:
     """What a map is of, and how exact."""
-    with np.errstate(all="ignore"):
-        relative = np.nanmedian(np.where(found.density > 0, found.stderr / found.density, np.nan))
+    some = found.density > 0
+    relative = np.median(found.stderr[some] / found.density[some]) if some.any() else np.nan
     rows, columns = found.density.shape[1:]
     of = "the sphere" if found.is_sphere else " and ".join(found.sides)
     times = ", ".join(f"{t:.5g}" for t in found.t)
-    return f"maps of {of} at t = {times} in {rows} x {columns} cells; standard errors of {relative:.0%} in the median"
+    told = f"standard errors of {relative:.0%} in the median" if some.any() else "no path is in any of them"
+    return f"maps of {of} at t = {times} in {rows} x {columns} cells; {told}"
 
 
 def told(readings: Sequence[Statistics]) -> str:
@@ -122,9 +177,13 @@ def told(readings: Sequence[Statistics]) -> str:
     names = readings[0].functions[:3]
     found = []
     for f, name in enumerate(names):
-        values = [
-            f"{with_interval(float(one.mean[f, -1]), INTERVAL * float(one.mean_stderr[f, -1]))} with {whose(one.about)}"
-            for one in readings
-        ]
+        values = [f"{_mean_told(one, f)} with {whose(one.about)}" for one in readings]
         found.append(f"the mean of {name} at t = {readings[0].t[-1]:g} is {joined(values)}")
     return sentence(found)
+
+
+def _mean_told(one: Statistics, f: int) -> str:
+    """The mean at the end, in words where it is not finite."""
+    if one.finite_share[f, -1] < 1.0:
+        return f"not finite (the value is in {_percent(one.finite_share[f, -1])} of the paths)"
+    return _mean_cell(one, f, -1)

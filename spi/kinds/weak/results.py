@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from spi.statistics.intervals import student_factor
 from spi.storage.records import INTERVAL, Order
 from spi.storage.stored import Array, Described, Stored, array, axis, fact, nested
 
@@ -171,7 +172,9 @@ class WeakErrors(Stored):
 
     def _half(self, name: str) -> np.ndarray:
         if self.sampled:
-            return np.asarray(INTERVAL * getattr(self.sampled, f"{name}_stderr"))
+            without = self.sampled.error_without
+            factor = INTERVAL if without is None else student_factor(len(without))
+            return np.asarray(factor * getattr(self.sampled, f"{name}_stderr"))
         return np.asarray(getattr(self.unsampled, f"{name}_bound"))
 
     @property

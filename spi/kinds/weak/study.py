@@ -13,9 +13,11 @@ import numpy as np
 
 from spi.ensemble.loop import thread_count
 from spi.expressions import canonical
+from spi.expressions.ranges import range_of
 from spi.kinds.plans import Plan
 from spi.schemes import driven, has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
+from spi.statistics.intervals import student_factor, zero_share_bound
 from spi.statistics.richardson import Extrapolation
 from spi.storage.records import Part
 
@@ -106,6 +108,22 @@ class WeakPlan(Plan):
         share = self.reference_share
         return differences + share * differences[..., -1:] if share else differences
 
+    def unseen(self, value: np.ndarray, stderr: np.ndarray, samples: np.ndarray | int) -> np.ndarray:
+        """Half the width of an interval (..., F) of what means over so many samples may lack, which none of them shows.
+
+        Where all values are alike that is the share that could differ, by the rule of three, times how far two values
+        of the function can be apart; NaN where that is not known, and 0 where nothing is random.  Functions that are
+        constant but for jumps lack as much where few values differ.
+        """
+        ranges = [range_of(tree) for tree in self.case.expressions]
+        width = np.array([one.width if self.is_random else 0.0 for one in ranges])
+        jumps = np.array([one.jumps for one in ranges])
+        with np.errstate(invalid="ignore"):
+            bound = zero_share_bound(samples) * np.where(np.isfinite(width), width, 0.0)
+            alike = (stderr == 0.0) | (np.isfinite(width) & (stderr <= _SAME * np.abs(value)))
+        lacking = np.where(alike | jumps, bound, 0.0)
+        return np.where(alike & ~np.isfinite(width), np.nan, lacking)
+
     def weak_errors(self, seconds: float, **estimated: Any) -> WeakErrors:
         """What the estimator estimated, and what all estimators state of a case; `seconds` is the wall-clock time."""
         case = self.case
@@ -125,14 +143,22 @@ class WeakPlan(Plan):
         )
 
 
+_SAME = 1e-12  # relative: values that differ by less differ by rounding
+
+
+def stderr_of(error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray | float) -> np.ndarray:
+    """The standard errors of errors by the jackknife, and by what they lack unseen, half the width of an interval."""
+    return np.hypot(jackknife_stderr(error, without, counts), unseen / student_factor(np.count_nonzero(counts)))
+
+
 def sampled_errors(
-    h: np.ndarray, error: np.ndarray, without: np.ndarray, counts: np.ndarray
+    h: np.ndarray, error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """What is fitted to errors (F, S) by every estimator that samples: fields of WeakErrors, and of Sampled.
 
-    `without` is (groups, F, S).
+    `without` is (groups, F, S), and `unseen` (F, S) as in :func:`stderr_of`.
     """
-    stderr = jackknife_stderr(error, without, counts)
+    stderr = stderr_of(error, without, counts, unseen)
     resolved = is_resolved(np.abs(error), stderr)
     orders = tuple(
         fit_order(h, np.abs(error[f]), np.abs(without[:, f]), counts, resolved[f], stderr=stderr[f])

@@ -96,6 +96,8 @@ def _points(quasi: Quasi, f: int) -> str:
     """What points there were, and what they were worth."""
     low, high = (short(float(one), ".3g") for one in (quasi.gain[f].min(), quasi.gain[f].max()))
     points = f"{quasi.scrambles} scrambles of {quasi.points} points in {quasi.dimensions} dimensions"
+    if not (np.isfinite(quasi.gain[f]) & (quasi.gain[f] > 0)).all():
+        return points  # all paths of some step size are alike
     return f"{points}; as many independent paths have {low} to {high} times the variance of the expectation"
 
 

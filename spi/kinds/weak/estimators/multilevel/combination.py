@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.statistics.estimators import jackknife_stderr
+from spi.statistics.estimators import GROUPS, jackknife_stderr
+from spi.statistics.intervals import student_factor
 from spi.statistics.powers import standard_deviation
 from spi.statistics.richardson import Extrapolation
 
@@ -51,7 +52,8 @@ def expectations(p: Any, levels: LevelSums) -> tuple[np.ndarray, dict[str, Any]]
     Beside it the fields of Sampled that state its uncertainty.
     """
     h, coarse, moments = np.array(p.case.steps), p.coarse, levels.moments()
-    last, variances = _variance_of_base(p, levels), moments.stderr[:-1] ** 2
+    lacking = (p.unseen_levels(levels) / student_factor(GROUPS)) ** 2
+    last, variances = _variance_of_base(p, levels) + lacking[-1], moments.stderr[:-1] ** 2 + lacking[:-1]
     fine, square = levels.means_of_powers()[VALUE][:2, -1]
     differences = p.combination.errors(moments.mean[:-1])
     largest = differences[:, :1]

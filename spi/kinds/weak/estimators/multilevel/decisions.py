@@ -8,8 +8,9 @@ import numpy as np
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
 from spi.schemes.asymptotic import AsymptoticPreserving
-from spi.statistics.estimators import ROUND, jackknife_stderr
+from spi.statistics.estimators import ROUND
 
+from ...study import stderr_of
 from ..kolmogorov.study import solution
 
 PILOT = 2 * ROUND  #: blocks of each level before the first allocation
@@ -22,6 +23,7 @@ class Errors(NamedTuple):
     error: np.ndarray  #: (F, S)
     without: np.ndarray  #: (GROUPS, F, S)
     counts: np.ndarray  #: (GROUPS,) as good as the paths of each group
+    unseen: np.ndarray  #: (F, S) what they lack unseen, half the width of an interval
 
 
 class Decisions(NamedTuple):
@@ -65,7 +67,7 @@ class Decisions(NamedTuple):
             values.copy() for values in (self.history_error, self.history_error_stderr, self.history_cpu_seconds)
         )
         i = self.allocations - 1
-        error[i], stderr[i], seconds[i] = errors.error, jackknife_stderr(*errors), cpu_seconds
+        error[i], stderr[i], seconds[i] = errors.error, stderr_of(*errors), cpu_seconds
         return self._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
 
     def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Decisions":

@@ -31,15 +31,17 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
+from spi.statistics.intervals import zero_share_bound
 from spi.storage.records import Part
 
 from ...results import History, Sampled, WeakErrors
-from ...study import WeakPlan, sampled_errors
+from ...study import WeakPlan, sampled_errors, stderr_of
 from .combination import Combination, base_gain, expectations
 from .decisions import PILOT, SHARES, Decisions, Errors, control_of
 from .levels import PRODUCT, levels_of
 from .sums import EQUAL, LevelSums, Totals
 
+_OF_STEPS = "error", "without", "unseen"  # fields of errors that have an axis of steps
 _BASE_SHARE = 0.05  # of all work, for the largest step alone, which no difference needs
 _LONGEST = 1e9  # seconds of work that a target may ask for
 
@@ -169,7 +171,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         done, total = (float(blocks @ self.seconds_per_block) for blocks in (levels.blocks, state.extra.targets))
         if levels.blocks.min() < ROUND:
             return Done(done, total, float("nan"))
-        return Done(done, total, float(jackknife_stderr(*self.errors(levels))[0, 0]))
+        return Done(done, total, float(stderr_of(*self.errors(levels))[0, 0]))
 
     @property
     def base(self) -> int:
@@ -194,7 +196,8 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         is the largest over the test functions; a level whose values are not finite gets no more.
         """
         with np.errstate(invalid="ignore"):
-            variance = np.nan_to_num(levels.moments().variance.max(axis=1), nan=0.0, posinf=0.0) * levels.used
+            variance = np.maximum(levels.moments().variance, self.least_variance(levels)).max(axis=1)
+            variance = np.nan_to_num(variance, nan=0.0, posinf=0.0) * levels.used
         cost = self.seconds_per_block / LANES
         root, per_root = self.least_work(variance, cost)
         samples = np.zeros(len(self.levels))
@@ -213,13 +216,26 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """The errors that the differences of the levels make."""
         mean, without = levels.averages()
         combine = self.combination.errors
-        return Errors(self.completed(combine(mean[:-1])), self.completed(combine(without[:, :-1])), EQUAL)
+        each = np.eye(self.base)[..., np.newaxis]  # of each level how much of it is in each error
+        shares = np.abs(self.completed(combine(each)))[:, 0]
+        lacking = shares[:, np.newaxis] * self.unseen_levels(levels)[:-1, :, np.newaxis]
+        unseen = np.where(shares[:, np.newaxis] > 0, lacking, 0.0).sum(axis=0)
+        return Errors(self.completed(combine(mean[:-1])), self.completed(combine(without[:, :-1])), EQUAL, unseen)
+
+    def unseen_levels(self, levels: LevelSums) -> np.ndarray:
+        """(levels, F) what the mean of each level lacks unseen, see :meth:`WeakPlan.unseen`."""
+        mean, without = levels.averages()
+        return self.unseen(mean, jackknife_stderr(mean, without, EQUAL), levels.samples[:, np.newaxis])
+
+    def least_variance(self, levels: LevelSums) -> np.ndarray:
+        """(levels, F) the variance that a level has if as much of it differs as may do so unseen."""
+        return np.nan_to_num(self.unseen_levels(levels) ** 2 / zero_share_bound(levels.samples[:, np.newaxis]))
 
     def all_errors(self, levels: LevelSums) -> Errors:
         """Those of all levels of extrapolation behind one another, fewest first, as the decisions keep them."""
         each = [one.errors(levels) for one in self.by_level]
-        error, without = (np.concatenate(values, axis=-1) for values in list(zip(*each, strict=True))[:2])
-        return Errors(error, without, EQUAL)
+        error, without, unseen = (np.concatenate([getattr(one, name) for one in each], -1) for name in _OF_STEPS)
+        return Errors(error, without, EQUAL, unseen)
 
     def so_far(self, state: State) -> State | None:
         """The state of whole rounds of groups, once each level has one and the control is known."""

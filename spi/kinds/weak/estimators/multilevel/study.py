@@ -38,6 +38,8 @@ from spi.numerics.rng import DIFFERENCES, HALVES, LANES
 from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import Splitting, has_antithetic_path
 from spi.schemes.stages import in_reversed_order
+from spi.statistics.estimators import GROUPS
+from spi.statistics.intervals import student_factor
 from spi.storage.records import Part
 
 from ...results import Differences, Sampled, WeakErrors
@@ -164,7 +166,10 @@ class DifferencesPlan(MultilevelPlan):
         own, differences = self._divided(levels)
         base, averages = self.order2.errors(own), differences.averages()
         mean, without = (self._of_steps(values, differences.used) for values in averages)
-        return Errors(base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts)
+        unseen = self._of_steps(self.unseen_levels(differences), differences.used)
+        return Errors(
+            base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts, base.unseen + unseen.T
+        )
 
     def _of_steps(self, values: np.ndarray, used: np.ndarray) -> np.ndarray:
         """(..., S, F): of the difference at each step what its levels (..., differences, F) in use add up to."""
@@ -181,11 +186,12 @@ class DifferencesPlan(MultilevelPlan):
         own, differences = self._divided(levels)
         order2, table = self.order2.results_of(own, state), self._table(own, differences)
         stderr = np.sqrt(table.variance / table.samples)
+        unseen = self._of_steps(self.unseen_levels(differences), differences.used) / student_factor(GROUPS)
         fields, sampled = sampled_errors(self.h, *self.errors(levels))
         of_order2: Any = order2.sampled
         steps, cpu_seconds = np.array([level.steps for level in self.levels]), float(levels.cpu_seconds.sum())
         sampled |= {
-            "expectation_stderr": np.hypot(of_order2.expectation_stderr, stderr),
+            "expectation_stderr": np.hypot(np.hypot(of_order2.expectation_stderr, stderr), unseen.T),
             **{name: getattr(of_order2, name) for name in ("reference", "sd")},
             "samples": int(levels.samples.sum()),
             "ns_per_step": 1e9 * float(cpu_seconds / (steps @ levels.samples)),

@@ -24,7 +24,7 @@ from spi.statistics.tallies import sum_of_fields
 from spi.storage.records import Part
 
 from ...results import Prefixes, Sampled, WeakErrors
-from ...study import WeakPlan, sampled_errors
+from ...study import WeakPlan, sampled_errors, stderr_of
 
 _BATCH_BYTES = 64e6
 
@@ -160,8 +160,8 @@ class PlainPlan(WeakPlan, BlocksPlan):
         if not known.paths:
             return Done(0, self.samples, float("nan"))
         counts = group_counts(known.paths)
-        error, without = self.errors(known.differences[:, self.own], counts)
-        return Done(known.paths, self.samples, float(jackknife_stderr(error, without, counts)[0, 0]))
+        errors = self.errors(known.differences[:, self.own], counts)
+        return Done(known.paths, self.samples, float(stderr_of(*errors)[0, 0]))
 
     def so_far(self, state: State) -> State | None:
         """The state of the first paths, without those prefixes that have more."""
@@ -176,7 +176,9 @@ class PlainPlan(WeakPlan, BlocksPlan):
         totals, counts = self._of_own(state.total()), group_counts(self.samples)
         mean, without = mean_over_paths(totals.values[0], counts)
         expectation = _by_step(mean)
-        fields, sampled = sampled_errors(self.h, *self.errors(totals.differences, counts), counts)
+        fields, sampled = sampled_errors(self.h, *self.errors(totals.differences, counts))
+        spread = jackknife_stderr(expectation, _by_step(without), counts)
+        lacking = self._unseen(expectation, spread, self.samples)
         return self.weak_errors(
             state.seconds,
             **fields,
@@ -185,7 +187,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
             prefixes=self._of_prefixes(totals) if self.prefixes else None,
             sampled=Sampled(
                 **sampled,
-                expectation_stderr=jackknife_stderr(expectation, _by_step(without), counts),
+                expectation_stderr=stderr_of(expectation, _by_step(without), counts, lacking),
                 reference=mean[0],
                 sd=standard_deviation(*totals.values[:, -1].sum(axis=-1) / self.samples),
                 samples=self.samples,
@@ -195,10 +197,16 @@ class PlainPlan(WeakPlan, BlocksPlan):
             reference_nonfinite=int(totals.nonfinite[0]),
         )
 
-    def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Errors (F, S) from the largest step to the smallest, and their leave-one-out values (groups, F, S)."""
+    def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, ...]:
+        """What :func:`stderr_of` asks for: errors (F, S), from the largest step to the smallest, and so on."""
         mean, without = map(_by_step, mean_over_paths(differences[0], counts))
-        return self.completed(mean), self.completed(without)
+        unseen = self._unseen(mean, jackknife_stderr(mean, without, counts), int(counts.sum()))
+        return self.completed(mean), self.completed(without), counts, self.completed(unseen)
+
+    def _unseen(self, value: np.ndarray, stderr: np.ndarray, samples: int) -> np.ndarray:
+        """(F, S): as :meth:`WeakPlan.unseen`; extrapolated values can be further apart."""
+        weights = np.abs(self.extrapolation.weights).sum()
+        return weights * self.unseen(value.T, stderr.T, samples).T
 
     def _of_own(self, totals: Totals) -> Totals:
         """The totals without the step sizes of other levels of extrapolation."""
@@ -226,9 +234,9 @@ class PlainPlan(WeakPlan, BlocksPlan):
         errors, stderrs = [], []
         for samples, differences in zip(self.prefixes, totals.prefix_differences, strict=True):
             counts = group_counts(samples)
-            error, without = self.errors(differences, counts)
-            errors.append(error)
-            stderrs.append(jackknife_stderr(error, without, counts))
+            found = self.errors(differences, counts)
+            errors.append(found[0])
+            stderrs.append(stderr_of(*found))
         return Prefixes(
             samples=np.array(self.prefixes, np.int64),
             error=np.array(errors),

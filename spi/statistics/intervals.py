@@ -1,0 +1,70 @@
+"""Intervals that hold the truth as often as they say: of shares, of what was never seen, of few groups of paths."""
+
+from typing import Any
+
+import numpy as np
+
+from .estimators import group_counts
+
+Array = np.ndarray
+
+CONFIDENCE = 0.95
+
+
+def zero_share_bound(samples: Any, confidence: float = CONFIDENCE) -> Any:
+    """The largest share that gives none in so many independent samples with probability 1 - confidence or more.
+
+    1 - (1 - confidence)^(1/n), about 3/n at 95 %: the exact rule of three.
+    """
+    with np.errstate(divide="ignore"):
+        return -np.expm1(np.log1p(-confidence) / np.asarray(samples, float))
+
+
+def clopper_pearson(count: Any, samples: Any, confidence: float = CONFIDENCE) -> tuple[Array, Array]:
+    """(low, high) of a share of which `count` of `samples` paths are, arrays of their common shape.
+
+    The interval of Clopper and Pearson (Biometrika 26, 1934): the truth is below it with probability (1 - confidence)/2
+    at most, and above it likewise, whatever it is.  NaN for counts that are no numbers, and without samples.
+    """
+    from scipy.special import betaincinv  # not needed to start the program
+
+    k, n = np.broadcast_arrays(np.asarray(count, float), np.asarray(samples, float))
+    tail = 0.5 * (1.0 - confidence)
+    low = np.where(k > 0, betaincinv(np.maximum(k, 1.0), n - k + 1.0, tail), 0.0)
+    high = np.where(k < n, betaincinv(k + 1.0, np.maximum(n - k, 1.0), 1.0 - tail), 1.0)
+    known = np.isfinite(k) & (n > 0)
+    return np.where(known, low, np.nan), np.where(known, high, np.nan)
+
+
+def student_factor(groups: int, confidence: float = CONFIDENCE) -> float:
+    """Half the width of an interval in standard errors that come from so many groups; NaN for fewer than two."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(groups - 1, 0.5 * (1.0 + confidence))) if groups > 1 else float("nan")
+
+
+def student_of_paths(samples: int, least: int = 2) -> float:
+    """:func:`student_factor` of the jackknife groups of so many paths; NaN where there are fewer than `least`."""
+    groups = int(np.count_nonzero(group_counts(samples)))
+    return student_factor(groups) if groups >= least else float("nan")
+
+
+def order_statistics(samples: int, level: float, confidence: float = CONFIDENCE) -> tuple[int, int]:
+    """(low, high): the low-th and the high-th smallest of so many values enclose the quantile of this level.
+
+    By the binomial law of how many values lie below it, with at most (1 - confidence) / 2 on either side.  0 or
+    samples + 1 where there is no such value.
+    """
+    from scipy.special import bdtr
+
+    tail = 0.5 * (1.0 - confidence)
+
+    def first(probability: float) -> int:
+        """The smallest k such that k values or fewer lie below with this probability or more."""
+        low, high = -1, samples
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if bdtr(middle, samples, level) >= probability else (middle, high)
+        return high
+
+    return first(tail), first(1.0 - tail) + 1

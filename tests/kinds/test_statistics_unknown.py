@@ -1,0 +1,119 @@
+"""Statistics of what is not finite, of few paths, and of what all paths have alike: only what is known is told."""
+
+import io
+
+import numpy as np
+import pytest
+from helpers import compiled_only
+from scipy import stats
+from statistics_cases import AXIS, results_of, written
+
+import spi
+from spi.kinds.statistics import table
+from spi.kinds.statistics.claims import quantities
+from spi.printing.text import new_console
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+@pytest.fixture
+def case_of(tmp_path):
+    return lambda *overrides: written(tmp_path, *overrides)
+
+
+def shown(found):
+    """The table as text."""
+    text = io.StringIO()
+    table.show(new_console(text), "", [found])
+    return text.getvalue()
+
+
+def test_rows_that_are_not_finite_stay_and_say_how_many_paths_are(case_of):
+    """Quantiles are those of the finite paths, by hand from the paths of the seed."""
+    functions = "functions={l: log(y3 - 0.85), high: {maximum: log(y1)}, none: 1/(y1 - y1), huge: exp(1000*y3), y1: y1}"
+    found = results_of(case_of(functions, "samples=200"))
+    y = spi.trajectory(
+        {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]},
+        "splitting", initial=["cos(1.1)", 0, "sin(1.1)"], final_time=1, step=2**-4, every=2, samples=200, seed=3,
+    ).y.values  # fmt: skip
+    with np.errstate(all="ignore"):
+        values = np.log(y[:, :, 2] - 0.85)
+    share = np.isfinite(values).mean(axis=0)
+    assert np.allclose(found.finite[0], share) and 0.2 < share[-1] < 0.9 and (found.finite[4] == 1).all()
+    assert np.isnan(found.mean[0, share < 1]).all() and not found.finite[2].any()
+    last = values[np.isfinite(values[:, -1]), -1]
+    q = found.quantiles
+    expected = np.quantile(last, q.level, method="inverted_cdf")
+    assert np.abs(q.quantile[0, -1] - expected).max() < 0.1
+    assert (q.quantile_low[0, -1] <= expected).all() and (expected <= q.quantile_high[0, -1]).all()
+    assert np.isnan(q.quantile[2]).all()
+    text, rows = shown(found), list(table.rows([found]))
+    assert f"finite in {100 * share[-1]:.3g} %" in text and "finite in 0 %" in text and "quantiles are those" in text
+    assert len(rows) == 5 * 9 and rows[8]["finite"] == share[-1] and np.isnan(rows[8]["mean"])
+    assert not any(one.function == "l" and one.value == one.value for one in quantities([found]) if one.name == "mean")
+
+
+@pytest.mark.parametrize("samples", [1, 2, 7])
+def test_few_paths_tell_no_errors(case_of, samples):
+    found = results_of(case_of(f"samples={samples}", "functions={y1: y1, out: {passage: y1 < 0.4}}"))
+    assert np.isnan(found.variance[0]).all() == (samples == 1)
+    assert np.isnan(found.mean_stderr[:, 1:]).all() and np.isnan(found.variance_stderr).all()
+    assert np.isnan(found.mean_low[0, 1:]).all() and not found.mean_stderr[:, 0].any()  # the initial state is known
+    low, high = stats.binomtest(round(found.mean[1, -1] * samples), samples).proportion_ci()
+    assert np.allclose([found.mean_low[1, -1], found.mean_high[1, -1]], [low, high])
+    assert "± ?" in shown(found) and "fewer than 8 paths" in shown(found)
+
+
+def test_errors_of_few_groups_have_the_factor_of_student(case_of):
+    found = results_of(case_of("samples=64", "functions=y1", "statistics=[mean]"))
+    half = stats.t.isf(0.025, 7) * found.mean_stderr[0, -1]
+    assert np.allclose([found.mean_low[0, -1], found.mean_high[0, -1]], found.mean[0, -1] + np.array([-half, half]))
+    (mean,) = (one for one in quantities([found]) if one.name == "mean")
+    assert np.isclose(mean.high - mean.low, 2 * half)
+
+
+def test_what_all_paths_have_alike_has_no_error_of_zero(case_of):
+    """A share by Clopper and Pearson, other values not at all, and what must be so exactly."""
+    passages = "never: {passage: y1 > 9}, always: {passage: y1 < 9}"
+    found = results_of(case_of(f"functions={{{passages}, flat: abs(y1 - 9)/(9 - y1), one: 2/2, C: C1}}"))
+    last = found.mean[:, -1]
+    assert np.allclose(last, 1 - np.eye(5)[0])
+    assert np.allclose(found.mean_high[0, 1:], 1 - 0.025**0.01) and np.allclose(found.mean_low[1, 1:], 0.025**0.01)
+    assert (found.mean_stderr[:2, 1:] > 0).all() and not found.mean_stderr[:2, 0].any()
+    assert np.isnan(found.mean_stderr[2, 1:]).all() and np.isnan(found.variance_stderr[2, 1:]).all()
+    assert not found.mean_stderr[3].any() and (found.mean_stderr[4] < 1e-15).all()
+    assert (found.passages.share_stderr[:2, 2::2] > 0).all() and (found.passages.time_stderr[:2] > 0).all()
+    assert "all paths have the same value" in shown(found) and "Clopper and Pearson" in shown(found)
+
+
+def test_without_noise_nothing_is_random(case_of):
+    found = results_of(case_of("model.sigma=[null, null, null]", "functions={y1: y1, out: {passage: y1 > 9}}"))
+    assert not found.mean_stderr.any() and (found.mean_low == found.mean_high).all()
+
+
+def test_paths_that_stay_at_the_origin_are_shown(case_of):
+    found = results_of(case_of("initial=[0, 0, 0]", "density=sphere", "functions={y1: y1, L: log(y1)}"))
+    assert "no path is in any of them" in shown(found)
+
+
+def test_observed_orders_that_are_not_resolved_are_left_out(case_of):
+    text = shown(results_of(case_of("functions={out: {passage: y1 < 0.4}}", "every=1")))
+    assert "observed order" not in text and "corrected for looking at given times only;" in text
+
+
+@compiled_only
+def test_the_density_of_first_times_is_that_of_an_angle(case_of):
+    """That of W(t) out of (-pi/2, pi/2): minus the derivative of its series, over each interval."""
+    about = f"model={AXIS}", "initial=[1, 0, 1]", "samples=40000", "step=2^-5", "final_time=2", "every=1"
+    functions = "functions={turned: {passage: y1 < 0}}", "statistics=[mean, histogram]", "bins=8"
+    found = results_of(case_of(*about, *functions)).passages
+    b = (2 * np.arange(40) + 1)[:, np.newaxis]
+    coefficients = 4 / np.pi * np.sin(b * np.pi / 2) / b
+
+    def inside(t):
+        return (coefficients * np.exp(-(b**2) * np.maximum(t, 1e-3) / 2)).sum(axis=0)
+
+    assert found.from_t.tolist() == [0, *found.until_t[:-1]] and len(found.until_t) == 8 and found.until_t[-1] == 2
+    known = (inside(found.from_t) - inside(found.until_t)) / (found.until_t - found.from_t)
+    off = found.density[0] - known
+    assert (np.abs(off) < 4 * found.density_stderr[0] + 0.02).all() and known.max() > 0.3
