@@ -5,6 +5,7 @@ expression is a tree of records; parts without y are one constant: ``2*pi*y1`` i
 arrays of states.  Overflow gives inf and what has no value gives NaN, but never an exception.
 """
 
+from .ranges import range_of
 from .trees import Constant, as_numpy, canonical, functions_of, is_constant, parse_expression
 
-__all__ = ["Constant", "as_numpy", "canonical", "functions_of", "is_constant", "parse_expression"]
+__all__ = ["Constant", "as_numpy", "canonical", "functions_of", "is_constant", "parse_expression", "range_of"]
