@@ -251,8 +251,8 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     if not (found.half <= extra.aim).all():
         extra = extra._replace(aim=max(extra.aim, _affordable(p, state, extra.scheme)))
     narrow = bool((found.half <= extra.aim).all())
-    if found.unresolved.any() and (more := _until_seen(p, state, 0.0)) is not None:
-        return extra._replace(wanted=more, stage=extra.stage + 1)
+    if found.unresolved.any() and (unseen := _until_seen(p, state, 0.0)) is not None:
+        return extra._replace(wanted=unseen, stage=extra.stage + 1)
     lost = not np.isfinite(found.half).all()
     if (narrow and found.passed) or lost or extra.stage >= MOST_STAGES:
         return extra._replace(stage=DONE) if lost else _compared(p, state)

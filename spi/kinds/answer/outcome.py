@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.expressions import canonical, range_of
 from spi.kinds.plans import State
 from spi.printing.sentences import joined
 from spi.printing.text import short
@@ -58,8 +57,8 @@ def found(p: "AnswerPlan", state: State) -> Found:
     terms = [Term(1.0, of_base, base.paths, bool(extra.points))]
     terms += [Term(float(share[level]), p.spread(totals[level]), totals[level].paths) for level in used]
     (stderr, sampling), q = sampling_error(terms), order_of(exponents, extra.levels)
-    exact = np.array([low == high for low, high in map(range_of, p.case.expressions)])  # constant by the formula
-    rounding = np.where(exact, 0.0, ROUNDING * np.abs(value))
+    constant = p.ranges[:, 0] == p.ranges[:, 1]  # by the formula
+    rounding = np.where(constant, 0.0, ROUNDING * np.abs(value))
     bias = np.maximum(bound(measured, exponents, extra.levels, finest, extra.base), rounding)
     unresolved = np.any([one.spread.unknown for one in terms], axis=0)
     half = np.where(unresolved, np.inf, bias + sampling)
@@ -130,7 +129,7 @@ def answer(p: "AnswerPlan", state: State) -> Answer:
     told: dict[str, Any] = {
         **p.whole(state),
         "functions": tuple(case.functions),
-        "formulas": tuple(canonical(one) for one in case.expressions),
+        "formulas": p.formulas,
         "accuracy": case.accuracy,
         "aim": extra.aim,
         "pilot_seconds": extra.pilot_cpu_seconds,

@@ -6,7 +6,7 @@ after which it chooses again, then the whole.  One step finer is compared on pat
 than the bias that is stated, it becomes the finest step, and the one below is compared.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -19,7 +19,7 @@ from spi.ensemble.points import points_of
 from spi.ensemble.protocol import noise_indices
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
-from spi.expressions import range_of
+from spi.expressions import canonical, range_of
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.samples import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.weak.estimators.kolmogorov.keys import demands_of
@@ -72,6 +72,26 @@ def plan(case: Any, part: Part) -> "AnswerPlan":
 @dataclass(frozen=True, kw_only=True)
 class AnswerPlan(SamplesPlan):
     """The answer of a case."""
+
+    python: tuple[tuple[str, Callable], ...] = ()  #: functions that are no formulas, which stand for these in the case
+
+    @property
+    def phis(self) -> list[Callable]:
+        """The test functions of arrays of states."""
+        given = dict(self.python)
+        return [given.get(name, phi) for name, phi in zip(self.case.functions, super().phis, strict=True)]
+
+    @property
+    def formulas(self) -> tuple[str, ...]:
+        """The texts of the functions, of those in Python their names."""
+        texts = zip(self.case.functions, map(canonical, self.case.expressions), strict=True)
+        return tuple(name if name in dict(self.python) else text for name, text in texts)
+
+    @cached_property
+    def ranges(self) -> np.ndarray:
+        """(F, 2) between which values the functions lie, whatever the state is."""
+        known = zip(self.case.functions, map(range_of, self.case.expressions), strict=True)
+        return np.array([(-np.inf, np.inf) if name in dict(self.python) else ends for name, ends in known])
 
     @cached_property
     def solvable(self) -> bool:
@@ -207,7 +227,7 @@ class AnswerPlan(SamplesPlan):
         """(F,) how far apart values of each function can be: 0 where paths are all the same, infinity if unknown."""
         if not noise_indices(self.model) and not isinstance(self.case.initial, RandomState):
             return np.zeros(len(self.case.functions))
-        return np.array([high - low for low, high in map(range_of, self.case.expressions)])
+        return np.asarray(self.ranges[:, 1] - self.ranges[:, 0])
 
     def spread(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> Spread:
         """What is known of the mean of a quantity of a path set.
