@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -145,15 +145,7 @@ class MeansPlan(BlocksPlan):
 
     def _values(self, name: str, y: np.ndarray) -> np.ndarray:
         """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
-        y = y.view()
-        y.flags.writeable = False  # so that no function changes what the next one is given
-        with np.errstate(all="ignore"):
-            values = np.asarray(self.functions[name](y))
-        if values.shape != y.shape[-1:]:
-            raise ValueError(f"the function {name} returned shape {values.shape} for {y.shape[-1]} paths; one each")
-        if values.dtype.kind == "c":
-            raise ValueError(f"the function {name} returned complex numbers; return real ones")
-        return values
+        return _values_of(name, self.functions[name], y)
 
     def empty(self, number: int) -> Sums:
         """The sums over no paths."""
@@ -188,6 +180,24 @@ class MeansPlan(BlocksPlan):
         )
 
 
+def _values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
+    """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
+    y = y.view()
+    y.flags.writeable = False  # so that no function changes what the next one is given
+    with np.errstate(all="ignore"):
+        values = np.asarray(phi(y))
+    if values.shape != y.shape[-1:]:
+        raise ValueError(f"the function {name} returned shape {values.shape} for {y.shape[-1]} paths; one each")
+    if values.dtype.kind == "c":
+        raise ValueError(f"the function {name} returned complex numbers; return real ones")
+    return values
+
+
+def _of_blocks(name: str, phi: Phi) -> Phi:
+    """A function of states (d, paths) as one of states (d, ...)."""
+    return lambda y: _values_of(name, phi, y.reshape(len(y), -1)).reshape(y.shape[1:])
+
+
 def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str, Any]) -> xr.Dataset:
     """The means and their errors at each step size."""
     counts = group_counts(sums.paths)
@@ -208,7 +218,7 @@ def _dataset(sums: Sums, names: list[str], h: list[float], attributes: dict[str,
 
 def answer(
     model: Any,
-    functions: str | Mapping[str, str],
+    functions: str | Phi | Mapping[str, str | Phi],
     *,
     initial: Sequence[Any],
     final_time: Any,
@@ -219,7 +229,8 @@ def answer(
 ) -> Answer:
     """E phi(y(T)) to a wanted accuracy, half the width of a 95 % interval with what is left of the bias.
 
-    `functions` is an expression such as "sin(y1) + y2^2", or a mapping of names to expressions.  The program chooses:
+    `functions` is phi, or a mapping of names: expressions or Python functions, as for :func:`spi.expectations`.  With
+    a Python function among them, whose range is not known, all are sampled.  The program chooses:
     no sampling where a solution is known, else scheme, steps, extrapolation and samples, from a pilot; it checks
     the bias by one step finer, and goes on if the check fails.  `options` are further keys of an experiment of kind
     answer: schemes, extrapolate, sampling, seconds, damping.  `model`, `initial`, `final_time` and `seed` are as for
@@ -232,9 +243,14 @@ def answer(
     Raises SpecError if anything is wrong with what is asked for.
     """
     keys = {"initial": initial, "final_time": final_time, "accuracy": accuracy, "seed": seed}
+    named = functions if isinstance(functions, Mapping) else {"phi": functions}
+    python = tuple((str(name), _of_blocks(str(name), phi)) for name, phi in named.items() if callable(phi))
+    if python:  # formulas that every system has stand for them
+        named = {name: f"y1^{n}" if callable(phi) else phi for n, (name, phi) in enumerate(named.items(), 2)}
+        functions, options = named, options | {"sampling": True}
     data = {"kind": "answer", "model": model, "functions": functions, **keys, **options}
     (case,) = of_mapping(data, "answer", place="").cases
-    plan: Any = study.plan(case, study.parts(case)[0])
+    plan: Any = replace(study.plan(case, study.parts(case)[0]), python=python)
     state = State(plan)
     with Line("answer", progress) as line:
         compile_missing(kernel_calls([plan]), line.watch.report_compiling)

@@ -5,6 +5,16 @@ expression is a tree of records; parts without y are one constant: ``2*pi*y1`` i
 arrays of states.  Overflow gives inf and what has no value gives NaN, but never an exception.
 """
 
+from .ranges import is_step, range_of
 from .trees import Constant, as_numpy, canonical, functions_of, is_constant, parse_expression
 
-__all__ = ["Constant", "as_numpy", "canonical", "functions_of", "is_constant", "parse_expression"]
+__all__ = [
+    "Constant",
+    "as_numpy",
+    "canonical",
+    "functions_of",
+    "is_constant",
+    "is_step",
+    "parse_expression",
+    "range_of",
+]

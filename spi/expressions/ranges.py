@@ -1,82 +1,126 @@
-"""Which values a formula can have, whatever the state: an interval, and whether there are only some values."""
+"""Between which values an expression lies, whatever the state is, and whether it is constant but for jumps."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
-from . import trees
+from .trees import (
+    Absolute,
+    Component,
+    Constant,
+    Cosine,
+    Difference,
+    Exponential,
+    HyperbolicTangent,
+    Logarithm,
+    Negative,
+    Power,
+    Product,
+    Quotient,
+    Sine,
+    SquareRoot,
+    Sum,
+    WholePower,
+    canonical,
+)
+
+_ALL = -math.inf, math.inf
+_WITHIN_ONE = -1.0, 1.0
+
+Range = tuple[float, float]
 
 
-class Range(NamedTuple):
-    """The values of a formula lie in [low, high]."""
+def range_of(expression: Any) -> Range:
+    """(lowest, highest) value, by interval arithmetic, so that the true range may be narrower; -inf, inf if unknown.
 
-    low: float
-    high: float
-    jumps: bool = False  #: whether it is constant but for jumps, as abs(y1 - 1)/(y1 - 1)
-
-    @property
-    def width(self) -> float:
-        """How far apart two values can be."""
-        return self.high - self.low
-
-
-_ALL = Range(-math.inf, math.inf)
-_WITHIN = {trees.Sine: (-1.0, 1.0), trees.Cosine: (-1.0, 1.0), trees.HyperbolicTangent: (-1.0, 1.0)}
-_NOT_NEGATIVE = trees.Exponential, trees.SquareRoot
-
-
-def range_of(tree: Any) -> Range:
-    """The range of a tree by interval arithmetic: it holds all values, but may be wider."""
-    if isinstance(tree, trees.Constant):
-        return Range(tree.value, tree.value, True)
-    if isinstance(tree, trees.Component):
+    x/|x| and |x|/x are signs, so that (1 + (y1 - 1)/abs(y1 - 1))/2 lies between 0 and 1.
+    """
+    if isinstance(expression, Constant):
+        return expression.value, expression.value
+    if isinstance(expression, Component):
         return _ALL
-    if isinstance(tree, trees.Quotient) and _is_sign(tree.a, tree.b):
-        return Range(-1.0, 1.0, True)
-    if isinstance(tree, trees.WholePower):
-        one = range_of(tree.a)
-        ends = [_power(end, tree.exponent) for end in (one.low, one.high)]
-        low = 0.0 if tree.exponent % 2 == 0 and one.low <= 0.0 <= one.high else min(ends)
-        return Range(low, max(ends), one.jumps)
-    each = [range_of(operand) for operand in tree]
-    jumps = all(one.jumps for one in each)
-    if isinstance(tree, trees.Sum | trees.Difference | trees.Product):
-        return _ordered(_combined(type(tree), *each), jumps)
-    if isinstance(tree, trees.Quotient) and (each[1].low > 0.0 or each[1].high < 0.0):
-        inverse = Range(1.0 / each[1].high, 1.0 / each[1].low)
-        return _ordered(_combined(trees.Product, each[0], inverse), jumps)
-    one = each[0]
-    if isinstance(tree, trees.Negative):
-        return Range(-one.high, -one.low, jumps)
-    if isinstance(tree, trees.Absolute):
-        least = 0.0 if one.low <= 0.0 <= one.high else min(abs(one.low), abs(one.high))
-        return Range(least, max(abs(one.low), abs(one.high)), jumps)
-    if type(tree) in _WITHIN:
-        return Range(*_WITHIN[type(tree)], jumps)
-    return Range(0.0, math.inf, jumps) if isinstance(tree, _NOT_NEGATIVE) else _ALL._replace(jumps=jumps)
+    if isinstance(expression, WholePower):
+        return _power(range_of(expression.a), expression.exponent)
+    if isinstance(expression, Quotient) and _is_sign(expression.a, expression.b):
+        return _WITHIN_ONE
+    low, high = _of_operation(expression, *(range_of(operand) for operand in expression))
+    return (low, high) if low <= high else _ALL  # false for NaN
+
+
+def is_step(expression: Any) -> bool:
+    """Whether an expression is constant but for jumps, as (1 + (y1 - 3)/abs(y1 - 3))/2 is."""
+    if isinstance(expression, Constant | Component):
+        return isinstance(expression, Constant)
+    if isinstance(expression, WholePower):
+        return is_step(expression.a)
+    if isinstance(expression, Quotient) and _is_sign(expression.a, expression.b):
+        return True
+    return all(map(is_step, expression))
 
 
 def _is_sign(a: Any, b: Any) -> bool:
-    """Whether a/b is the sign of something: x/abs(x) or abs(x)/x, perhaps with the difference turned round."""
-    inner, other = (b.a, a) if isinstance(b, trees.Absolute) else (a.a if isinstance(a, trees.Absolute) else None, b)
-    turned = trees.Difference(inner.b, inner.a) if isinstance(inner, trees.Difference) else None
-    found = (trees.canonical(one) for one in (inner, turned) if one is not None)  # trees are tuples, equal too soon
-    return trees.canonical(other) in found
+    """Whether a/b is x/abs(x) or abs(x)/x, a difference perhaps turned round; as tuples sin(y1) and exp(y1) are equal."""
+    return any(canonical(one) == canonical(other) for one, other in (*_alike(a, b), *_alike(b, a)))
 
 
-def _power(x: float, exponent: int) -> float:
-    try:
-        return x**exponent
-    except OverflowError:
-        return math.copysign(math.inf, x) if exponent % 2 else math.inf
+def _alike(a: Any, b: Any) -> list[tuple[Any, Any]]:
+    """What must be equal, one of the pairs, for a to be +-x if b is abs(x)."""
+    if not isinstance(b, Absolute):
+        return []
+    return [(a, b.a), (a, Difference(b.a.b, b.a.a))] if isinstance(b.a, Difference) else [(a, b.a)]
 
 
-def _combined(operation: Any, a: Range, b: Range) -> list[float]:
-    if operation is trees.Sum:
-        return [a.low + b.low, a.high + b.high]
-    if operation is trees.Difference:
-        return [a.low - b.high, a.high - b.low]
-    return [0.0 if 0.0 in (x, y) else x * y for x in (a.low, a.high) for y in (b.low, b.high)]
+def _of_operation(expression: Any, a: Range, b: Range = _ALL) -> Range:
+    match expression:
+        case Sum():
+            return a[0] + b[0], a[1] + b[1]
+        case Difference():
+            return a[0] - b[1], a[1] - b[0]
+        case Negative():
+            return -a[1], -a[0]
+        case Product():
+            return _product(a, b)
+        case Quotient() if b[0] > 0.0 or b[1] < 0.0:
+            return _product(a, (1.0 / b[1], 1.0 / b[0]))
+        case Absolute():
+            return _absolute(a)
+        case Exponential():
+            return _increasing(math.exp, a)
+        case HyperbolicTangent():
+            return _increasing(math.tanh, a)
+        case Logarithm():
+            return _increasing(math.log, a) if a[0] > 0.0 else (-math.inf, _increasing(math.log, a)[1])
+        case SquareRoot():
+            return _increasing(math.sqrt, (max(a[0], 0.0), a[1]))
+        case Power() if b[0] == b[1] and b[0] > 0.0:  # NaN below 0, so that what is left of a is at least 0
+            return _increasing(lambda x: x ** b[0], (max(a[0], 0.0), a[1]))
+        case Sine() | Cosine():
+            return _WITHIN_ONE
+    return _ALL
 
 
-def _ordered(ends: list[float], jumps: bool) -> Range:
-    return _ALL._replace(jumps=jumps) if any(map(math.isnan, ends)) else Range(min(ends), max(ends), jumps)
+def _absolute(a: Range) -> Range:
+    return (0.0 if a[0] <= 0.0 <= a[1] else min(abs(a[0]), abs(a[1]))), max(abs(a[0]), abs(a[1]))
+
+
+def _product(a: Range, b: Range) -> Range:
+    each = [0.0 if 0.0 in (x, y) else x * y for x in a for y in b]  # 0 times what is as large as one likes is 0
+    return min(each), max(each)
+
+
+def _power(a: Range, exponent: int) -> Range:
+    if exponent % 2 == 0:
+        a = _absolute(a)
+    return _increasing(lambda x: x**exponent, a)
+
+
+def _increasing(function: Any, a: Range) -> Range:
+    """The values of a function that rises; infinity where they overflow, or where it is not defined."""
+
+    def at(x: float, beyond: float) -> float:
+        try:
+            return float(function(x))
+        except (OverflowError, ValueError):
+            return beyond
+
+    low = 0.0 if function is math.exp and a[0] == -math.inf else at(a[0], -math.inf)
+    return low, at(a[1], math.inf)

@@ -21,6 +21,7 @@ from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
 from spi.ensemble.streams import brownian
+from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.drivers import parts_of, stream_of
@@ -115,6 +116,11 @@ class Plan:
         if isinstance(self.initial, RandomState):
             return casimirs_of_states(self.model, self.initial_states(first, blocks))
         return np.array(casimirs(self.model, self.initial))[:, np.newaxis]
+
+    @property
+    def phis(self) -> list[Callable]:
+        """The test functions of arrays of states."""
+        return [as_numpy(tree) for tree in self.case.expressions]
 
     @property
     def row(self) -> Scheme:

@@ -7,7 +7,6 @@ import numpy as np
 
 from spi.ensemble.loop import Grid, integrated
 from spi.ensemble.protocol import dimension
-from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.statistics.estimators import ROUND
 from spi.statistics.powers import with_powers
@@ -25,7 +24,7 @@ def values_of_blocks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
     states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
-    d, functions = len(p.initial), [as_numpy(tree) for tree in p.case.expressions]
+    d, functions = len(p.initial), p.phis
     y = np.moveaxis(states[..., : d * LANES].reshape(*states.shape[:2], d, LANES), 2, 0)
     values = np.empty((*states.shape[:2], len(functions), LANES))
     with np.errstate(all="ignore"):

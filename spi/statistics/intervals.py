@@ -1,9 +1,10 @@
-"""Intervals that hold the truth as often as they say: of shares, of what was never seen, of few groups of paths."""
+"""Intervals that hold the truth as often as they say: of shares, what was never seen, few groups, and skewed means."""
 
 from typing import Any
 
 import numpy as np
 
+from ..storage.records import INTERVAL
 from .estimators import group_counts
 
 Array = np.ndarray
@@ -68,3 +69,19 @@ def order_statistics(samples: int, level: float, confidence: float = CONFIDENCE)
         return high
 
     return first(tail), first(1.0 - tail) + 1
+
+
+def skewed_half_width(stderr: np.ndarray, third: np.ndarray, degrees: np.ndarray) -> np.ndarray:
+    """Half the width of a 95 % interval about a mean, symmetric, that holds though the mean may be skewed.
+
+    Student's factor for the `degrees` of freedom of the standard error, times that, and what the third cumulant of
+    the mean shifts: |third| (1 + 2 * 1.96^2) / (6 stderr^2) (Johnson, Journal of the American Statistical Association
+    73, 1978).  For k of many that are 1, the others 0, the upper end is that of Clopper and Pearson within 3 % from
+    k = 2 on.
+    """
+    from scipy.special import stdtrit
+
+    degrees = np.maximum(np.nan_to_num(degrees, nan=np.inf, posinf=1e9), 1.0)
+    with np.errstate(all="ignore"):
+        shift = np.where(stderr > 0.0, np.abs(third) / stderr**2, 0.0) * (1.0 + 2.0 * INTERVAL**2) / 6.0
+        return np.asarray(stdtrit(degrees, 0.975) * stderr + np.nan_to_num(shift))

@@ -9,12 +9,14 @@ from spi.ensemble.protocol import large
 from spi.ensemble.random_states import RandomState
 from spi.kinds.plans import State
 from spi.kinds.weak.estimators.kolmogorov.study import solution
+from spi.numerics.rng import LANES
 from spi.statistics.estimators import ROUND
+from spi.storage.records import INTERVAL
 
 from . import outcome
 from .decisions import BEGINNING, DONE, GLANCE_LEVELS, PILOTING, WHOLE, Decisions, glance, pilot_of
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
-from .levels import AGAINST, ALONG, LEVELS, SETS, most_points, power_of_two, whole_blocks
+from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, most_points, power_of_two, whole_blocks
 from .planner import BIAS_SHARE, CHECK_SHARE, Choice, Measured, allocation, choose, contradicted
 
 if TYPE_CHECKING:
@@ -28,7 +30,8 @@ _WORTH = 20.0  # so many times a pilot's work; where less is left, another pilot
 _POINTS = 2.0  # predicted seconds of typical speed from which on quasi-random points are tried
 _SCHEME = 20.0  # the same, once these are known, of the other schemes
 ALONG_PILOT = 2**15  #: samples of a pilot along points
-_STRIDE = 4  # times as many points as there are, before it is decided again
+_STRIDE = 4  # times as many points as there are, or samples of equal values, before it is decided again
+MOST_UNSEEN = 2**17  #: samples after which values that are all equal, and may lie anywhere, are not resolved
 _MARGIN = 0.98  # of the accuracy, aimed at when it was missed
 _ROOM = 0.3  # of the accuracy, the most that the bias may have in the end
 
@@ -85,7 +88,7 @@ def _best(p: "AnswerPlan", state: State, scheme: int, accuracy: float) -> tuple[
 def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     """A pilot along points, or of another scheme, where that pays, else the beginning of the work."""
     extra: Decisions = state.extra
-    cost = np.array([p.cost_of(i) for i in range(len(p.sets))])
+    cost = p.costs
     if not extra.looked:
         extra, pilot = extra._replace(looked=1), pilot_of(0, len(extra.wanted))
         late = p.case.step_levels[0] >= GLANCE_LEVELS
@@ -99,6 +102,8 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
             works[s, levels] = choose(measured, p.exponents(s), [levels], p.case.accuracy, p.case.step_levels).work
     best = [_best(p, state, s, p.case.accuracy) for s in range(extra.piloted)]
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)
+    if (more := _until_seen(p, state, best[chosen][0].work)) is not None:
+        return extra._replace(wanted=more)
     extra = extra._replace(works=works)
     worth = min(best[chosen][0].work, p.case.seconds) if np.isfinite(best[chosen][0].work) else 0.0
     followed = not isinstance(p.case.initial, RandomState) and not large(p.model)
@@ -109,10 +114,26 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
         more = extra.wanted + pilot_of(extra.piloted, len(extra.wanted))
         return extra._replace(wanted=more, piloted=extra.piloted + 1)
     spent = _cpu_seconds(p, state).sum()
-    extra = extra._replace(scheme=chosen, pilot_cpu_seconds=float(spent), aim=_affordable(p, state, chosen))
+    extra = extra._replace(scheme=chosen, pilot_cpu_seconds=float(spent))
     if best[chosen][0].work < _WORTH * float(cost @ extra.wanted):
         return _whole(p, state, extra, WHOLE)
     return _whole(p, state, extra, BEGINNING)
+
+
+def _until_seen(p: "AnswerPlan", state: State, work: float) -> np.ndarray | None:
+    """(path sets,) more samples of those of which all values are equal, as long as these are a share of the work.
+
+    Where it is not known how far apart values can be, no work is known either: up to MOST_UNSEEN samples.
+    """
+    wanted = state.extra.wanted
+    each = [p.spread(state.so_far(i), -1 if i % SETS >= LEVELS else DIFFERENCE) for i in range(len(p.sets))]
+    equal = np.array([one.equal.any() for one in each]) & (wanted > 0)
+    unknown = np.array([one.unknown.any() for one in each]) & (wanted > 0) & (wanted < MOST_UNSEEN)
+    for some, limit in ((equal, min(work, p.case.seconds)), (unknown, p.case.seconds)):
+        more = np.where(some, _STRIDE * wanted, wanted)
+        if some.any() and float(p.costs @ more) <= _SHARE * limit:
+            return more
+    return None
 
 
 def _pilot_along(p: "AnswerPlan", scheme: int, base: int) -> np.ndarray:
@@ -126,13 +147,15 @@ def _pilot_along(p: "AnswerPlan", scheme: int, base: int) -> np.ndarray:
 
 def _affordable(p: "AnswerPlan", state: State, scheme: int) -> float:
     """The accuracy, or the best that the seconds and samples of the case allow."""
-    aim = p.case.accuracy
+    aim, measured = p.case.accuracy, p.measured(state, scheme)
     for _ in range(4):
         choice, order = _best(p, state, scheme, aim)
-        excess = choice.work / p.case.seconds
+        exponents = p.exponents(scheme) if order is None else (order,)
+        samples = allocation(measured, exponents, choice, aim)
+        points = int(measured.along[choice.base] > 0)
+        extra = state.extra._replace(scheme=scheme, points=points).with_choice(choice, order)
+        excess = float(p.costs @ _all_raised(extra, samples, None)) / p.case.seconds if choice.work < np.inf else np.inf
         if p.case.samples:
-            exponents = p.exponents(scheme) if order is None else (order,)
-            samples = allocation(p.measured(state, scheme), exponents, choice, aim)
             excess = max(excess, float(samples[LEVELS + choice.base]) / p.case.samples)
         if excess <= 1.0:
             break
@@ -142,6 +165,7 @@ def _affordable(p: "AnswerPlan", state: State, scheme: int) -> float:
 
 def _whole(p: "AnswerPlan", state: State, extra: Decisions, stage: int) -> Decisions:
     """The best choice, with what it wants, or at the beginning with a share of that."""
+    extra = extra._replace(aim=_affordable(p, state, extra.scheme))
     choice, order = _best(p, state, extra.scheme, extra.aim)
     measured = p.measured(state, extra.scheme)
     exponents, _, _ = powers_of(p, measured, extra.scheme, extra.aim, 0)
@@ -156,12 +180,11 @@ def _whole(p: "AnswerPlan", state: State, extra: Decisions, stage: int) -> Decis
         begun[base] = min(samples[base], most)
     levels = p.case.extrapolate if order is None else (0,)
     next_digit = choose(measured, exponents, levels, extra.aim / 10, p.case.step_levels)
-    rate = _seconds_per_sample(p, state, extra.scheme)
+    rate, own = _seconds_per_sample(p, state, extra.scheme), slice(extra.scheme * SETS, (extra.scheme + 1) * SETS)
     return extra._replace(
         stage=stage,
-        wanted=_raised(extra, begun, p.case.samples),
-        predicted_cpu_seconds=float(np.nan_to_num(rate @ _of_sets(extra, samples, p.case.samples)))
-        + extra.pilot_cpu_seconds,
+        wanted=_raised(p, extra, begun),
+        predicted_cpu_seconds=float(np.nan_to_num(rate @ _raised(p, extra, samples)[own])) + extra.pilot_cpu_seconds,
         next_cpu_seconds=float(rate[:ALONG] @ allocation(measured, exponents, next_digit, extra.aim / 10)),
     )
 
@@ -178,7 +201,26 @@ def _of_sets(extra: Decisions, samples: np.ndarray, most: int | None) -> np.ndar
     return found
 
 
-def _raised(extra: Decisions, samples: np.ndarray, most: int | None) -> np.ndarray:
+def _raised(p: "AnswerPlan", extra: Decisions, samples: np.ndarray) -> np.ndarray:
+    """What is wanted, with so many samples of the path sets of the chosen scheme, as far as the seconds allow.
+
+    All that was wanted before is there; of what is new each path set has one round of blocks at least.
+    """
+    more = _all_raised(extra, samples, p.case.samples) - extra.wanted
+    left, cost = p.case.seconds - float(p.costs @ extra.wanted), float(p.costs @ more)
+    if cost <= max(left, 0.0):
+        return extra.wanted + more
+    size = ROUND * LANES
+    fewer = (more * max(left, 0.0) / cost).astype(np.int64) // size * size
+    fewer = np.maximum(fewer, np.where(extra.wanted == 0, np.minimum(more, size), 0))
+    allowed = extra.wanted + fewer
+    if extra.points:
+        points = extra.scheme * SETS + extra.set_of_base
+        allowed[points] = max(int(extra.wanted[points]), power_of_two(allowed[points] // 2 + 1))
+    return allowed
+
+
+def _all_raised(extra: Decisions, samples: np.ndarray, most: int | None) -> np.ndarray:
     """What is wanted, with at least so many samples of the path sets of the chosen scheme."""
     wanted, own = extra.wanted.copy(), slice(extra.scheme * SETS, (extra.scheme + 1) * SETS)
     wanted[own] = np.maximum(wanted[own], _of_sets(extra, samples, most))
@@ -193,7 +235,7 @@ def _cpu_seconds(p: "AnswerPlan", state: State) -> np.ndarray:
 def _seconds_per_sample(p: "AnswerPlan", state: State, scheme: int) -> np.ndarray:
     """(SETS,) processor seconds of a sample as measured, or as the others tell by what is typical."""
     own = slice(scheme * SETS, (scheme + 1) * SETS)
-    typical = np.array([p.cost_of(i) for i in range(len(p.sets))])[own]
+    typical = p.costs[own]
     paths = np.array([state.tally(i).paths for i in range(len(p.sets))])[own]
     spent = _cpu_seconds(p, state)[own]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -206,7 +248,11 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     """The end, or what is wanted where the interval is too wide or one step finer differs by too much."""
     extra: Decisions = state.extra
     found = outcome.found(p, state)
+    if not (found.half <= extra.aim).all():
+        extra = extra._replace(aim=max(extra.aim, _affordable(p, state, extra.scheme)))
     narrow = bool((found.half <= extra.aim).all())
+    if found.unresolved.any() and (unseen := _until_seen(p, state, 0.0)) is not None:
+        return extra._replace(wanted=unseen, stage=extra.stage + 1)
     lost = not np.isfinite(found.half).all()
     if (narrow and found.passed) or lost or extra.stage >= MOST_STAGES:
         return extra._replace(stage=DONE) if lost else _compared(p, state)
@@ -221,11 +267,11 @@ def _checked(p: "AnswerPlan", state: State) -> Decisions:
     if choice.levels == extra.levels or not finer:
         choice = choice._replace(levels=extra.levels if order is None else 0, finest=finest)
     bias = min(float(found.bias.max()), _ROOM * extra.aim) if not finer else BIAS_SHARE * extra.aim
-    samples = allocation(measured, exponents, choice, _MARGIN * extra.aim, bias)
+    samples = allocation(measured, exponents, choice, _MARGIN * extra.aim, bias, _factor(found))
     more = extra.with_choice(choice._replace(work=extra.work), order)._replace(stage=extra.stage + 1)
-    wanted = _raised(extra, samples, p.case.samples)
+    wanted = _raised(p, extra, samples)
     if (wanted == extra.wanted).all():
-        wanted = _raised(extra, 1.25 * np.where(samples > 0, state_samples(state, extra), 0.0), p.case.samples)
+        wanted = _raised(p, extra, 1.25 * np.where(samples > 0, state_samples(state, extra), 0.0))
     if (wanted == extra.wanted).all():
         return extra._replace(stage=DONE)  # the case allows no more
     return more._replace(wanted=wanted)
@@ -242,7 +288,7 @@ def _compared(p: "AnswerPlan", state: State) -> Decisions:
     wanted[number] = PILOT_SAMPLES
     if extra.compared:
         stderr = np.nan_to_num(outcome.compared(p, state).stderr.max())  # of as many paths as in a pilot
-        most = p.case.seconds / p.cost_of(number)
+        most = max(p.case.seconds - float(p.costs @ wanted), 0.0) / p.cost_of(number)
         needed = PILOT_SAMPLES * (stderr / (CHECK_SHARE * extra.aim)) ** 2
         wanted[number] = max(whole_blocks(min(needed, most), ROUND), 2 * PILOT_SAMPLES)
     return extra._replace(wanted=wanted, compared=level)
@@ -253,3 +299,11 @@ def state_samples(state: State, extra: Decisions) -> np.ndarray:
     found = np.array([state.tally(extra.scheme * SETS + i).paths for i in range(SETS)], float)
     found[LEVELS + extra.base] = found[extra.set_of_base]
     return found[:ALONG]
+
+
+def _factor(found: outcome.Found) -> float:
+    """(half width without the bias) / standard error, 1.96 unless few samples decide."""
+    with np.errstate(all="ignore"):
+        return float(
+            np.clip(np.nan_to_num((found.half - found.bias) / found.stderr, nan=INTERVAL).max(), INTERVAL, 10.0)
+        )

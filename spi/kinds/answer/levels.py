@@ -14,7 +14,6 @@ from spi.numerics.rng import ANSWERS, LANES
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS
 from spi.schemes import typical_ns
 from spi.schemes.splitting import has_antithetic_path
-from spi.statistics.estimators import GROUPS
 
 from .keys import FINEST
 
@@ -71,12 +70,6 @@ def most_points(row: Any, model: Any) -> int:
 def power_of_two(paths: float) -> int:
     """So many paths as there may be along points, at least."""
     return max(LEAST_PATHS, 1 << math.ceil(math.log2(max(paths, 1.0))))
-
-
-def along_points(sums: np.ndarray, paths: int) -> np.ndarray:
-    """(F,) paths times the variance of their mean along points, over the scrambles, from sums (..., F, GROUPS)."""
-    with np.errstate(all="ignore"):
-        return np.asarray(paths * (sums[0, -1] * (GROUPS / np.float64(paths))).var(axis=-1, ddof=1) / GROUPS)
 
 
 def whole_blocks(paths: np.ndarray, least: int) -> np.ndarray:

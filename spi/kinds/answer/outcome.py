@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from spi.expressions import canonical
 from spi.kinds.plans import State
 from spi.printing.sentences import joined
 from spi.printing.text import short
@@ -14,9 +13,11 @@ from spi.schemes import weak_exponents
 from spi.statistics.richardson import weights
 from spi.storage.records import HEAVY_TAILS, INTERVAL
 
-from .levels import AGAINST, DIFFERENCE, LEVELS, SETS, VALUE, along_points
+from .keys import ROUNDING
+from .levels import AGAINST, DIFFERENCE, LEVELS, SETS, VALUE
 from .planner import bound, changed, order_of, shares
 from .results import Answer, Chosen, Compared, Levels
+from .spread import Term, sampling_error
 
 if TYPE_CHECKING:
     from .study import AnswerPlan, Totals
@@ -37,6 +38,7 @@ class Found(NamedTuple):
     check_stderr: np.ndarray
     passed: bool
     share: np.ndarray  #: (levels,) how much of each difference is in the value
+    unresolved: np.ndarray  #: whether all values of a mean are equal, and nothing is known of how far others may be
 
 
 @np.errstate(all="ignore")  # paths may diverge
@@ -48,17 +50,21 @@ def found(p: "AnswerPlan", state: State) -> Found:
         exponents = (extra.order,)
     w, finest = weights(exponents[: extra.levels]), extra.finest
     share = shares(w, extra.base, finest, LEVELS)
-    used, base = np.flatnonzero(share), p.totals(state, extra.scheme)[extra.set_of_base]
-    m1, m2 = base.sums[:2, 0].sum(axis=-1) / base.paths
-    s = share[used, np.newaxis]
-    value = m1 + (s * measured.mean[used]).sum(axis=0)
-    of_base = along_points(base.sums, base.paths) if extra.points else np.maximum(m2 - m1**2, 0.0)
-    variance = of_base / base.paths + (s**2 * measured.stderr[used] ** 2).sum(axis=0)
-    stderr, q = np.sqrt(variance), order_of(exponents, extra.levels)
-    bias = bound(measured, exponents, extra.levels, finest, extra.base)
+    used, totals = np.flatnonzero(share), p.totals(state, extra.scheme)
+    base = totals[extra.set_of_base]
+    of_base = p.spread(base, -1, bool(extra.points))
+    value = of_base.mean + (share[used, np.newaxis] * measured.mean[used]).sum(axis=0)
+    terms = [Term(1.0, of_base, base.paths, bool(extra.points))]
+    terms += [Term(float(share[level]), p.spread(totals[level]), totals[level].paths) for level in used]
+    (stderr, sampling), q = sampling_error(terms), order_of(exponents, extra.levels)
+    constant = p.ranges[:, 0] == p.ranges[:, 1]  # by the formula
+    rounding = np.where(constant, 0.0, ROUNDING * np.abs(value))
+    bias = np.maximum(bound(measured, exponents, extra.levels, finest, extra.base), rounding)
+    unresolved = np.any([one.spread.unknown for one in terms], axis=0)
+    half = np.where(unresolved, np.inf, bias + sampling)
     check, check_stderr = changed(measured, w, finest + 1)
     passed = bool((np.abs(check) <= (1.0 + 2.0**-q) * bias + _SURE * check_stderr).all())
-    return Found(value, bias + INTERVAL * stderr, bias, stderr, q, check, check_stderr, passed, share)
+    return Found(value, half, bias, stderr, q, check, check_stderr, passed, share, unresolved)
 
 
 def standard_error(p: "AnswerPlan", state: State) -> float:
@@ -81,9 +87,10 @@ def compared(p: "AnswerPlan", state: State) -> Compared:
     totals = state.so_far(number)
     of_reference = weak_exponents(scheme.row, p.model, 1) if scheme else None
     r = min((p.exponents(extra.scheme) or (1.0,))[0], (of_reference or (1.0,))[0])
-    (off, fallen), (off2, fallen2) = (totals.sums[k].sum(axis=-1) / totals.paths for k in (0, 1))
+    of_difference, of_change = p.spread(totals), p.spread(totals, VALUE)
+    off, fallen = of_difference.mean, of_change.mean
     left = off + fallen / (2.0**r - 1.0)
-    spread = np.sqrt(np.maximum(off2 - off**2, 0.0)), np.sqrt(np.maximum(fallen2 - fallen**2, 0.0)) / (2.0**r - 1.0)
+    spread = np.sqrt(of_difference.variance), np.sqrt(of_change.variance) / (2.0**r - 1.0)
     stderr = (spread[0] + spread[1]) / math.sqrt(totals.paths)
     allowed = 0.5 * np.abs(fallen) / (2.0**r - 1.0) + found(p, state).bias + _SURE * stderr
     name, h = p.case.reference_scheme or "", p.case.final_time / 2.0**extra.compared
@@ -103,16 +110,17 @@ def consistency(p: "AnswerPlan", state: State) -> float:
     for level in range(extra.base + 1, extra.finest + 1):
         below = totals[extra.set_of_base if level == extra.base + 1 else level - 1]
         each = ((below, -1), (totals[level], VALUE), (totals[level], DIFFERENCE))
-        (coarse, sd_coarse), (fine, sd_fine), (off, sd_off) = (_mean(*one) for one in each)
-        ratio = np.abs(fine - off - coarse) / (3.0 * (sd_coarse + sd_fine + sd_off))
+        (coarse, sd_coarse), (fine, sd_fine), (off, sd_off) = (_mean(p, *one) for one in each)
+        rounding = ROUNDING * (np.abs(fine) + np.abs(coarse))
+        ratio = np.abs(fine - off - coarse) / (3.0 * (sd_coarse + sd_fine + sd_off) + rounding)
         worst = max(worst, float(np.nan_to_num(ratio).max()))
     return worst
 
 
-def _mean(totals: "Totals", quantity: int) -> tuple[np.ndarray, np.ndarray]:
+def _mean(p: "AnswerPlan", totals: "Totals", quantity: int) -> tuple[np.ndarray, np.ndarray]:
     """(F,) the mean of a quantity of a path set, and its standard error."""
-    mean, square = totals.sums[:2, quantity].sum(axis=-1) / totals.paths
-    return mean, np.sqrt(np.maximum(square - mean**2, 0.0) / totals.paths)
+    one = p.spread(totals, quantity)
+    return one.mean, np.sqrt(one.variance / totals.paths)
 
 
 def answer(p: "AnswerPlan", state: State) -> Answer:
@@ -121,7 +129,7 @@ def answer(p: "AnswerPlan", state: State) -> Answer:
     told: dict[str, Any] = {
         **p.whole(state),
         "functions": tuple(case.functions),
-        "formulas": tuple(canonical(one) for one in case.expressions),
+        "formulas": p.formulas,
         "accuracy": case.accuracy,
         "aim": extra.aim,
         "pilot_seconds": extra.pilot_cpu_seconds,
@@ -134,10 +142,12 @@ def answer(p: "AnswerPlan", state: State) -> Answer:
         why = "a solution without sampling is known for this system"
         return Answer(value=extra.known, half=limit, bias=limit, stderr=zero, reached=True, why=why, **told)
     one = found(p, state)
-    reached = bool(one.passed and (one.half <= extra.aim).all())
+    if extra.aim > case.accuracy and np.isfinite(one.half).all():
+        told["aim"] = max(case.accuracy, float(one.half.max()))  # which is what the seconds and samples allow
+    reached = bool(one.passed and (one.half <= told["aim"]).all())
     chosen = _chosen(p, state, one)
     other = compared(p, state) if extra.compared else None
-    warnings = tuple(_warnings(p, state, one, chosen, reached))
+    warnings = tuple(_warnings(p, state, one, chosen))
     if other and not other.agrees:
         off = f"{short(np.abs(other.left).max())} +- {short(INTERVAL * other.stderr.max())}"
         what = f"{chosen.scheme} and {other.reference} have other limits, {off} apart on the same noise"
@@ -184,12 +194,11 @@ def _why(p: "AnswerPlan", state: State) -> str:
     return f"{said}: {'; '.join(each)}" if each else ""
 
 
-def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached: bool) -> Iterator[str]:
+def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen) -> Iterator[str]:
     case, extra = p.case, state.extra
-    if extra.aim > case.accuracy and not (one.half <= case.accuracy).all():
-        what = f"accuracy {short(case.accuracy, 'g')} would take more than {case.seconds:g} s of typical speed"
-        what += f" or {case.samples:,} samples" if case.samples else ""
-        yield f"{what}; {short(extra.aim)} is what these allow; raise {'them' if case.samples else 'seconds'}"
+    known = np.isfinite(one.half)
+    if not (one.half[known] <= case.accuracy).all():
+        yield f"the interval is {short(one.half[known].max())} to each side{_in_the_way(p, state, one)}"
     if not math.isnan(extra.order):
         theory = p.exponents(extra.scheme)[0]
         what = f"the order found is {extra.order:.2f}, not {theory:g} as assumed"
@@ -198,11 +207,23 @@ def _warnings(p: "AnswerPlan", state: State, one: Found, chosen: Chosen, reached
         yield f"heavy tails: the kurtosis of a level is {heavy:.0f}, so that intervals may be too narrow"
     if chosen.consistency > _DOUBT:
         yield f"levels do not agree with one another: their check is {chosen.consistency:.1f}, and should be below 1"
-    if not one.passed:
+    if not one.passed and np.isfinite(one.value).all():
         yield "one step finer differs by more than the bias that is stated; the interval may be too narrow"
-    if not reached and one.passed:
-        bias = bool((one.bias > one.half / 2).any())
-        limit = "the bias of the smallest step" if bias and case.steps else "few samples" if case.samples else ""
-        yield f"the interval is wider than {short(extra.aim)}" + f", because of {limit}" * bool(limit)
+    if one.unresolved.any():
+        names = [name for name, unknown in zip(case.functions, one.unresolved, strict=True) if unknown]
+        what = "all values that were seen are equal, and how far off others can be is not known from the formula"
+        yield f"not resolved: {joined(names)}; {what}"
     if lost := [name for name, value in zip(case.functions, one.value, strict=True) if not math.isfinite(value)]:
         yield f"not finite: {joined(lost)}; paths diverged"
+
+
+def _in_the_way(p: "AnswerPlan", state: State, one: Found) -> str:
+    """What keeps an interval from the accuracy that was asked for, as the end of a sentence."""
+    case = p.case
+    if case.steps and (one.bias > one.half / 2).any():
+        return ", because of the bias of the smallest step"
+    if state.extra.aim > case.accuracy:
+        samples, raised = (f" or {case.samples:,} samples", "them") if case.samples else ("", "seconds")
+        more = f"more than {case.seconds:g} s of typical speed{samples}"
+        return f": accuracy {short(case.accuracy, 'g')} would take {more}; raise {raised}"
+    return ", because of few samples" if case.samples else ""

@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from spi.statistics.powers import kurtosis
 from spi.statistics.richardson import weights
 from spi.storage.records import INTERVAL
+
+from .spread import Spread
 
 BIAS_SHARE = 0.1  #: of the accuracy, which the bias may have where levels are chosen
 CHECK_SHARE = 0.15  #: of the accuracy, the standard error with which one step finer is compared
@@ -43,37 +44,38 @@ class Measured(NamedTuple):
     value_cost: np.ndarray
     known: int  #: up to which level there are samples
     along: np.ndarray  #: (K + 1,) paths of P_l along quasi-random points, 0 where it does not follow them
+    value_kurtosis: np.ndarray  #: of P_l
 
     @classmethod
     def of(
         cls,
-        moments: np.ndarray,
+        differences: Spread,
         samples: np.ndarray,
-        values: np.ndarray,
+        values: Spread,
         cost: np.ndarray,
         value_cost: np.ndarray,
         along: Sequence[int] = (),
     ) -> "Measured":
-        """From moments (4, K + 1, F) of Y_l, how many samples of each there are, and the variances of P_l.
+        """From what is known of Y_l, of P_l, arrays (K + 1, F), and how many samples of each there are.
 
         The variances of levels without samples go on as they fell before; a level that is not finite has an infinite
         one, so that it is not chosen.
         """
-        m1, m2 = moments[:2]
         known = int(np.flatnonzero(samples)[-1])
         with np.errstate(all="ignore"):
-            variance = np.maximum(m2 - m1**2, 0.0)
-            tails = np.nan_to_num(kurtosis(moments, variance), nan=0.0, posinf=0.0)
-            variance = np.where(np.isfinite(variance), variance, np.inf)
+            tails, of_values = (np.nan_to_num(one.kurtosis, nan=0.0, posinf=0.0) for one in (differences, values))
+            variance = np.where(np.isfinite(differences.variance), differences.variance, np.inf)
             variance[0] = 0.0
             last = [variance[k][np.newaxis] for k in (known, max(known - 1, 1))]
             fall = np.clip(np.nan_to_num(last[0] / last[1], nan=0.5), *_FALLS)
             beyond = np.arange(len(samples) - known - 1)[:, np.newaxis] + 1
             variance[known + 1 :] = last[0] * fall**beyond
-            values = np.where(np.isfinite(values), values, np.inf)
-            values[known + 1 :] = values[known]
+            value_variance = np.where(np.isfinite(values.variance), values.variance, np.inf)
+            value_variance[known + 1 :] = value_variance[known]
             stderr = np.sqrt(variance / samples[:, np.newaxis])
-        return cls(m1, stderr, variance, tails, values, cost, value_cost, known, np.asarray(along or [0] * len(cost)))
+        followed = np.asarray(along or [0] * len(cost))
+        seconds = cost, value_cost
+        return cls(differences.mean, stderr, variance, tails, value_variance, *seconds, known, followed, of_values)
 
 
 class Choice(NamedTuple):
@@ -162,15 +164,20 @@ def _costs(measured: Measured) -> np.ndarray:
 
 
 def allocation(
-    measured: Measured, exponents: Sequence[float], choice: Choice, accuracy: float, bias: float | None = None
+    measured: Measured,
+    exponents: Sequence[float],
+    choice: Choice,
+    accuracy: float,
+    bias: float | None = None,
+    factor: float = INTERVAL,
 ) -> np.ndarray:
     """(2 (K + 1),) paths of each difference, and behind them those of each value, for an answer to the accuracy.
 
     N_l is proportional to |s_l| (V_l / C_l)^(1/2), so that the work is least; the level above the finest is for the
-    check; paths are not fewer than the tails of a level ask for.
+    check; paths are not fewer than the tails of a level ask for.  Half of the interval has `factor` standard errors.
     """
     count, w = len(measured.cost), weights(exponents[: choice.levels])
-    target = (accuracy - min(choice.bias if bias is None else bias, accuracy / 2)) / INTERVAL
+    target = (accuracy - min(choice.bias if bias is None else bias, accuracy / 2)) / factor
     s = shares(w, choice.base, choice.finest, count)
     of_differences, of_values = (each.max(axis=1) for each in (measured.variance, measured.value_variance))
     variance = np.append(np.where(s != 0.0, s**2 * np.where(s != 0.0, of_differences, 0.0), 0.0), np.zeros(count))
@@ -186,10 +193,10 @@ def allocation(
         )
     check = choice.finest + 1
     samples[check] = w[0] ** 2 * of_differences[check] / (CHECK_SHARE * accuracy) ** 2
-    tails = np.append(np.minimum(TAILS * measured.kurtosis.max(axis=1), MOST_TAILS), np.zeros(count))
+    tails = TAILS * np.concatenate([measured.kurtosis, measured.value_kurtosis]).max(axis=1)
     used = np.append(s != 0.0, np.zeros(count, bool))
     used[[check, count + choice.base]] = True
-    return np.where(used, np.maximum(np.maximum(samples, tails), 1.0), 0.0)
+    return np.where(used, np.maximum(np.maximum(samples, np.minimum(tails, MOST_TAILS)), 1.0), 0.0)
 
 
 def _in_powers_of_two(

@@ -6,7 +6,7 @@ after which it chooses again, then the whole.  One step finer is compared on pat
 than the bias that is stated, it becomes the finest step, and the one below is compared.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -16,8 +16,10 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.ensemble.friction import has_friction
 from spi.ensemble.points import points_of
+from spi.ensemble.protocol import noise_indices
 from spi.ensemble.random_states import RandomState
 from spi.exact.kolmogorov import can_solve
+from spi.expressions import canonical, range_of
 from spi.kinds.plans import Cost, Done, KernelCall, State
 from spi.kinds.samples import BATCH_BYTES, POWERS, Sample, SamplesPlan, values_of_blocks
 from spi.kinds.weak.estimators.kolmogorov.keys import demands_of
@@ -29,9 +31,10 @@ from spi.storage.records import Part
 from . import deciding, outcome
 from .decisions import DONE, Decisions
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
-from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, along_points, paths_of_set, seconds_of
+from .levels import AGAINST, ALONG, DIFFERENCE, LEVELS, SETS, paths_of_set, seconds_of
 from .planner import Measured
 from .results import Answer
+from .spread import Spread
 
 _SOLVING = "splitting_order2"  # by whose steps the solvers check the limit
 _ORDERS = 4  # powers of h that extrapolation removes, and the next
@@ -69,6 +72,26 @@ def plan(case: Any, part: Part) -> "AnswerPlan":
 @dataclass(frozen=True, kw_only=True)
 class AnswerPlan(SamplesPlan):
     """The answer of a case."""
+
+    python: tuple[tuple[str, Callable], ...] = ()  #: functions that are no formulas, which stand for these in the case
+
+    @property
+    def phis(self) -> list[Callable]:
+        """The test functions of arrays of states."""
+        given = dict(self.python)
+        return [given.get(name, phi) for name, phi in zip(self.case.functions, super().phis, strict=True)]
+
+    @property
+    def formulas(self) -> tuple[str, ...]:
+        """The texts of the functions, of those in Python their names."""
+        texts = zip(self.case.functions, map(canonical, self.case.expressions), strict=True)
+        return tuple(name if name in dict(self.python) else text for name, text in texts)
+
+    @cached_property
+    def ranges(self) -> np.ndarray:
+        """(F, 2) between which values the functions lie, whatever the state is."""
+        known = zip(self.case.functions, map(range_of, self.case.expressions), strict=True)
+        return np.array([(-np.inf, np.inf) if name in dict(self.python) else ends for name, ends in known])
 
     @cached_property
     def solvable(self) -> bool:
@@ -118,6 +141,11 @@ class AnswerPlan(SamplesPlan):
         """Seconds of typical speed of a sample of a path set."""
         schemes = self.schemes_of(number)
         return sum(seconds_of(self.case, one.row, self.sets[number]) for one in schemes)
+
+    @cached_property
+    def costs(self) -> np.ndarray:
+        """(path sets,) those of all path sets."""
+        return np.array([self.cost_of(number) for number in range(len(self.sets))])
 
     def schemes_of(self, number: int) -> tuple["AnswerPlan", ...]:
         """The plans of the schemes that a path set has paths of."""
@@ -184,26 +212,40 @@ class AnswerPlan(SamplesPlan):
     def measured(self, state: State, scheme: int) -> Measured:
         """What is known of the levels of a scheme."""
         totals = self.totals(state, scheme)
+        differences = [self.spread(one) for one in totals[:LEVELS]]
+        beside, alone = ([self.spread(one, -1) for one in some] for some in (totals[:LEVELS], totals[LEVELS:ALONG]))
+        along = [self.spread(one, -1, True) for one in totals[ALONG:AGAINST]]
+        ways = zip(along, alone, beside, strict=True)
+        values = [next((one for one in way if not np.isnan(one.mean).all()), way[-1]) for way in ways]
         samples = np.array([one.paths for one in totals], float)
-        with np.errstate(all="ignore"):
-            powers = [one.sums.sum(axis=-1) / one.paths for one in totals]  # (powers, quantities, F) each
-            differences = np.array([powers[0][:, 0] * np.nan, *(p[:, DIFFERENCE] for p in powers[1:LEVELS])])
-            of_values = np.array([p[:, -1] for p in powers])
-            variances = of_values[:, 1] - of_values[:, 0] ** 2
-        of_values = np.where(np.isnan(variances[LEVELS:ALONG]), variances[:LEVELS], variances[LEVELS:ALONG])
-        followed = [one.paths for one in totals[ALONG:AGAINST]]
-        along = np.array([along_points(one.sums, one.paths) for one in totals[ALONG:AGAINST]])
-        values = np.where(np.isnan(along), of_values, along)
-        cost = np.array([self.cost_of(scheme * SETS + i) for i in range(ALONG)])
-        return Measured.of(
-            np.moveaxis(differences, 0, 1), samples[:LEVELS], values, cost[:LEVELS], cost[LEVELS:], followed
-        )
+        cost = self.costs[scheme * SETS : scheme * SETS + ALONG]
+        together = Spread.together(differences), samples[:LEVELS], Spread.together(values)
+        return Measured.of(*together, cost[:LEVELS], cost[LEVELS:], [one.paths for one in totals[ALONG:AGAINST]])
+
+    @cached_property
+    def spans(self) -> np.ndarray:
+        """(F,) how far apart values of each function can be: 0 where paths are all the same, infinity if unknown."""
+        if not noise_indices(self.model) and not isinstance(self.case.initial, RandomState):
+            return np.zeros(len(self.case.functions))
+        return np.asarray(self.ranges[:, 1] - self.ranges[:, 0])
+
+    def spread(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> Spread:
+        """What is known of the mean of a quantity of a path set.
+
+        Differences are no larger than values are apart, or, where that is not known, are taken to be no larger than
+        the values that were seen.
+        """
+        sums, span, paths = totals.sums[:, quantity], self.spans, totals.paths
+        if quantity == DIFFERENCE:
+            seen = Spread.of(totals.sums[:, -1], paths, span).range_seen(paths)
+            with np.errstate(all="ignore"):
+                span = np.minimum(span, seen) + np.where(span > 0.0, np.abs(sums[0].sum(axis=-1) / paths), 0.0)
+        return (Spread.along if along else Spread.of)(sums, paths, span)
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed, and the standard error."""
-        cost = np.array([self.cost_of(i) for i in range(len(self.sets))])
-        done = sum(cost[i] * tally.paths for i, tally in state.tallies.items())
-        return Done(float(done), float(cost @ state.extra.wanted), outcome.standard_error(self, state))
+        done = sum(self.costs[i] * tally.paths for i, tally in state.tallies.items())
+        return Done(float(done), float(self.costs @ state.extra.wanted), outcome.standard_error(self, state))
 
     def so_far(self, state: State) -> State | None:
         """None: before all is there nothing is known of the bias."""

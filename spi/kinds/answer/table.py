@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from spi.printing.rows import rows_of
 from spi.printing.sentences import joined, sentence
 from spi.printing.text import human_time, power_of_two, print_lines, readable, short, with_interval
@@ -33,7 +35,10 @@ def lines(one: Answer) -> Iterator[str]:
         parts = f"of it bias at most {short(one.bias[f])}, sampling {short(one.sampling[f])}"
         known = parts if one.chosen else "numerical error, nothing is sampled"
         whose = f"E {name} = E {formula}" if formula != name else f"E {name}"
-        yield f"{whose} at t = {one.about.final_time:g}: {with_interval(one.value[f], one.half[f])} (95 %; {known})"
+        found = f"{with_interval(one.value[f], one.half[f])} (95 %; {known})"
+        if not np.isfinite(one.half[f]):
+            found = f"{short(one.value[f])}, not resolved" if np.isfinite(one.value[f]) else "not finite"
+        yield f"{whose} at t = {one.about.final_time:g}: {found}"
     yield f"  {how(one)}"
     yield f"  {cost(one)}"
     if one.why and one.chosen:
@@ -59,7 +64,8 @@ def cost(one: Answer) -> str:
     took = f"processor time {human_time(one.cpu_seconds)}"
     if one.chosen:
         took += f" (predicted {human_time(one.predicted_seconds)}, of it the pilot {human_time(one.pilot_seconds)})"
-    return f"{took}; the next digit would take about {human_time(one.next_digit_seconds)}"
+    known = np.isfinite(one.half).all() and np.isfinite(one.next_digit_seconds)
+    return took + f"; the next digit would take about {human_time(one.next_digit_seconds)}" * bool(known)
 
 
 def told(readings: Sequence[Answer]) -> str:

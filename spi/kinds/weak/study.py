@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.loop import thread_count
-from spi.expressions import canonical
-from spi.expressions.ranges import range_of
+from spi.expressions import canonical, is_step, range_of
 from spi.kinds.plans import Plan
 from spi.schemes import driven, has_theory, weak_exponents
 from spi.statistics.estimators import fit_order, is_resolved, jackknife_stderr
@@ -115,9 +114,8 @@ class WeakPlan(Plan):
         of the function can be apart; NaN where that is not known, and 0 where nothing is random.  Functions that are
         constant but for jumps lack as much where few values differ.
         """
-        ranges = [range_of(tree) for tree in self.case.expressions]
-        width = np.array([one.width if self.is_random else 0.0 for one in ranges])
-        jumps = np.array([one.jumps for one in ranges])
+        width = np.array([np.ptp(range_of(tree)) if self.is_random else 0.0 for tree in self.case.expressions])
+        jumps = np.array([is_step(tree) for tree in self.case.expressions])
         with np.errstate(invalid="ignore"):
             bound = zero_share_bound(samples) * np.where(np.isfinite(width), width, 0.0)
             alike = (stderr == 0.0) | (np.isfinite(width) & (stderr <= _SAME * np.abs(value)))
