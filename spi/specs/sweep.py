@@ -220,7 +220,7 @@ def _parameters(model: Any) -> list[str]:
     """The parameters of a model that are keys under ``model``."""
     if not isinstance(model, dict):
         return []
-    known = [*getattr(MODELS.get(model.get("name", "")), "_fields", ()), *model]
+    known = [*getattr(MODELS.get(str(model.get("name", ""))), "_fields", ()), *model]
     return [key for key in dict.fromkeys(known) if key not in (*SOURCES, *BY_ENTRY)]
 
 
@@ -232,7 +232,7 @@ def _with(data: dict[str, Any], place: tuple[str, ...], value: str) -> dict[str,
     model, (name, *further) = data[key], inner
     if further:
         return data | {key: model | {name: (model.get(name) or {}) | {further[0]: value}}}
-    default = getattr(MODELS.get(model.get("name", "")), "_field_defaults", {}).get(name)
+    default = getattr(MODELS.get(str(model.get("name", ""))), "_field_defaults", {}).get(name)
     old = model.get(name, list(map(str, default)) if isinstance(default, tuple) else default)
     if isinstance(old, list):
         parts = [str(entry).partition(" for ") for entry in old]

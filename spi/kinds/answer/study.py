@@ -134,7 +134,7 @@ class AnswerPlan(SamplesPlan):
         """Of a path set the model, the functions and the scheme; of what is chosen all."""
         found = super().deciding(number)
         if number is None:
-            return found | {"schemes": self.case.schemes}
+            return found | {"schemes": self.case.schemes, "samples": self.case.samples}
         for key in ("accuracy", "seconds", "sampling", "extrapolate", "steps"):
             found.pop(key, None)
         if number % SETS < AGAINST:
