@@ -43,7 +43,7 @@ FUNCTIONS = "functions: {b: y1^2, c: y3, a: sin(y2)}"
 SPECS = {
     "strong": f"{ERRORS}\nsamples: 130",
     "weak": f"{ERRORS}\n{FUNCTIONS}\nsamples: 512\nseconds: 0.002\nprefixes: [64, 128]\npanels: [errors, samples]\n"
-    "estimators: [plain, multilevel, quasi]\nextrapolate: [0, 1]",
+    "estimators: [plain, multilevel]\nextrapolate: [0, 1]",
     "work_precision": f"{ERRORS}\nfunctions: {{b: y1^2}}\nsamples: 128\nestimators: [plain]\n"
     "targets: [0.1, 0.01]\nrepeats: 3",
     "stability": f"{ERRORS.replace('[1, 1, 1]', '[s, s, s]')}\n{FUNCTIONS}\nsamples: 70\nsweep: {{s: [1, 1/2]}}\n"

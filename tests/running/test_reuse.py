@@ -23,18 +23,22 @@ def reordered(kind, key):
     return changed(kind, **{key: dict(reversed(laid(kind)[key].items()))})
 
 
+HEUN = {"python": "heun.py", "name": "Heun", "strong_order": "1/2", "weak_order": "1"}
+LAYER = f"schemes: [heun]\nestimators: [plain]\ncompositions: {{heun: {HEUN}}}"
 #: What gave wrong numbers without a word.
 FOUND = {
     "functions of statistics": reordered("statistics", "functions"),
     "functions of equilibrium": reordered("equilibrium", "functions"),
     "samples of an answer": changed("answer", samples="2048"),
+    "orders of a scheme": changed("weak", LAYER, compositions={"heun": HEUN | {"weak_order": "2"}}),
     "what a reference tells": changed("statistics", reference={"a": "1/3 + exp(-t)", "c": {"file": "known.csv"}}),
 }
 
 
 @pytest.mark.parametrize("change", FOUND.values(), ids=FOUND)
 def test_what_decides_sums_is_in_their_digest(change):
-    """Functions by their order; of statistics those that are compared with finer paths; of an answer the samples."""
+    """Functions by their order; of statistics those that are compared with finer paths; of an answer the samples;
+    of a Python scheme the orders that it states, by which sums are extrapolated."""
     specs = change.before.loaded(), change.after.loaded()
     assert specs[0].hash != specs[1].hash
     before, after = map(plans, specs)
@@ -61,10 +65,7 @@ def test_what_decides_no_sums_is_not_in_their_digest():
 def test_every_change_of_every_key(kind):
     """Of the keys of the schema, in every kind that has them."""
     found = list(outcomes(changes(kind)))
-    wrong = [
-        (change.key, more, change.before.text, change.after.text) for change, what, more in found if what == DIFFERENT
-    ]
-    assert not wrong
+    assert not [(change.told, more) for change, what, more in found if what == DIFFERENT]
     never = keys_of(kind).keys() - {change.key for change, what, _ in found if what != INVALID}
     assert never == NEVER.get(kind, set()), "give the others a value that is right in a layer of reuse_cases.py"
     assert {EQUAL, REFUSED} <= {what for _, what, _ in found}
