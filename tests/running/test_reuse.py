@@ -30,6 +30,11 @@ FOUND = {
     "functions of statistics": reordered("statistics", "functions"),
     "functions of equilibrium": reordered("equilibrium", "functions"),
     "samples of an answer": changed("answer", samples="2048"),
+    "stages of the second scheme of an answer": changed(
+        "answer",
+        "schemes: [splitting, mine]\ncompositions: {mine: [noise 1/2, drift 1, noise 1/2 backwards]}",
+        compositions={"mine": ["drift 1", "noise 1"]},
+    ),
     "orders of a scheme": changed("weak", LAYER, compositions={"heun": HEUN | {"weak_order": "2"}}),
     "what a reference tells": changed("statistics", reference={"a": "1/3 + exp(-t)", "c": {"file": "known.csv"}}),
 }
