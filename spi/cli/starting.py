@@ -87,8 +87,10 @@ def new(
     if source is None and kind is not None:
         end(INVALID, "--as: applies to copies only; add --from EXPERIMENT")
     files = _template("system" if system else "experiment", target) if source is None else _copies(source, target, kind)
-    for path in _write(files, target):
+    written = _write(files, target)
+    for path in written:
         tell(f"wrote {path}")
+    _tell_of_code(source, target, written)
     file = shlex.quote(target.as_posix())
     tell(f"spi: edit it as you like; `spi check {file}` estimates the cost, `spi run {file}` runs it")
 
@@ -128,6 +130,20 @@ def _from_results(source: str, target: Path, kind: str | None) -> tuple[str, Seq
     if options:
         tell(f"spi: the results are those of `{shlex.join(['spi', 'run', target.as_posix(), *options])}`")
     return stored.text, stored.files
+
+
+def _tell_of_code(source: str | None, target: Path, written: Sequence[Path]) -> None:
+    """Say which of the files that came out of results are Python code, which nobody here had before."""
+    from ..running.load import STORED, code_of, stored_spec
+
+    if source is not None and Path(source).suffix in STORED:
+        code = [path for name in code_of(stored_spec(source)) if (path := target.parent / name) in written]
+        if code:
+            names, one = ", ".join(map(str, code)), len(code) == 1
+            tell(
+                f"spi: {names}: Python code that {source} held; whatever reads {target} runs {'it' if one else 'them'} "
+                f"from now on, with your rights: read {'it' if one else 'them'} first"
+            )
 
 
 def _write(files: dict[Path, bytes], target: Path) -> list[Path]:

@@ -58,7 +58,8 @@ def is_step(expression: Any) -> bool:
 
 
 def _is_sign(a: Any, b: Any) -> bool:
-    """Whether a/b is x/abs(x) or abs(x)/x, a difference perhaps turned round; as tuples sin(y1) and exp(y1) are equal."""
+    """Whether a/b is x/abs(x) or abs(x)/x, a difference perhaps turned round."""
+    # By their texts: as tuples sin(y1) and exp(y1) are equal.
     return any(canonical(one) == canonical(other) for one, other in (*_alike(a, b), *_alike(b, a)))
 
 

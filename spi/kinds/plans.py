@@ -145,7 +145,7 @@ class Plan:
         """
         used = {self.part.scheme, getattr(self.case, "reference_scheme", None)}
         rows = self.case.model_dump(include={"compositions"}).get("compositions", {})
-        own: dict[str, Any] = {"compositions": {name: flows for name, flows in rows.items() if name in used}}
+        own: dict[str, Any] = {"compositions": [[name, rows[name]] for name in sorted(used & rows.keys())]}
         if self.case.noise is not None:
             own["parts"] = parts_of(self.case)
         return {

@@ -26,7 +26,8 @@ class Keys(NamedTuple):
 
 
 def _digest(deciding: dict[str, Any]) -> str:
-    text = json.dumps(deciding, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    """Of mappings in their order, since sums stand in the order of the functions that they are of."""
+    text = json.dumps(deciding, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

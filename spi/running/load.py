@@ -6,7 +6,7 @@ import inspect
 import json
 import platform
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from ..kinds import KINDS
 from ..kinds.plans import Plan
 from ..models.delegation import undamped
 from ..schemes import typical_ns
-from ..specs.document import text_of
+from ..specs.document import Document, override, text_of
 from ..specs.files import Files, UntrustedCode
 from ..specs.keys import suggestion
 from ..specs.layers import Heading, heading
@@ -101,6 +101,7 @@ def load_stored(
         layers(),
         files=[*stored.files, *added],
         called=str(path),
+        title=stored.title,
         trusts=lambda name, text: trust_code or _is_here(name, text),
     )
     try:
@@ -125,6 +126,7 @@ class StoredSpec(NamedTuple):
     overrides: tuple[str, ...]
     text: str
     files: tuple[tuple[str, str], ...]
+    title: str  #: of the run, which a spec without one has of the name of its file
 
 
 def stored_spec(path: str | Path) -> StoredSpec:
@@ -140,9 +142,27 @@ def stored_spec(path: str | Path) -> StoredSpec:
         name = str(stored.get("experiment", ""))
         if Path(name).name != name or not name.isprintable() or name.startswith(".") or not name:
             name = Path(path).stem  # since it becomes the name of a file
-        return StoredSpec(name, stored["profile"], tuple(stored["overrides"]), stored["spec"], tuple(files))
+        told = stored["profile"], tuple(stored["overrides"]), stored["spec"]
+        return StoredSpec(name, *told, tuple(files), str(stored.get("title", "")))
     except (KeyError, TypeError, ValueError, AttributeError):
         raise storage.StorageError(f"{path}: does not tell its spec; run the experiment again with --fresh") from None
+
+
+def code_of(stored: StoredSpec) -> list[str]:
+    """The names of those of its files that are run as Python code where the spec is read; none of a damaged spec."""
+    with contextlib.suppress(specs.SpecError):
+        parts = [Document(stored.text, str), *(override("", one) for one in stored.overrides)]
+        named = {name for part in parts for name in _run_by(part.data)}
+        return [name for name, _ in stored.files if name in named]
+    return []
+
+
+def _run_by(data: Any) -> Iterator[str]:
+    """What stands under ``python`` anywhere in a spec."""
+    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
+        if key == "python" and isinstance(value, str):
+            yield value
+        yield from _run_by(value)
 
 
 def about_last(path: Path) -> dict[str, Any] | None:

@@ -16,6 +16,7 @@ from ..numerics.rng import STREAM_VERSION
 from ..statistics.tallies import Chunk, PathSet, digest
 from ..storage import StorageError
 from ..storage.records import Group, Results
+from .checkpoint import as_run
 from .load import load_stored, name_of, plans
 from .run import identity
 from .workers import advance_here, finalise
@@ -143,8 +144,9 @@ def _not_listed(every: dict[Which, Any], listed: dict[Which, str]) -> Iterator[s
 
 def _not_of_the_spec(experiment: specs.Experiment, results: Results) -> Iterator[str]:
     """What the file states of the spec and is not so."""
-    stated = identity(experiment) | {"kind": experiment.kind, "seed": experiment.cases[0].seed}
-    for name in ("kind", "seed", "samples", "expect"):
+    told = identity(experiment) | as_run(experiment)
+    stated = told | {"seed": experiment.cases[0].seed, "asks": experiment.asks, "figure": experiment.figure}
+    for name in ("kind", "seed", "samples", "expect", "title", "asks", "figure"):
         if stated[name] != results.attributes.get(name):
             yield f"{name} is {results.attributes.get(name)!r}, and by the spec {stated[name]!r}"
 
@@ -235,8 +237,8 @@ TIMES = ("seconds", "ns_per_step", "cost_rate")
 #: Derived from the same sums numbers differ by rounding at most, as where another version of NumPy derives them.
 _ROUNDING = 1e-9
 
-#: By default the title of a case is the name of its file, and threads are those of the process that derives.
-_OF_ITS_RUN = ("case_title", "swept_title", "threads")
+#: Threads are those of the process that derives.
+_OF_ITS_RUN = ("threads",)
 
 
 def differing(derived: Sequence[Group], stored: Sequence[Group], times: bool) -> list[str]:

@@ -95,8 +95,9 @@ def read_scheme(name: str, data: dict[str, Any], files: Files) -> Scheme:
 def plain_scheme(entry: Scheme) -> dict[str, Any]:
     """All of it that decides results."""
     cls = type(entry.record)
-    truncated = {"needs_truncation": entry.needs_truncation}
-    return {"name": cls.__qualname__, "code": modules.digest(cls), **truncated, **entry.record._asdict()}
+    orders = entry.strong_order, entry.strong_order_commuting, entry.weak_order  # by which results are extrapolated
+    stated = {"orders": str(orders), "needs_truncation": entry.needs_truncation}
+    return {"name": cls.__qualname__, "code": modules.digest(cls), **stated, **entry.record._asdict()}
 
 
 def check_steps(compositions: dict[str, Any], model: Any, initial: tuple[float, ...]) -> None:

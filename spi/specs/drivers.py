@@ -140,7 +140,7 @@ def recorded(files: Any, path: str, finer: str) -> Recorded:
     if step.size != 1 or not (step.item() > 0 and np.isfinite(step.item())):
         raise wrong(f"is {shown(path)}, in which step is no positive number", "save it as step=2**-8", "file")
     dW = dW if dW.ndim == 3 else dW[np.newaxis]
-    digest = hashlib.sha256(np.ascontiguousarray(dW).tobytes()).hexdigest()
+    digest = hashlib.sha256(repr(dW.shape).encode() + np.ascontiguousarray(dW).tobytes()).hexdigest()
     return Recorded(dW, step.item(), digest, finer == "bridge")
 
 

@@ -77,7 +77,8 @@ class Experiment(NamedTuple):
 
 
 def _canonical(value: Any) -> str:
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    """As JSON, mappings in their order: that of ``functions`` is the order of the results."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)
 
 
 def _hash(value: Any) -> str:
@@ -94,6 +95,7 @@ def load(
     called: str | None = None,
     trusts: Callable[[str, str], bool] = lambda path, text: True,
     added: Iterable[tuple[str, str]] = (),
+    title: str = "",
 ) -> Experiment:
     """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
 
@@ -104,7 +106,7 @@ def load(
 
     `overrides` are texts "key=value" such as "model.sigma=[1, 0, 0]"; one that comes from an option of its own may say
     so, as in "--samples=500".  Python code that a file holds is run only where `trusts(path, text)` is true; elsewhere
-    UntrustedCode of :mod:`spi.specs.files` is raised.
+    UntrustedCode of :mod:`spi.specs.files` is raised.  A file without a title has `title`, or else its own name.
 
     Raises SpecError if anything is wrong with the file, the profile or an override.
     """
@@ -119,7 +121,8 @@ def load(
     with faults:
         file = _valid(partial(kinds.file.validate_python, context=context), document.data, [(document, ())])
     faults.raise_all()
-    title = file.title or "".join(c if c.isprintable() else "?" for c in Path(path).stem)  # it need not be Unicode
+    stem = title or Path(path).stem  # which need not be Unicode
+    title = file.title or "".join(c if c.isprintable() else "?" for c in stem)
     owners = _owners(document, title)
     profiles: dict[str, list[Layer]] = {
         name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})

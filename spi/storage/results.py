@@ -144,7 +144,14 @@ def read_array(dataset: h5py.Dataset) -> np.ndarray:
     if h5py.check_string_dtype(dataset.dtype):
         return np.asarray(dataset.asstr()[()], dtype=str)
     values = np.asarray(dataset[()])
-    return values.astype(bool) if dataset.attrs.get("dtype") == "bool" else values
+    return _bools(values) if dataset.attrs.get("dtype") == "bool" else values
+
+
+def _bools(values: np.ndarray) -> np.ndarray:
+    """What is kept as 0 and 1; ValueError if it is anything else, which we never write."""
+    if not np.isin(values, (0, 1)).all():
+        raise ValueError("a bool that is neither 0 nor 1")
+    return values.astype(bool)
 
 
 def _write_attributes(target: h5py.Group, attributes: dict[str, Any]) -> None:
@@ -186,7 +193,7 @@ def _decode(value: Any) -> Any:
     if isinstance(value, str):
         return value
     values = np.asarray(value)
-    return _tuples((values.astype(bool) if values.dtype == np.uint8 else values).tolist())
+    return _tuples((_bools(values) if values.dtype == np.uint8 else values).tolist())
 
 
 def _tuples(value: Any) -> Any:

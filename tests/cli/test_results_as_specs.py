@@ -111,8 +111,14 @@ def test_code_in_a_results_file_is_run_by_nobody_unasked(tmp_path, monkeypatch):
         refused = f"spi: {path}: holds Python code, model.py, that equals no file of that path here"
         assert (done, out, err.count("\n")) == (2, "", 1) and err.startswith(refused), err
         assert not Path("ran").exists()
-    assert call("new", "mine", "--from", path)[0] == 0 and not Path("ran").exists()
-    assert Path("model.py").read_text() == code
+    done, _, err = call("new", "mine", "--from", path)
+    assert done == 0 and not Path("ran").exists() and Path("model.py").read_text() == code
+    held = (
+        f"spi: model.py: Python code that {path} held; whatever reads mine.yaml runs it from now on, with your rights"
+    )
+    assert err.splitlines()[:3] == ["wrote mine.yaml", "wrote model.py", f"{held}: read it first"]
+    done, _, err = call("new", "again", "--from", path)  # the file is there, and as it was
+    assert done == 0 and "Python code" not in err
     assert call("check", path)[0] == 0 and Path("ran").exists()  # now the person has the file
     with_code(path, "second")
     Path("ran").unlink()

@@ -112,6 +112,17 @@ def test_what_else_is_changed_is_noticed(copied):
     assert any("nonfinite does not follow" in wrong for wrong in verify(path, None).wrong)
 
 
+def test_other_titles_are_noticed(copied):
+    """Of cases, of the whole, and what it asks; the name of the file is the title where the spec has none."""
+    path = copied()
+    stored = storage.read(path)
+    groups = [one._replace(attributes=one.attributes | {"case_title": "other"}) for one in stored.groups]
+    storage.write(path, stored._replace(groups=tuple(groups)))
+    assert [wrong.partition(" does")[0] for wrong in verify(path, 1).wrong] == [f"{g.name}: case_title" for g in groups]
+    storage.write(path, stored._replace(attributes=stored.attributes | {"title": "other", "asks": "What?"}))
+    assert [wrong.partition(" is")[0] for wrong in verify(path, 1).wrong] == ["title", "asks"]
+
+
 def test_digests_that_are_not_there_are_missed(copied):
     """None at all, one fewer, and one of other sums."""
     path = copied(sums=False)

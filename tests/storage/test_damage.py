@@ -87,6 +87,21 @@ def test_what_a_file_says_is_larger_than_itself_is_not_read(whole, tmp_path):
     assert (code, err.count("\n")) == (2, 1) and "damaged" in err
 
 
+@pytest.mark.parametrize("where", ["attribute", "array"])
+def test_what_is_kept_as_0_and_1_is_nothing_else(whole, tmp_path, where):
+    """A 2 had been taken for true, so that `spi verify` did not notice it."""
+    memory = io.BytesIO(whole["strong"])
+    with h5py.File(memory, "r+") as file:
+        group = file["three/splitting"]
+        if where == "attribute":
+            group.attrs["truncate_noise"] = np.uint8(2)
+        else:
+            group["resolved"][0] = 2
+    (tmp_path / "r.h5").write_bytes(damage.with_checksum(memory.getvalue()))
+    code, _, err = damage.call("show", tmp_path / "r.h5")
+    assert (code, err.count("\n")) == (2, 1) and "damaged" in err
+
+
 def test_a_whole_file_is_not_refused(whole, tmp_path):
     for data in whole.values():
         (tmp_path / "r.h5").write_bytes(data)

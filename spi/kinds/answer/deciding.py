@@ -98,7 +98,7 @@ def _after_pilot(p: "AnswerPlan", state: State) -> Decisions:
     for levels in p.case.extrapolate:
         s = extra.piloted - 1
         measured = p.measured(state, s)
-        if not levels or len(p.exponents(s)) > levels:
+        if levels < max(p.case.step_levels) - min(p.case.step_levels) and (not levels or len(p.exponents(s)) > levels):
             works[s, levels] = choose(measured, p.exponents(s), [levels], p.case.accuracy, p.case.step_levels).work
     best = [_best(p, state, s, p.case.accuracy) for s in range(extra.piloted)]
     chosen = min(range(len(best)), key=lambda s: best[s][0].work)

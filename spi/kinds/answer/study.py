@@ -160,9 +160,10 @@ class AnswerPlan(SamplesPlan):
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """Of a path set the model, the functions and the scheme; of what is chosen all."""
-        found = super().deciding(number)
+        rows = self.case.model_dump(include={"compositions"}).get("compositions", {})
+        found = super().deciding(number) | {"compositions": [[name, rows[name]] for name in sorted(rows)]}
         if number is None:
-            return found | {"schemes": self.case.schemes}
+            return found | {"schemes": self.case.schemes, "samples": self.case.samples}
         for key in ("accuracy", "seconds", "sampling", "extrapolate", "steps"):
             found.pop(key, None)
         if number % SETS < AGAINST:

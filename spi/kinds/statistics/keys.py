@@ -204,7 +204,7 @@ class Case(BaseCase):
         every(check, ((self, name, known) for name, known in self.reference.items()))
         return self
 
-    @condition("reference_step", "step")
+    @condition("reference_step", "step", "schemes")
     def _check_reference_step(self) -> Self:
         if self.reference_step is None:
             return self

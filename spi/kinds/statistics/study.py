@@ -93,6 +93,11 @@ def plan(case: Any, part: Part) -> "StatisticsPlan":
 class StatisticsPlan(MeansPlan):
     """Statistics of one scheme."""
 
+    def deciding(self, number: int | None) -> dict[str, Any]:
+        """Also the functions that are compared with finer paths: those of which no reference tells the mean."""
+        names = list(self.case.functions)
+        return super().deciding(number) | {"compared": [names[f] for f in self.columns.compared]}
+
     def cost(self) -> Cost:
         """Steps of all paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * self.blocks * LANES
