@@ -40,14 +40,14 @@ def normals_at(model: Any, y: np.ndarray) -> np.ndarray:
 
     Gradients are central differences, y (blocks, d, LANES) being moved by 1e-6 of its size.
     """
-    states, by = np.moveaxis(y, 1, 0), _BY * size_of(y)[:, 0]
-    gradients = np.empty((conserved(model), *y.shape))
-    for j in range(len(states) if len(gradients) else 0):
-        ahead, behind = states.copy(), states.copy()
-        ahead[j] += by
-        behind[j] -= by
-        for c, change in enumerate(_at(model, casimirs, ahead) - _at(model, casimirs, behind)):
-            gradients[c, :, j] = change / (2.0 * by)
+    count, (blocks, d, lanes) = conserved(model), y.shape
+    if not count:
+        return np.empty((0, *y.shape))
+    by = _BY * size_of(y)[:, 0]
+    to = np.array([1.0, -1.0])[:, np.newaxis, np.newaxis] * np.eye(d)  # (2, j, i) by which component i is moved
+    states = np.moveaxis(y, 1, 0)[:, np.newaxis, np.newaxis] + np.multiply.outer(to.transpose(2, 0, 1), by)
+    found = at_states(partial(casimirs, model), states.reshape(d, -1)).reshape(count, 2, d, blocks, lanes)
+    gradients = np.ascontiguousarray(np.moveaxis((found[:, 0] - found[:, 1]) / (2.0 * by), 1, 2))
     orthonormalise(gradients)
     return gradients
 
@@ -70,20 +70,15 @@ def log_density(model: Any, y: np.ndarray, normals: np.ndarray) -> np.ndarray:
     The Casimir gradients are the kernel of B, so that det(b) = det(B + sum_c n_c n_c^T).  Where B has no divergence,
     sum_i d_i B_ij = 0, this is |grad C_1 ^ grad C_2 ^ ...| up to a constant on the surface.
     """
-    states, columns = np.moveaxis(y, 1, 0), np.empty((y.shape[1], *y.shape))
-    for j in range(len(states)):
-        unit = np.zeros_like(states)
-        unit[j] = 1.0
-        columns[j] = np.moveaxis(_at(model, structure, states, unit), 0, 1)
-        columns[j] += (normals[:, :, j, np.newaxis] * normals).sum(axis=0)
+    blocks, d, lanes = y.shape
+    states = np.repeat(np.moveaxis(y, 1, 0)[:, np.newaxis], d, axis=1)
+    units = np.repeat(np.eye(d)[..., np.newaxis], blocks * lanes, axis=2)
+    columns = at_states(partial(structure, model), states.reshape(d, -1), units.reshape(d, -1))
+    columns = np.ascontiguousarray(columns.reshape(d, d, blocks, lanes).transpose(1, 2, 0, 3))
+    for normal in normals:
+        columns += np.moveaxis(normal, 1, 0)[:, :, np.newaxis] * normal
     found: np.ndarray = 0.5 * orthonormalise(columns).sum(axis=0)
     return found
-
-
-def _at(model: Any, method: Any, *arrays: np.ndarray) -> np.ndarray:
-    """A method of the model at states (d, blocks, LANES), with what it gives first."""
-    shape = arrays[0].shape
-    return at_states(partial(method, model), *(each.reshape(len(each), -1) for each in arrays)).reshape(-1, *shape[1:])
 
 
 def orthonormalise(vectors: np.ndarray) -> np.ndarray:
