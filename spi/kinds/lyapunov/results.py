@@ -52,7 +52,7 @@ class Pictures(Described):
     @property
     def distance_half(self) -> np.ndarray:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
-        return student(np.count_nonzero(group_counts(self.points)) - 1) * self.distance_stderr
+        return student(int(np.count_nonzero(group_counts(self.points))) - 1) * self.distance_stderr
 
     @property
     def density(self) -> np.ndarray:
@@ -111,7 +111,7 @@ class Exponents(Stored):
         """Half the 95 % interval of the dimension, Student's over the jackknife groups."""
         if self.dimension_stderr is None:
             return None
-        return float(student(np.count_nonzero(group_counts(self.samples)) - 1)) * self.dimension_stderr
+        return float(student(int(np.count_nonzero(group_counts(self.samples))) - 1)) * self.dimension_stderr
 
     @property
     def is_stationary(self) -> bool:

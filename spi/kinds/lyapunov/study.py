@@ -278,7 +278,7 @@ class LyapunovPlan(MeansPlan):
             stderr = np.where(alike, jackknife_stderr(mean, without, groups), stderr)
         dimension, others = (kaplan_yorke(np.moveaxis(one[..., -1, :m], -1, 0)) for one in (mean, without))
         is_known = m == self._leaf or dimension < m
-        of_energy = {}
+        of_energy: dict[str, Any] = {}
         if self._energy is not None:
             of_energy = {"energy": mean[:, m + 1], "energy_stderr": stderr[:, m + 1]}
             of_energy |= {"energy_change": float(mean[-1, m + 2]), "energy_change_stderr": float(stderr[-1, m + 2])}
